@@ -1,0 +1,23 @@
+# One library per folder of the house.
+
+add_library(pliant_warnings INTERFACE)
+target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor
+                                                 -Wunused -Woverloaded-virtual)
+if(PLIANT_WERROR)
+  target_compile_options(pliant_warnings INTERFACE -Werror)
+endif()
+
+# pliant_library(NAME SOURCES ... [PUBLIC lib ...] [PRIVATE lib ...])
+# Makes the target pliant_NAME, known to consumers as Pliant::NAME.
+function(pliant_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(pliant_${name} STATIC ${ARG_SOURCES})
+  add_library(Pliant::${name} ALIAS pliant_${name})
+  set_target_properties(pliant_${name} PROPERTIES EXPORT_NAME ${name})
+  target_compile_features(pliant_${name} PUBLIC cxx_std_20)
+  target_include_directories(
+    pliant_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+                          $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/pliant>)
+  target_link_libraries(pliant_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE}
+                                                                   $<BUILD_INTERFACE:pliant_warnings>)
+endfunction()

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The value types that travel through the house: key points and descriptors.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace pliant {
+
+struct Keypoint {
+  float x = 0;  // pixels; pixel centres at integers
+  float y = 0;
+  float size = 0;      // diameter of the meaningful neighbourhood in pixels (OpenCV's SIFT size)
+  float angle = 0;     // degrees, 0..360; DEAL does not use it, SIFT does
+  float response = 0;  // detector strength
+  std::int32_t octave = 0;  // OpenCV's packed SIFT octave; kept for SIFT's own descriptor
+
+  bool operator==(const Keypoint&) const = default;
+};
+
+enum class DescriptorKind : std::uint8_t {
+  kFloat = 0,   // float components, Euclidean distance
+  kBinary = 1,  // bits, Hamming distance
+};
+
+// N descriptors of one kind, one row each, row-major and contiguous.
+struct Descriptors {
+  DescriptorKind kind = DescriptorKind::kFloat;
+  int dim = 0;                       // floats a row (kFloat) or bytes a row (kBinary)
+  std::size_t rows = 0;              // N
+  std::vector<float> floats;         // N x dim when kFloat, else empty
+  std::vector<std::uint8_t> bytes;   // N x dim when kBinary, else empty
+
+  static Descriptors Float(std::size_t rows, int dim) {
+    return {DescriptorKind::kFloat, dim, rows, std::vector<float>(rows * dim), {}};
+  }
+  static Descriptors Binary(std::size_t rows, int dim) {
+    return {DescriptorKind::kBinary, dim, rows, {}, std::vector<std::uint8_t>(rows * dim)};
+  }
+  std::span<const float> float_row(std::size_t i) const {
+    return {floats.data() + i * dim, static_cast<std::size_t>(dim)};
+  }
+  std::span<const std::uint8_t> binary_row(std::size_t i) const {
+    return {bytes.data() + i * dim, static_cast<std::size_t>(dim)};
+  }
+};
+
+// What one picture becomes. Key points are in pixels of the ORIGINAL upright picture
+// (width x height), whatever size it was described at.
+struct Features {
+  int width = 0;
+  int height = 0;
+  std::vector<Keypoint> keypoints;
+  Descriptors descriptors;  // row i describes keypoints[i]
+  std::string model_id;     // what made the descriptors; a mismatch is an error, never an answer
+};
+
+}  // namespace pliant

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Bytes to picture: type by content, limits before decoding, EXIF orientation honoured.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace pliant {
+
+using Bytes = std::span<const std::uint8_t>;
+
+// An 8-bit picture, row-major, interleaved, `channels` 1 (grey) or 3 (R, G, B).
+// Pixel centres are at integer coordinates: the top-left pixel's centre is (0, 0).
+struct Image {
+  int width = 0;
+  int height = 0;
+  int channels = 1;
+  std::vector<std::uint8_t> pixels;  // height x width x channels
+
+  bool empty() const { return pixels.empty(); }
+};
+
+enum class ImageFormat { kUnknown, kJpeg, kPng, kWebp, kBmp, kTiff };
+
+// What the header says, without decoding. Width and height are before EXIF orientation.
+struct ImageHeader {
+  ImageFormat format = ImageFormat::kUnknown;
+  std::int64_t width = 0;
+  std::int64_t height = 0;
+  int exif_orientation = 1;  // 1..8; 1 = upright
+};
+
+struct DecodeOptions {
+  int max_side_px = 1024;                        // larger pictures are scaled down to it; 0 = never
+  std::int64_t max_pixels = 100'000'000;         // checked in the header, before decoding
+  std::int64_t max_bytes = 64LL * 1024 * 1024;   // of the encoded file
+  int min_side_px = 16;                          // smaller pictures are refused
+  bool colour = false;                           // decode to 3 channels instead of 1
+};
+
+struct DecodedImage {
+  Image image;                  // upright, at most max_side_px
+  int original_width = 0;       // upright, before scaling
+  int original_height = 0;
+  double scale = 1.0;           // image width / original width
+  ImageFormat format = ImageFormat::kUnknown;
+};
+
+// Reads only the header. Throws Error: kUnprocessable "image_empty", "image_truncated";
+// kUnsupportedMediaType "image_type_unknown".
+ImageHeader ReadImageHeader(Bytes bytes);
+
+// Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
+// "image_too_large" (bytes or pixels), kUnprocessable "image_too_small", "image_corrupt",
+// "image_truncated" (a picture that ends early is refused, never filled up with grey).
+// Thread-safe.
+DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
+
+// "image/jpeg" and so on; "application/octet-stream" for kUnknown.
+std::string MediaType(ImageFormat format);
+
+// Encodes as JPEG (quality 1..100) or PNG. Throws kInternal.
+std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality = 90);
+std::vector<std::uint8_t> EncodePng(const Image& image);
+
+// Area-averaging scale to exactly width x height.
+Image ResizeImage(const Image& image, int width, int height);
+
+}  // namespace pliant

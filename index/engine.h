@@ -1,0 +1,220 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The facade of the index: one database file, many threads. The command line and the HTTP server
+// use nothing else.
+//
+// Thread safety: every method may be called from any thread. Searches run on an immutable
+// snapshot; writes go through one writer and are durable when the call returns (SQLite WAL,
+// synchronous = FULL), so that kill -9 or power loss loses nothing that was acknowledged.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "descriptor/descriptor.h"
+#include "vocab/vocabulary.h"
+
+namespace pliant {
+
+inline constexpr const char* kDefaultCollection = "default";
+
+struct EngineOptions {
+  std::filesystem::path database;
+  // Descriptor of a NEW database; an existing one must have been made with the same model
+  // (Error kConflict "model_mismatch" names both).
+  std::string descriptor = "deal";
+  DescriptorOptions descriptor_options;
+  ExtractionOptions extraction;
+  bool create = true;            // make the file if it does not exist; else kNotFound
+  bool read_only = false;
+  bool keep_originals = false;   // store the uploaded bytes too, for GET .../content
+  int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
+};
+
+struct ImageRecord {
+  std::string collection;
+  std::string id;            // unique in the collection
+  std::string object;        // what the picture shows; may be empty
+  std::string sha256;        // of the uploaded bytes, hex
+  std::string media_type;
+  std::string metadata = "{}";  // a JSON object
+  std::string source;        // file name as given, for people; may be empty
+  int width = 0;             // original, upright
+  int height = 0;
+  std::uint32_t keypoints = 0;
+  std::uint64_t bytes = 0;   // of the upload
+  std::int64_t added_ms = 0; // Unix time
+};
+
+struct AddRequest {
+  std::string collection = kDefaultCollection;
+  // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged),
+  // a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.
+  std::optional<std::string> id;
+  std::string object;
+  std::string metadata = "{}";
+  std::string source;
+  Bytes bytes;
+  int threads = 1;           // for the description of this picture
+};
+
+enum class AddOutcome {
+  kCreated,
+  kReplaced,
+  kUnchanged,  // same bytes, object and metadata were there already: no work was done
+};
+
+struct AddResult {
+  AddOutcome outcome = AddOutcome::kCreated;
+  ImageRecord image;
+};
+
+struct ListOptions {
+  std::string collection = kDefaultCollection;
+  std::optional<std::string> object;
+  std::string after_id;  // exclusive; pictures come in order of id
+  int limit = 100;       // 1..1000
+};
+
+struct ObjectRecord {
+  std::string object;
+  std::uint64_t images = 0;
+};
+
+enum class RankMethod {
+  kTfIdf,      // cosine of tf-idf vectors: 1 = same words, 0 = no word in common
+  kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
+};
+enum class GroupBy { kObject, kImage };
+enum class Verification { kNone, kTps };
+
+struct Region {
+  double x = 0, y = 0, width = 0, height = 0;  // pixels of the original upright query picture
+};
+
+struct Point {
+  double x = 0, y = 0;
+};
+
+struct SearchOptions {
+  std::string collection = kDefaultCollection;
+  std::size_t limit = 10;   // hits returned; 0 = all
+  std::size_t offset = 0;
+  RankMethod rank = RankMethod::kTfIdf;
+  GroupBy group_by = GroupBy::kObject;
+  Verification verify = Verification::kNone;
+  std::optional<Region> region;  // only key points inside count
+  double min_score = 0;
+  std::optional<std::string> object;  // only pictures of this object
+  int threads = 0;                    // for the description of the query; 0 = all cores
+};
+
+struct Hit {
+  std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
+  std::string object;
+  std::string image_id;  // the best picture of the object
+  double score = 0;      // 0..1, see RankMethod
+  int inliers = 0;       // verified matches; 0 when not verified
+  std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
+  std::string metadata = "{}";
+};
+
+struct SearchTimings {
+  ExtractionTimings extraction;
+  double quantize_ms = 0;
+  double rank_ms = 0;
+  double verify_ms = 0;
+};
+
+struct SearchResult {
+  std::vector<Hit> hits;
+  std::size_t total = 0;         // hits there are, over all pages
+  std::int64_t vocabulary = 0;   // id of the vocabulary that answered
+  std::size_t words = 0;         // its size
+  std::uint32_t keypoints = 0;   // of the query, after the region
+  SearchTimings timings;
+};
+
+struct VocabularyRecord {
+  std::int64_t id = 0;
+  std::string collection;
+  std::string model_id;
+  std::size_t words = 0;
+  VocabularyOrigin origin;
+  std::int64_t created_ms = 0;
+  bool active = false;
+};
+
+struct TrainOptions {
+  std::string collection = kDefaultCollection;
+  int words = 0;          // 0 = chosen from the sample: 1000 or more when it allows
+  int sample = 10'000;    // descriptors drawn at random; at most kMaxKMedoidsSamples
+  std::uint64_t seed = 1;
+  int threads = 0;
+  std::function<void(double done, double loss)> progress;
+  std::stop_token stop;
+};
+
+struct EngineStats {
+  std::uint64_t images = 0;
+  std::uint64_t objects = 0;
+  std::uint64_t descriptors = 0;
+  std::uint64_t database_bytes = 0;
+  std::uint64_t index_bytes = 0;  // of the inverted index in memory
+  std::string descriptor;
+  std::string model_id;
+  std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
+};
+
+class Engine {
+ public:
+  // Opens or makes the database, migrates its schema and loads the index. Throws kNotFound,
+  // kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict, kUnavailable.
+  explicit Engine(EngineOptions options);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
+  // kInvalidArgument for an id, object or metadata that is not acceptable.
+  AddResult Add(const AddRequest& request);
+  std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
+  ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound
+  Features GetFeatures(const std::string& collection, const std::string& id);
+  std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
+  std::vector<ImageRecord> List(const ListOptions& options);
+  bool Remove(const std::string& collection, const std::string& id);  // false = was not there
+
+  std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
+                                        int limit);
+  std::uint64_t RemoveObject(const std::string& collection, const std::string& object);
+
+  // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
+  // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
+  SearchResult Search(Bytes encoded, const SearchOptions& options);
+  SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+
+  // Vocabularies. Training makes a new version beside the old and re-quantises the pictures from
+  // their stored descriptors; UseVocabulary switches atomically.
+  VocabularyRecord TrainVocabulary(const TrainOptions& options);
+  std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
+  void UseVocabulary(const std::string& collection, std::int64_t id);
+
+  EngineStats Stats();
+  // Every invariant of the database; empty = sound. Each problem is a sentence.
+  std::vector<std::string> Check();
+  // Online backup to a file that must not exist; written to a temporary name, then renamed.
+  void Backup(const std::filesystem::path& target);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pliant

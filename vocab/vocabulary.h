@@ -1,0 +1,34 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A visual vocabulary: k medoids of descriptors and how they were made.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "descriptor/features.h"
+#include "vocab/k_medoids.h"
+
+namespace pliant {
+
+struct VocabularyOrigin {
+  std::uint64_t seed = 0;
+  std::uint64_t sampled = 0;    // descriptors the medoids were chosen from
+  std::uint64_t available = 0;  // descriptors there were to sample from
+  double loss = 0;              // mean distance of a sample to its medoid
+  std::string method;           // "fasterpam"
+};
+
+struct Vocabulary {
+  Descriptors words;     // k x dim
+  std::string model_id;  // of the descriptors; only features of this model may be quantised
+  VocabularyOrigin origin;
+
+  std::size_t size() const { return words.rows; }
+};
+
+// Trains by k-medoids on `samples`, which are the caller's random sample.
+Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_id,
+                           std::uint64_t available, const KMedoidsOptions& options);
+
+}  // namespace pliant
