@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""The constants of the second spatial transformer: polar grid and thin-plate-spline basis.
+
+The grid is normalised by its own half width, so the basis is the same for every key point and
+every radius (paper, section 3.2): one product (1024 x 66)(66 x 2N) warps N key points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+GRID = 32             # rows = angle over 2 pi, columns = radius
+CONTROL_STRIDE = 4    # every fourth row and column is a control point: 8 x 8
+TPS_PARAMETERS = 66   # 63 free weights + 3 affine rows, per axis
+_BOX_SCALE = 0.3      # the normalised grid occupies 0.3 of the unit square, centred
+
+
+def unit_polar_grid() -> np.ndarray:
+    """[1024, 2] offsets (x, y) in units of the radius R, angle-major."""
+    ramp = (np.arange(GRID) + 0.5) / GRID
+    angle, radius = 2 * np.pi * ramp[:, None], ramp[None, :]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1).reshape(-1, 2)
+
+
+def _half_width() -> float:
+    return float(np.abs(unit_polar_grid()[:, 0]).max())
+
+
+def displacement_gain() -> float:
+    """Factor from the TPS's output (box units) to displacements in units of R."""
+    return 2 * _half_width() / _BOX_SCALE
+
+
+def tps_basis() -> np.ndarray:
+    """[1024, 66]: rho(q, c_k) - rho(q, c_0) for k = 1..63, then 1, x, y (reduced form).
+
+    rho(d) = d^2 log(d + 1e-6); the first weight is minus the sum of the others.
+    """
+    box = (unit_polar_grid() / _half_width() + 1) / 2 * _BOX_SCALE + (1 - _BOX_SCALE) / 2
+    square = box.reshape(GRID, GRID, 2)
+    control = square[::CONTROL_STRIDE, ::CONTROL_STRIDE].reshape(-1, 2)
+    distance = np.linalg.norm(box[:, None] - control[None], axis=-1)
+    rho = distance**2 * np.log(distance + 1e-6)
+    return np.concatenate([rho[:, 1:] - rho[:, :1], np.ones((len(box), 1)), box], 1)
+
+
+def tps_preconditioner() -> np.ndarray:
+    """[66, 66] P such that theta = tanh(P phi) is well conditioned in phi.
+
+    Columns are the basis' right singular vectors over their singular values (floored at 1/500 of
+    the largest), so each component of phi moves the grid by a similar amount. P is invertible and
+    folds into the last linear layer on export.
+    """
+    _, singular, vt = np.linalg.svd(tps_basis(), full_matrices=False)
+    return vt.T / np.maximum(singular, singular[0] * 2e-3) * (0.1 * GRID)

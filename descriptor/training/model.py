@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""The DEAL network (Potje et al., NeurIPS 2021): deformation-aware local features.
+
+Conventions (shared with the C++ side; tests/data/golden_* pin them):
+  pictures   [I, H, W] grey in [0, 1];  key points [N, 3] = x, y, size in pixels of their picture
+  radius     R = radius_per_size * size;  displacements in units of R unless named _px
+  theta      [N, 66, 2] TPS parameters after tanh
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from . import geometry, tensor_file
+from .backbone import Backbone
+from .hardnet import HardNet
+from .sampling import sample_features, sample_pictures
+
+FORMAT = "pliant-deal"
+DEFAULT_WIDTHS = (512, 256, 256)
+_SAMPLED_VALUES = 25 * 128
+_WARP_DROPOUT = 0.1
+
+
+class PreconditionedLinear(nn.Module):
+    """The localisation network's last layer: (P W) x + P b with a fixed P per axis.
+
+    Training moves W and b; folded() is the plain layer that the exported file holds. A model read
+    from a file keeps the plain layer (P absent) until precondition() prepares it for training.
+    """
+
+    def __init__(self, inputs: int):
+        super().__init__()
+        outputs = 2 * geometry.TPS_PARAMETERS
+        self.weight = nn.Parameter(torch.zeros(outputs, inputs))  # zero: start from the identity
+        self.bias = nn.Parameter(torch.zeros(outputs))
+        self.register_buffer("matrix", None, persistent=False)
+
+    def folded(self) -> tuple[torch.Tensor, torch.Tensor]:
+        if self.matrix is None:
+            return self.weight, self.bias
+        return _apply_per_axis(self.matrix, self.weight), _apply_per_axis(self.matrix, self.bias)
+
+    @torch.no_grad()
+    def precondition(self) -> None:
+        """Changes the parameters such that folded() stays what it is."""
+        if self.matrix is not None:
+            return
+        matrix = torch.from_numpy(geometry.tps_preconditioner())
+        inverse = torch.linalg.inv(matrix)
+        for parameter in (self.weight, self.bias):
+            parameter.copy_(_apply_per_axis(inverse, parameter.double().cpu()))
+        self.matrix = matrix.to(self.weight)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return F.linear(x, *self.folded())
+
+
+def _apply_per_axis(matrix: torch.Tensor, layer: torch.Tensor) -> torch.Tensor:
+    """matrix [66, 66] on the first axis of layer [132, ...] seen as [66, 2, ...]."""
+    return (matrix @ layer.reshape(len(matrix), -1)).view_as(layer)
+
+
+class LocalizationNet(nn.Module):
+    """Sampled features [N, 3200] -> TPS parameters theta [N, 66, 2] in (-1, 1)."""
+
+    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
+        super().__init__()
+        sizes = (_SAMPLED_VALUES, *widths)
+        for i in range(3):
+            self.add_module(f"fc{i + 1}", nn.Linear(sizes[i], sizes[i + 1]))
+        self.fc4 = PreconditionedLinear(sizes[3])
+        self.dropout = _WARP_DROPOUT
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        for layer in (self.fc1, self.fc2, self.fc3):
+            x = F.dropout(F.relu(layer(x)), self.dropout, self.training)
+        return torch.tanh(self.fc4(x)).view(-1, geometry.TPS_PARAMETERS, 2)
+
+
+class Deal(nn.Module):
+    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
+        super().__init__()
+        self.backbone = Backbone()
+        self.localization = LocalizationNet(widths)
+        self.hardnet = HardNet()
+        self.register_buffer("unit_grid", _constant(geometry.unit_polar_grid()), persistent=False)
+        self.register_buffer("basis", _constant(geometry.tps_basis()), persistent=False)
+        self.gain = geometry.displacement_gain()
+
+    def features_at(self, pictures: torch.Tensor, index: torch.Tensor,
+                    keypoints: torch.Tensor) -> torch.Tensor:
+        """Backbone and first spatial transformer: [N, 3200]."""
+        return self.sample(self.backbone(pictures), pictures.shape[1:], index, keypoints)
+
+    @staticmethod
+    def sample(maps: torch.Tensor, picture_size: torch.Size, index: torch.Tensor,
+               keypoints: torch.Tensor) -> torch.Tensor:
+        """maps [I, 128, h, w]; picture pixel x lies at cell x (w - 1) / (W - 1)."""
+        height, width = picture_size
+        scale = keypoints.new_tensor([(maps.shape[3] - 1) / max(width - 1, 1),
+                                      (maps.shape[2] - 1) / max(height - 1, 1)])
+        return sample_features(maps, index, keypoints[:, :2] * scale)
+
+    def displacement(self, theta: torch.Tensor, points: torch.Tensor | None = None) -> torch.Tensor:
+        """theta [N, 66, 2] -> [N, 1024 (or len(points)), 2] in units of R."""
+        basis = self.basis if points is None else self.basis[points]
+        return torch.matmul(basis, theta) * self.gain
+
+    def patches(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
+                radius_per_size: float | torch.Tensor,
+                displacement: torch.Tensor | None = None) -> torch.Tensor:
+        """Polar patches [N, 32, 32]; the fixed grid where displacement is None."""
+        offsets = self.unit_grid[None] if displacement is None else self.unit_grid + displacement
+        radius = (keypoints[:, 2] * radius_per_size)[:, None, None]
+        grid = keypoints[:, None, :2] + radius * offsets
+        return sample_pictures(pictures, index, grid).view(-1, geometry.GRID, geometry.GRID)
+
+    def forward(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
+                radius_per_size: float, warp: bool = True) -> torch.Tensor:
+        """Descriptors [N, 128]."""
+        displacement = None
+        if warp:
+            theta = self.localization(self.features_at(pictures, index, keypoints))
+            displacement = self.displacement(theta)
+        return self.hardnet(self.patches(pictures, index, keypoints, radius_per_size, displacement))
+
+
+def _constant(array: np.ndarray) -> torch.Tensor:
+    return torch.from_numpy(array).float()
+
+
+def export_tensors(model: Deal) -> dict[str, np.ndarray]:
+    """The model as plain layers under the file's names (fc4 folded)."""
+    last = copy.deepcopy(model.localization.fc4).double()
+    if last.matrix is not None:
+        last.matrix = torch.from_numpy(geometry.tps_preconditioner()).to(last.weight)
+    weight, bias = last.folded()
+    tensors = {}
+    for name, value in model.state_dict().items():
+        if name.endswith("num_batches_tracked"):
+            continue
+        value = {"localization.fc4.weight": weight, "localization.fc4.bias": bias}.get(name, value)
+        tensors[name] = value.detach().cpu().float().numpy()
+    return tensors
+
+
+def load_model(path: str | os.PathLike) -> tuple[Deal, dict[str, str]]:
+    """Reads a pliant-deal safetensors file; widths come from its shapes.
+
+    Raises TensorFileError naming the tensor that is missing or has the wrong shape.
+    """
+    tensors, metadata = tensor_file.load(path)
+    if metadata.get("format") != FORMAT:
+        raise tensor_file.TensorFileError(f"{path}: metadata 'format' is not '{FORMAT}'")
+    names = [f"localization.fc{i}.weight" for i in (1, 2, 3)]
+    missing = [name for name in names if name not in tensors]
+    if missing:
+        raise tensor_file.TensorFileError(f"{path}: tensor '{missing[0]}' is missing")
+    model = Deal(tuple(tensors[name].shape[0] for name in names))
+    state = model.state_dict()
+    for name, value in state.items():
+        if name.endswith("num_batches_tracked"):
+            continue
+        if name not in tensors or tensors[name].shape != tuple(value.shape):
+            found = tensors[name].shape if name in tensors else "nothing"
+            raise tensor_file.TensorFileError(
+                f"{path}: tensor '{name}' should have shape {tuple(value.shape)}, found {found}")
+        state[name] = torch.from_numpy(tensors[name].copy())
+    model.load_state_dict(state)
+    return model.eval(), metadata
+
+
+def save_model(path: str | os.PathLike, model: Deal, metadata: dict[str, str]) -> None:
+    """metadata must hold radius_per_size; 'format' is added."""
+    tensor_file.save(path, export_tensors(model), {"format": FORMAT, **metadata})
