@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The descriptors "deal" and "deal-fixed" (Potje et al., NeurIPS 2021).
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "descriptor/descriptor.h"
+
+namespace pliant {
+
+// 128 floats of unit length a key point. With `warp`, "deal": the polar grid around each key point
+// is bent by the learned thin-plate spline; without, "deal-fixed": the plain polar grid, for
+// comparison. The key point's angle is not used; key points may lie outside the picture, which is
+// continued by its border. model_id is "deal:" or "deal-fixed:" and the first 16 hex digits of the
+// weight file's SHA-256.
+//
+// Describe additionally throws kInvalidArgument for a key point that is not finite or has no
+// positive size, and kTooLarge for more than 2^24 pixels. Its result does not depend on the order
+// or number of key points, nor on who else is calling; with another thread count the library may
+// choose another algorithm for the backbone, which changes results by less than 1e-4.
+//
+// Throws kNotFound or kCorrupt naming the weight file and the tensor.
+std::shared_ptr<const Descriptor> MakeDealDescriptor(const std::filesystem::path& weights,
+                                                     bool warp);
+
+}  // namespace pliant

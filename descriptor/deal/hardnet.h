@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// HardNet on polar patches (Mishchuk et al. 2017; paper, section 3.3): rows are angles, so every
+// convolution is circular in them and the mean over rows makes the descriptor rotation-invariant.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "descriptor/deal/weights.h"
+
+namespace pliant::deal {
+
+// Immutable and thread-safe; workers hold what changes.
+//
+// How it is fast: the stride-1 layers use Winograd's F(4x4, 3x3), whose input transform reads the
+// wrapped rows in place, so nothing is copied to pad; its output transform writes the next layer's
+// buffer, of which only the one wrapped row is copied (the stride-2 layers are oneDNN convolutions
+// and need it). oneDNN's own convolutions cannot write into the inside of a padded buffer: they
+// fall back to its reference code. Everything stays channels-last. The head has no non-linearity,
+// so its four layers are one 1024 x 128 product.
+class HardNet {
+ public:
+  static constexpr std::size_t kBatch = 16;  // most patches a call of Worker::Run
+
+  explicit HardNet(const DealWeights& weights);
+  ~HardNet();
+
+  // Scratch memory for one thread at a time.
+  class Worker {
+   public:
+    explicit Worker(const HardNet& net);
+    ~Worker();
+
+    // Patches count x 32 x 32 (rows = angle) to count x 128, unit length; count <= kBatch.
+    // Call it where oneDNN is set to one thread (ScopedPrimitiveThreads).
+    void Run(const float* patches, std::size_t count, float* descriptors);
+
+   private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+  };
+
+  // Multiply-adds a patch of the plain convolutions, the customary count.
+  static double MultiplyAdds();
+
+ private:
+  friend class Worker;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pliant::deal

@@ -1,0 +1,162 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/deal/primitives.h"
+
+#include <cstring>
+#include <new>
+#include <unordered_map>
+
+namespace pliant::deal {
+namespace {
+
+using dnnl::memory;
+using Tag = memory::format_tag;
+
+constexpr std::align_val_t kAlignment{64};
+
+dnnl::primitive_attr ScratchByCaller() {
+  dnnl::primitive_attr attributes;
+  attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
+  return attributes;
+}
+
+void Execute(const dnnl::primitive& primitive, const dnnl::stream& stream,
+             const memory::desc& scratch_desc, void* scratch,
+             std::unordered_map<int, memory> arguments) {
+  if (scratch_desc.get_size() > 0) {
+    arguments.emplace(DNNL_ARG_SCRATCHPAD, memory(scratch_desc, CpuEngine(), scratch));
+  }
+  primitive.execute(stream, arguments);
+}
+
+}  // namespace
+
+const dnnl::engine& CpuEngine() {
+  static const dnnl::engine engine(dnnl::engine::kind::cpu, 0);
+  return engine;
+}
+
+memory::desc DenseDesc(const memory::dims& dims, Tag tag) {
+  return {dims, memory::data_type::f32, tag};
+}
+
+memory Reordered(std::span<const float> values, const memory::desc& from, const memory::desc& to) {
+  // oneDNN takes a mutable pointer for what it only reads.
+  memory source(from, CpuEngine(), const_cast<float*>(values.data()));
+  memory destination(to, CpuEngine());
+  dnnl::stream stream(CpuEngine());
+  dnnl::reorder(source, destination).execute(stream, source, destination);
+  stream.wait();
+  return destination;
+}
+
+ConvPrimitive::ConvPrimitive(const ConvLayer& layer, const memory::desc& source,
+                             const memory::desc& destination, const ConvOptions& options) {
+  const memory::dims weight_dims = {layer.outputs, layer.inputs, layer.kernel_height,
+                                    layer.kernel_width};
+  const memory::desc bias_desc = DenseDesc({layer.outputs}, Tag::a);
+  dnnl::post_ops after;
+  if (options.add_to_destination) after.append_sum(1.0F);
+  if (options.relu) after.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
+  dnnl::primitive_attr attributes = ScratchByCaller();
+  attributes.set_post_ops(after);
+  const memory::dims strides = {layer.stride, layer.stride};
+  description_ =
+      dnnl::convolution_forward::primitive_desc({dnnl::prop_kind::forward_inference,
+                                                 dnnl::algorithm::convolution_direct,
+                                                 source,
+                                                 DenseDesc(weight_dims, Tag::any),
+                                                 bias_desc,
+                                                 destination,
+                                                 strides,
+                                                 {options.pad_top, options.pad_left},
+                                                 {options.pad_bottom, options.pad_right}},
+                                                attributes, CpuEngine());
+  primitive_ = dnnl::convolution_forward(description_);
+  weight_ = Reordered(layer.weight, DenseDesc(weight_dims, Tag::oihw), description_.weights_desc());
+  bias_ = Reordered(layer.bias, bias_desc, bias_desc);
+}
+
+void ConvPrimitive::Run(const dnnl::stream& stream, const memory& source, const memory& destination,
+                        void* scratch) const {
+  Execute(primitive_, stream, description_.scratchpad_desc(), scratch,
+          {{DNNL_ARG_SRC, source},
+           {DNNL_ARG_WEIGHTS, weight_},
+           {DNNL_ARG_BIAS, bias_},
+           {DNNL_ARG_DST, destination}});
+}
+
+ProductPrimitive::ProductPrimitive(const Shape& shape, std::span<const float> weight,
+                                   bool transposed, std::span<const float> bias,
+                                   Activation activation)
+    : shape_(shape), activation_(activation), has_bias_(!bias.empty()) {
+  const memory::dims weight_dims = shape.batch > 0
+                                       ? memory::dims{shape.batch, shape.inner, shape.columns}
+                                       : memory::dims{shape.inner, shape.columns};
+  Create(DenseDesc(weight_dims, Tag::any));
+  const Tag tag =
+      shape.batch > 0 ? (transposed ? Tag::acb : Tag::abc) : (transposed ? Tag::ba : Tag::ab);
+  weight_ = Reordered(weight, DenseDesc(weight_dims, tag), description_.weights_desc());
+  if (has_bias_) {
+    const memory::desc bias_desc = DenseDesc({1, shape.columns}, Tag::ab);
+    bias_ = Reordered(bias, bias_desc, bias_desc);
+  }
+}
+
+ProductPrimitive::ProductPrimitive(const ProductPrimitive& other, int rows)
+    : shape_(other.shape_),
+      activation_(other.activation_),
+      has_bias_(other.has_bias_),
+      weight_(other.weight_),
+      bias_(other.bias_) {
+  shape_.rows = rows;
+  Create(other.description_.weights_desc());
+}
+
+void ProductPrimitive::Create(const memory::desc& weight_desc) {
+  dnnl::post_ops after;
+  if (activation_ == Activation::kRelu) {
+    after.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
+  } else if (activation_ == Activation::kTanh) {
+    after.append_eltwise(1.0F, dnnl::algorithm::eltwise_tanh, 0.0F, 0.0F);
+  }
+  dnnl::primitive_attr attributes = ScratchByCaller();
+  attributes.set_post_ops(after);
+  const bool batched = shape_.batch > 0;
+  const Tag tag = batched ? Tag::abc : Tag::ab;
+  const memory::desc source =
+      DenseDesc(batched ? memory::dims{shape_.batch, shape_.rows, shape_.inner}
+                        : memory::dims{shape_.rows, shape_.inner},
+                tag);
+  const memory::desc destination =
+      DenseDesc(batched ? memory::dims{shape_.batch, shape_.rows, shape_.columns}
+                        : memory::dims{shape_.rows, shape_.columns},
+                tag);
+  const dnnl::matmul::desc operation =
+      has_bias_ ? dnnl::matmul::desc(source, weight_desc, DenseDesc({1, shape_.columns}, Tag::ab),
+                                     destination)
+                : dnnl::matmul::desc(source, weight_desc, destination);
+  description_ = dnnl::matmul::primitive_desc(operation, attributes, CpuEngine());
+  primitive_ = dnnl::matmul(description_);
+}
+
+void ProductPrimitive::Run(const dnnl::stream& stream, const float* source, float* destination,
+                           void* scratch) const {
+  std::unordered_map<int, memory> arguments = {
+      {DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), const_cast<float*>(source))},
+      {DNNL_ARG_WEIGHTS, weight_},
+      {DNNL_ARG_DST, memory(description_.dst_desc(), CpuEngine(), destination)}};
+  if (has_bias_) arguments.emplace(DNNL_ARG_BIAS, bias_);
+  Execute(primitive_, stream, description_.scratchpad_desc(), scratch, std::move(arguments));
+}
+
+AlignedFloats::AlignedFloats(std::size_t count)
+    : data_(static_cast<float*>(::operator new(count * sizeof(float), kAlignment))), count_(count) {
+  std::memset(data_.get(), 0, count * sizeof(float));
+}
+
+void AlignedFloats::Free::operator()(float* data) const noexcept {
+  ::operator delete(data, kAlignment);
+}
+
+}  // namespace pliant::deal

@@ -1,0 +1,231 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/deal/weights.h"
+
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "descriptor/error.h"
+#include "descriptor/sha256.h"
+
+namespace pliant::deal {
+namespace {
+
+constexpr double kBatchNormEpsilon = 1e-5;
+constexpr std::int64_t kMaxWidth = 1 << 16;  // of a hidden layer of the localisation network
+
+using Shape = std::vector<std::int64_t>;
+
+[[noreturn]] void Fail(const SafetensorsFile& file, const std::string& fault) {
+  throw Error(ErrorCode::kCorrupt, "model_corrupt", file.name() + ": " + fault);
+}
+
+// Hands out tensors by name and shape and remembers which ones were asked for.
+class TensorSource {
+ public:
+  explicit TensorSource(const SafetensorsFile& file) : file_(file) {}
+
+  const Shape& ShapeOf(const std::string& name) const {
+    const auto found = file_.tensors().find(name);
+    if (found == file_.tensors().end()) Fail(file_, "tensor '" + name + "' is missing");
+    return found->second.shape;
+  }
+
+  std::vector<float> Take(const std::string& name, const Shape& shape) {
+    const Shape& found = ShapeOf(name);
+    if (found != shape) {
+      Fail(file_, "tensor '" + name + "' should have shape " + ShapeText(shape) + ", found " +
+                      ShapeText(found));
+    }
+    taken_.insert(name);
+    return file_.Floats(name);
+  }
+
+  void RefuseLeftOvers() const {
+    for (const auto& [name, info] : file_.tensors()) {
+      if (taken_.count(name) == 0) {
+        Fail(file_, "tensor '" + name + "' is unknown; not weights of this network?");
+      }
+    }
+  }
+
+  const SafetensorsFile& file() const { return file_; }
+
+ private:
+  const SafetensorsFile& file_;
+  std::set<std::string> taken_;
+};
+
+// conv followed by batch normalisation: y = s (w * x - mean) + b with s = gamma / sqrt(var + eps)
+// becomes (s w) * x + (b - s mean). HardNet's normalisations have no gamma and b.
+void FoldBatchNorm(TensorSource& source, const std::string& name, bool affine, ConvLayer* layer) {
+  const Shape shape = {layer->outputs};
+  const std::vector<float> mean = source.Take(name + ".running_mean", shape);
+  const std::vector<float> variance = source.Take(name + ".running_var", shape);
+  const auto count = static_cast<std::size_t>(layer->outputs);
+  std::vector<float> gamma(count, 1.0F);
+  std::vector<float> beta(count, 0.0F);
+  if (affine) {
+    gamma = source.Take(name + ".weight", shape);
+    beta = source.Take(name + ".bias", shape);
+  }
+  const std::size_t row = layer->weight.size() / count;
+  layer->bias.resize(count);
+  for (std::size_t o = 0; o < count; ++o) {
+    if (variance[o] < 0) {
+      Fail(source.file(), "tensor '" + name + ".running_var' holds a negative variance");
+    }
+    const double scale = gamma[o] / std::sqrt(variance[o] + kBatchNormEpsilon);
+    for (std::size_t i = 0; i < row; ++i) {
+      float& weight = layer->weight[o * row + i];
+      weight = static_cast<float>(weight * scale);
+    }
+    layer->bias[o] = static_cast<float>(beta[o] - scale * mean[o]);
+  }
+}
+
+ConvLayer TakeConv(TensorSource& source, const std::string& conv, const std::string& norm,
+                   bool affine, Shape shape, int stride) {
+  ConvLayer layer;
+  layer.weight = source.Take(conv + ".weight", shape);
+  layer.outputs = static_cast<int>(shape[0]);
+  layer.inputs = static_cast<int>(shape[1]);
+  layer.kernel_height = static_cast<int>(shape[2]);
+  layer.kernel_width = static_cast<int>(shape[3]);
+  layer.stride = stride;
+  FoldBatchNorm(source, norm, affine, &layer);
+  return layer;
+}
+
+// The grey picture fills all three channels, so w_r * x + w_g * x + w_b * x = (w_r + w_g + w_b) *
+// x.
+void SumInputChannels(ConvLayer* layer) {
+  const std::size_t taps = static_cast<std::size_t>(layer->kernel_height) * layer->kernel_width;
+  std::vector<float> summed(static_cast<std::size_t>(layer->outputs) * taps);
+  for (std::size_t o = 0; o < static_cast<std::size_t>(layer->outputs); ++o) {
+    for (std::size_t t = 0; t < taps; ++t) {
+      double sum = 0;
+      for (std::size_t c = 0; c < static_cast<std::size_t>(layer->inputs); ++c) {
+        sum += layer->weight[(o * layer->inputs + c) * taps + t];
+      }
+      summed[o * taps + t] = static_cast<float>(sum);
+    }
+  }
+  layer->weight = std::move(summed);
+  layer->inputs = 1;
+}
+
+std::vector<BasicBlock> TakeBlocks(TensorSource& source) {
+  struct Stage {
+    int channels;
+    int blocks;
+  };
+  constexpr Stage kStages[] = {{64, 3}, {kFeatureChannels, 4}};
+  std::vector<BasicBlock> blocks;
+  int inputs = 64;
+  for (int s = 0; s < 2; ++s) {
+    const int outputs = kStages[s].channels;
+    for (int b = 0; b < kStages[s].blocks; ++b) {
+      const std::string name =
+          "backbone.layer" + std::to_string(s + 1) + "." + std::to_string(b) + ".";
+      const int stride = s > 0 && b == 0 ? 2 : 1;
+      BasicBlock block;
+      block.conv1 =
+          TakeConv(source, name + "conv1", name + "bn1", true, {outputs, inputs, 3, 3}, stride);
+      block.conv2 =
+          TakeConv(source, name + "conv2", name + "bn2", true, {outputs, outputs, 3, 3}, 1);
+      if (stride != 1 || inputs != outputs) {
+        block.downsample = TakeConv(source, name + "downsample.0", name + "downsample.1", true,
+                                    {outputs, inputs, 1, 1}, stride);
+      }
+      blocks.push_back(std::move(block));
+      inputs = outputs;
+    }
+  }
+  return blocks;
+}
+
+std::array<LinearLayer, 4> TakeLocalization(TensorSource& source) {
+  std::array<LinearLayer, 4> layers;
+  std::int64_t inputs = kSampledValues;
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const std::string name = "localization.fc" + std::to_string(i + 1);
+    const Shape& shape = source.ShapeOf(name + ".weight");
+    const bool last = i + 1 == layers.size();
+    if (!last && (shape.size() != 2 || shape[0] < 1 || shape[0] > kMaxWidth)) {
+      Fail(source.file(), "tensor '" + name + ".weight' should have shape [width, " +
+                              std::to_string(inputs) + "] with width 1 to " +
+                              std::to_string(kMaxWidth) + ", found " + ShapeText(shape));
+    }
+    const std::int64_t outputs = last ? kThetaValues : shape[0];
+    layers[i].weight = source.Take(name + ".weight", {outputs, inputs});
+    layers[i].bias = source.Take(name + ".bias", {outputs});
+    layers[i].inputs = static_cast<int>(inputs);
+    layers[i].outputs = static_cast<int>(outputs);
+    inputs = outputs;
+  }
+  return layers;
+}
+
+void TakeHardNet(TensorSource& source, DealWeights* weights) {
+  constexpr std::array<std::array<int, 3>, 6> kBody = {
+      {{1, 32, 1}, {32, 32, 1}, {32, 64, 2}, {64, 64, 1}, {64, 128, 2}, {128, 128, 1}}};
+  constexpr std::array<int, 4> kHeadKernels = {3, 3, 3, 2};
+  for (std::size_t i = 0; i < kBody.size(); ++i) {
+    const std::string number = std::to_string(i + 1);
+    const auto [inputs, outputs, stride] = kBody[i];
+    weights->hardnet[i] = TakeConv(source, "hardnet.conv" + number, "hardnet.bn" + number, false,
+                                   {outputs, inputs, 3, 3}, stride);
+  }
+  for (std::size_t i = 0; i < kHeadKernels.size(); ++i) {
+    const std::string number = std::to_string(i + 1);
+    weights->head[i] = TakeConv(source, "hardnet.head" + number, "hardnet.head_bn" + number, false,
+                                {kDescriptorDim, kDescriptorDim, 1, kHeadKernels[i]}, 1);
+  }
+}
+
+const std::string& Metadata(const SafetensorsFile& file, const std::string& key) {
+  const auto found = file.metadata().find(key);
+  if (found == file.metadata().end()) Fail(file, "metadata '" + key + "' is missing");
+  return found->second;
+}
+
+double ReadRadiusPerSize(const SafetensorsFile& file) {
+  const std::string& text = Metadata(file, "radius_per_size");
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !(value > 0) || value > 1000) {
+    Fail(file, "metadata 'radius_per_size' should be a number in (0, 1000], found '" + text + "'");
+  }
+  return value;
+}
+
+}  // namespace
+
+DealWeights LoadDealWeights(const std::filesystem::path& path) {
+  return ParseDealWeights(SafetensorsFile::Open(path));
+}
+
+DealWeights ParseDealWeights(const SafetensorsFile& file) {
+  if (Metadata(file, "format") != "pliant-deal") {
+    Fail(file, "metadata 'format' should be 'pliant-deal', found '" + Metadata(file, "format") +
+                   "'; not weights of this network");
+  }
+  DealWeights weights;
+  weights.radius_per_size = ReadRadiusPerSize(file);
+  TensorSource source(file);
+  weights.stem = TakeConv(source, "backbone.conv1", "backbone.bn1", true, {64, 3, 7, 7}, 2);
+  SumInputChannels(&weights.stem);
+  weights.blocks = TakeBlocks(source);
+  weights.localization = TakeLocalization(source);
+  TakeHardNet(source, &weights);
+  source.RefuseLeftOvers();
+  weights.sha256 = Sha256Hex(file.bytes());
+  return weights;
+}
+
+}  // namespace pliant::deal

@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The weights of DEAL (Potje et al., NeurIPS 2021), ready for inference: batch normalisation is
+// folded into the layer before it, the first convolution takes one grey channel.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/deal/safetensors.h"
+
+namespace pliant::deal {
+
+inline constexpr int kFeatureChannels = 128;  // channels of the backbone's map X
+inline constexpr int kNeighbours = 5;         // feature sampler: 5 x 5 cells around a key point
+inline constexpr int kSampledValues = kNeighbours * kNeighbours * kFeatureChannels;  // 3200
+inline constexpr int kTpsParameters = 66;  // 63 free weights and 3 affine rows, per axis
+inline constexpr int kThetaValues = 2 * kTpsParameters;
+inline constexpr int kPatchSide = 32;  // rows = angle, columns = radius
+inline constexpr int kPatchPixels = kPatchSide * kPatchSide;
+inline constexpr int kDescriptorDim = 128;
+
+struct ConvLayer {
+  int outputs = 0;
+  int inputs = 0;
+  int kernel_height = 0;
+  int kernel_width = 0;
+  int stride = 1;
+  std::vector<float> weight;  // outputs x inputs x kernel_height x kernel_width
+  std::vector<float> bias;    // outputs
+};
+
+// A basic block of ResNet (He et al. 2016): relu(conv2(relu(conv1(x))) + shortcut(x)).
+struct BasicBlock {
+  ConvLayer conv1;
+  ConvLayer conv2;
+  std::optional<ConvLayer> downsample;  // 1 x 1 on the shortcut; none = identity
+};
+
+struct LinearLayer {
+  int outputs = 0;
+  int inputs = 0;
+  std::vector<float> weight;  // outputs x inputs
+  std::vector<float> bias;    // outputs
+};
+
+struct DealWeights {
+  ConvLayer stem;                           // 7 x 7, stride 2, 1 -> 64
+  std::vector<BasicBlock> blocks;           // 3 of 64 channels, 4 of 128
+  std::array<LinearLayer, 4> localization;  // 3200 -> ... -> 132; widths are the file's
+  std::array<ConvLayer, 6> hardnet;         // 3 x 3 on the polar patch
+  std::array<ConvLayer, 4> head;            // 1 x 3, 1 x 3, 1 x 3, 1 x 2 along the radius
+  double radius_per_size = 0;               // support radius R = this x key-point size
+  std::string sha256;                       // of the file, 64 hex digits
+};
+
+// Throws kNotFound when there is no such file; kCorrupt naming file and tensor for a malformed
+// file, a missing, unknown or wrongly shaped tensor, a value that is not finite, or metadata
+// ("format" = "pliant-deal", "radius_per_size") that is missing or out of range.
+DealWeights LoadDealWeights(const std::filesystem::path& path);
+DealWeights ParseDealWeights(const SafetensorsFile& file);
+
+}  // namespace pliant::deal

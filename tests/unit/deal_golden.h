@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Golden tensors: what descriptor/training computed in double precision for each stage.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
+
+#include "descriptor/deal/network.h"
+#include "descriptor/deal/safetensors.h"
+
+namespace pliant::deal {
+
+inline std::filesystem::path ModelPath() {
+  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model/deal.safetensors";
+}
+
+// One network for all tests of a program.
+inline const DealNetwork& SharedNetwork() {
+  static const DealNetwork network(LoadDealWeights(ModelPath()));
+  return network;
+}
+
+struct Golden {
+  SafetensorsFile tensors;
+  Image picture;
+  std::vector<Keypoint> keypoints;
+};
+
+// tests/data/golden_<width>x<height>.safetensors, all there are.
+inline std::vector<std::filesystem::path> GoldenPaths() {
+  std::vector<std::filesystem::path> paths;
+  for (const auto& entry : std::filesystem::directory_iterator(
+           std::filesystem::path(PLIANT_SOURCE_DIR) / "tests/data")) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("golden_") && name.ends_with(".safetensors") &&
+        name != "golden_tps.safetensors") {
+      paths.push_back(entry.path());
+    }
+  }
+  return paths;
+}
+
+inline Image ReadGrey(const std::filesystem::path& path) {
+  const cv::Mat mat = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
+  Image image;
+  image.width = mat.cols;
+  image.height = mat.rows;
+  image.pixels.assign(mat.begin<std::uint8_t>(), mat.end<std::uint8_t>());
+  return image;
+}
+
+inline Golden LoadGolden(const std::filesystem::path& path) {
+  Golden golden = {SafetensorsFile::Open(path),
+                   ReadGrey(std::filesystem::path(path).replace_extension(".png")),
+                   {}};
+  const std::vector<float> rows = golden.tensors.Floats("keypoints_x_y_size");
+  for (std::size_t i = 0; i + 2 < rows.size(); i += 3) {
+    Keypoint point;
+    point.x = rows[i];
+    point.y = rows[i + 1];
+    point.size = rows[i + 2];
+    golden.keypoints.push_back(point);
+  }
+  return golden;
+}
+
+// |actual - expected| <= tolerance for the leading expected.size() values.
+inline void ExpectNear(std::span<const float> actual, std::span<const float> expected,
+                       double tolerance, const std::string& what) {
+  ASSERT_GE(actual.size(), expected.size()) << what;
+  double worst = 0;
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const double error = std::abs(static_cast<double>(actual[i]) - expected[i]);
+    if (!(error <= worst)) {  // also catches NaN
+      worst = error;
+      at = i;
+    }
+  }
+  EXPECT_LE(worst, tolerance) << what << ": value " << at << " is " << actual[at] << ", expected "
+                              << expected[at];
+  ::testing::Test::RecordProperty(what, std::to_string(worst));
+}
+
+}  // namespace pliant::deal

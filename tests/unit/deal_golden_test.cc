@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Every stage of the C++ network against the PyTorch model of the same weights.
+#include "tests/unit/deal_golden.h"
+
+#include <cstdint>
+
+#include "descriptor/deal/geometry.h"
+#include "descriptor/deal/kernels.h"
+
+namespace pliant::deal {
+namespace {
+
+constexpr double kTolerance = 1e-4;
+constexpr int kThreads = 2;
+
+class DealGoldenTest : public ::testing::TestWithParam<std::filesystem::path> {
+ protected:
+  const Golden golden_ = LoadGolden(GetParam());
+  const DealNetwork& network_ = SharedNetwork();
+};
+
+// height x width x channels to channels x height x width.
+std::vector<float> ChannelsFirst(const FeatureMap& map) {
+  std::vector<float> values;
+  values.reserve(map.values.size());
+  for (std::size_t c = 0; c < kFeatureChannels; ++c) {
+    for (std::size_t i = c; i < map.values.size(); i += kFeatureChannels) {
+      values.push_back(map.values[i]);
+    }
+  }
+  return values;
+}
+
+TEST_P(DealGoldenTest, GoldensAreOfTheShippedWeights) {
+  ASSERT_FALSE(golden_.keypoints.empty());
+  EXPECT_EQ(golden_.tensors.metadata().at("model_sha256"), network_.weights().sha256)
+      << "regenerate the goldens with descriptor/training after replacing the weights";
+}
+
+TEST_P(DealGoldenTest, Backbone) {
+  const FeatureMap map = network_.backbone().Run(DealNetwork::ToPicture(golden_.picture), kThreads);
+  const std::vector<std::int64_t> shape = {kFeatureChannels, map.height, map.width};
+  EXPECT_EQ(shape, golden_.tensors.tensors().at("backbone").shape);
+  ExpectNear(ChannelsFirst(map), golden_.tensors.Floats("backbone"), kTolerance, "backbone");
+}
+
+TEST_P(DealGoldenTest, FeatureSamplerAndLocalization) {
+  const FeatureMap map = network_.backbone().Run(DealNetwork::ToPicture(golden_.picture), kThreads);
+  const std::vector<float> samples =
+      network_.localization().Sample(map, golden_.keypoints, kThreads);
+  ExpectNear(samples, golden_.tensors.Floats("sampled_features"), kTolerance, "sampled_features");
+  const std::vector<float> theta = network_.localization().Theta(map, golden_.keypoints, kThreads);
+  ASSERT_EQ(theta.size(), golden_.keypoints.size() * kThetaValues);
+  ExpectNear(theta, golden_.tensors.Floats("theta"), kTolerance, "theta");
+  EXPECT_EQ(theta, network_.localization().ThetaFromSamples(samples, kThreads));
+}
+
+TEST_P(DealGoldenTest, Displacements) {
+  const std::vector<float> theta = golden_.tensors.Floats("theta");
+  const std::vector<float> planar = network_.Displacements(theta, kThreads);
+  std::vector<float> pairs(planar.size());
+  for (std::size_t i = 0; i < golden_.keypoints.size(); ++i) {
+    for (std::size_t q = 0; q < kPatchPixels; ++q) {
+      pairs[(i * kPatchPixels + q) * 2] = planar[i * 2 * kPatchPixels + q];
+      pairs[(i * kPatchPixels + q) * 2 + 1] = planar[(i * 2 + 1) * kPatchPixels + q];
+    }
+  }
+  ExpectNear(pairs, golden_.tensors.Floats("displacement_in_radii"), kTolerance,
+             "displacement_in_radii");
+}
+
+TEST_P(DealGoldenTest, Patches) {
+  const GreyPicture picture = DealNetwork::ToPicture(golden_.picture);
+  ExpectNear(
+      network_.Patches(picture, golden_.keypoints, golden_.tensors.Floats("theta"), kThreads),
+      golden_.tensors.Floats("patches"), kTolerance, "patches");
+  ExpectNear(network_.Patches(picture, golden_.keypoints, {}, kThreads),
+             golden_.tensors.Floats("patches_fixed"), kTolerance, "patches_fixed");
+}
+
+TEST_P(DealGoldenTest, DescriptorsOfGoldenPatches) {
+  const std::vector<float> expected = golden_.tensors.Floats("descriptors_fixed");
+  const std::vector<float> patches = golden_.tensors.Floats("patches_fixed");
+  const std::size_t count = patches.size() / kPatchPixels;
+  ExpectNear(network_.DescribePatches(patches, kThreads),
+             std::span(expected).first(count * kDescriptorDim), kTolerance, "hardnet");
+}
+
+TEST_P(DealGoldenTest, WholeNetwork) {
+  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, true, kThreads),
+             golden_.tensors.Floats("descriptors"), kTolerance, "descriptors");
+  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, false, kThreads),
+             golden_.tensors.Floats("descriptors_fixed"), kTolerance, "descriptors_fixed");
+}
+
+INSTANTIATE_TEST_SUITE_P(Goldens, DealGoldenTest, ::testing::ValuesIn(GoldenPaths()),
+                         [](const auto& golden) { return golden.param.stem().string(); });
+
+TEST(DealGeometryTest, GridAndBasisAreTheTrainersOwn) {
+  const SafetensorsFile golden = SafetensorsFile::Open(std::filesystem::path(PLIANT_SOURCE_DIR) /
+                                                       "tests/data/golden_tps.safetensors");
+  ExpectNear(UnitPolarGrid(), golden.Floats("unit_polar_grid"), 1e-6, "unit_polar_grid");
+  ExpectNear(TpsBasis(), golden.Floats("tps_basis"), 1e-6, "tps_basis");
+  EXPECT_NEAR(DisplacementGain(), std::stod(golden.metadata().at("displacement_gain")), 1e-9);
+}
+
+TEST(DealGoldenFilesTest, AtLeastTwoOddSizes) { EXPECT_GE(GoldenPaths().size(), 2U); }
+
+}  // namespace
+}  // namespace pliant::deal
