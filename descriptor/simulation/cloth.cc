@@ -1,0 +1,251 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/simulation/cloth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "descriptor/error.h"
+
+namespace pliant::simulation {
+namespace {
+
+using Eigen::Vector3f;
+
+constexpr float kFrame = 1.0F / 60.0F;
+constexpr float kMaxSpeed = 12.0F;  // units / s; keeps a bad collision from throwing cloth away
+
+std::size_t At(int index) { return static_cast<std::size_t>(index); }
+
+}  // namespace
+
+Wind::Wind(Random& random, float strength) : strength_(strength) {
+  steady_ = random.Direction() * random.Uniform(0.2F, 1.0F);
+  for (Wave& wave : waves_) {
+    wave.direction = random.Direction();
+    wave.wave_vector = random.Direction() * random.Uniform(2.0F, 14.0F);
+    wave.frequency = random.Uniform(1.0F, 12.0F);
+    wave.phase = random.Angle();
+  }
+}
+
+Vector3f Wind::At(const Vector3f& position, float time) const {
+  Vector3f velocity = steady_;
+  for (const Wave& wave : waves_) {
+    velocity += wave.direction *
+                std::sin(wave.wave_vector.dot(position) + wave.frequency * time + wave.phase);
+  }
+  return strength_ * velocity;
+}
+
+Cloth::Cloth(const Body& body, const std::vector<Vector3f>& start, ClothOptions options)
+    : body_(body), options_(std::move(options)), positions_(start), previous_(start) {
+  const std::size_t count = start.size();
+  velocities_.assign(count, Vector3f::Zero());
+  normals_.assign(count, Vector3f(0.0F, 0.0F, -1.0F));
+  air_.assign(count, Vector3f::Zero());
+  inverse_mass_.assign(count, 1.0F);
+  for (const Pin& pin : options_.pins) inverse_mass_[At(pin.particle)] = 0.0F;
+  contact_distance_ = 0.75F * body.spacing;
+  BuildAttachments();
+}
+
+// A particle can never be farther from a pin than it is on the flat cloth. For tubes, pillows and
+// shirts the shortest way over the cloth is not a straight line, so they do without.
+void Cloth::BuildAttachments() {
+  if (body_.kind != BodyKind::kSheet) return;
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    if (inverse_mass_[i] == 0.0F) continue;
+    for (const Pin& pin : options_.pins) {
+      if (pin.release) continue;
+      attachments_.push_back({pin.particle, static_cast<int>(i),
+                              (body_.rest[i] - body_.rest[At(pin.particle)]).norm()});
+    }
+  }
+}
+
+void Cloth::UpdateNormals() {
+  std::ranges::fill(normals_, Vector3f::Zero());
+  for (const Chart& chart : body_.charts) {
+    for (int row = 0; row + 1 < chart.rows; ++row) {
+      for (int column = 0; column + 1 < chart.columns; ++column) {
+        const std::array corners{chart.At(column, row), chart.At(column + 1, row),
+                                 chart.At(column, row + 1), chart.At(column + 1, row + 1)};
+        if (std::ranges::min(corners) < 0) continue;
+        const Vector3f across = positions_[At(corners[3])] - positions_[At(corners[0])];
+        const Vector3f down = positions_[At(corners[2])] - positions_[At(corners[1])];
+        const Vector3f normal = down.cross(across);
+        for (const int corner : corners) normals_[At(corner)] += normal;
+      }
+    }
+  }
+  for (Vector3f& normal : normals_) normal.normalize();
+}
+
+void Cloth::UpdateAir() {
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    air_[i] = options_.wind.At(positions_[i], time_s_);
+  }
+}
+
+void Cloth::Run(int frames) {
+  for (int frame = 0; frame < frames; ++frame) {
+    UpdateNormals();
+    UpdateAir();
+    if (options_.self_collision) FindContacts();
+    const float dt = kFrame / static_cast<float>(options_.substeps);
+    for (int i = 0; i < options_.substeps; ++i) Substep(dt);
+  }
+  for (const Vector3f& position : positions_) {
+    if (!position.allFinite()) {
+      throw Error(ErrorCode::kInternal, "simulation_diverged", "the cloth simulation diverged");
+    }
+  }
+}
+
+void Cloth::MovePins(float dt) {
+  for (const Pin& pin : options_.pins) {
+    if (time_s_ < pin.until_s) {
+      positions_[At(pin.particle)] += pin.velocity * dt;
+    } else if (pin.release) {
+      inverse_mass_[At(pin.particle)] = 1.0F;
+    }
+  }
+}
+
+void Cloth::Substep(float dt) {
+  previous_ = positions_;
+  MovePins(dt);
+  const float keep = std::exp(-options_.damping * dt);
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    if (inverse_mass_[i] == 0.0F) continue;
+    const float blow = normals_[i].dot(air_[i] - velocities_[i]);
+    const Vector3f push = normals_[i] * (options_.drag * blow + options_.pressure);
+    velocities_[i] = (velocities_[i] + (options_.gravity + push) * dt) * keep;
+    const float speed = velocities_[i].norm();
+    if (speed > kMaxSpeed) velocities_[i] *= kMaxSpeed / speed;
+    positions_[i] += velocities_[i] * dt;
+  }
+  const float per_step = 1.0F / (dt * dt);
+  SolveEdges(body_.bending, options_.bend_compliance * per_step);
+  SolveEdges(body_.shear, options_.shear_compliance * per_step);
+  SolveEdges(body_.structural, 0.0F);
+  SolveAttachments();
+  SolveEdges(body_.structural, 0.0F);
+  SolveContacts();
+  SolveSolids();
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    velocities_[i] = (positions_[i] - previous_[i]) / dt;
+  }
+  time_s_ += dt;
+}
+
+// C = |b - a| - rest; with one iteration a step the multiplier starts at zero (XPBD, eq. 18).
+void Cloth::SolveEdges(const std::vector<Edge>& edges, float alpha) {
+  for (const Edge& edge : edges) {
+    const float mass_a = inverse_mass_[At(edge.a)];
+    const float mass_b = inverse_mass_[At(edge.b)];
+    Vector3f& a = positions_[At(edge.a)];
+    Vector3f& b = positions_[At(edge.b)];
+    const Vector3f d = b - a;
+    const float length = std::sqrt(d.squaredNorm()) + 1e-9F;
+    const float scale = (length - edge.rest) / (length * (mass_a + mass_b + alpha + 1e-9F));
+    a += d * (scale * mass_a);
+    b -= d * (scale * mass_b);
+  }
+}
+
+void Cloth::SolveAttachments() {
+  for (const Attachment& attachment : attachments_) {
+    Vector3f& position = positions_[At(attachment.particle)];
+    const Vector3f offset = position - positions_[At(attachment.pin)];
+    const float squared = offset.squaredNorm();
+    if (squared <= attachment.reach * attachment.reach) continue;
+    position -= offset * (1.0F - attachment.reach / std::sqrt(squared));
+  }
+}
+
+// Pairs of particles that are close in space but not on the cloth, through a uniform grid whose
+// cells are sorted by key.
+void Cloth::FindContacts() {
+  contacts_.clear();
+  const float cell = 1.5F * contact_distance_;
+  const auto key = [cell](const Vector3f& position, int dx, int dy, int dz) {
+    const auto axis = [cell](float x, int d) {
+      return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x / cell)) + d +
+                                        (1 << 20)) &
+             0x1FFFFFU;
+    };
+    return (axis(position.x(), dx) << 42U) | (axis(position.y(), dy) << 21U) |
+           axis(position.z(), dz);
+  };
+  std::vector<std::pair<std::uint64_t, int>> cells;
+  cells.reserve(positions_.size());
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    cells.emplace_back(key(positions_[i], 0, 0, 0), static_cast<int>(i));
+  }
+  std::ranges::sort(cells);
+  const float apart_on_cloth = 2.5F * body_.spacing;
+  const float near = cell * cell;
+  for (const auto& [own, a] : cells) {
+    const Vector3f& position = positions_[At(a)];
+    for (int neighbour = 0; neighbour < 27; ++neighbour) {
+      const std::uint64_t wanted =
+          key(position, neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
+      auto it = std::ranges::lower_bound(cells, std::pair(wanted, a + 1));
+      for (; it != cells.end() && it->first == wanted; ++it) {
+        const int b = it->second;
+        if ((positions_[At(b)] - position).squaredNorm() > near) continue;
+        if ((body_.rest[At(b)] - body_.rest[At(a)]).norm() < apart_on_cloth) continue;
+        contacts_.push_back({a, b});
+      }
+    }
+  }
+}
+
+void Cloth::SolveContacts() {
+  for (const Contact& contact : contacts_) {
+    const float mass_a = inverse_mass_[At(contact.a)];
+    const float mass_b = inverse_mass_[At(contact.b)];
+    Vector3f& a = positions_[At(contact.a)];
+    Vector3f& b = positions_[At(contact.b)];
+    const Vector3f d = b - a;
+    const float squared = d.squaredNorm();
+    if (squared >= contact_distance_ * contact_distance_ || mass_a + mass_b == 0.0F) continue;
+    const float length = std::sqrt(squared) + 1e-9F;
+    // Half of the correction a step: contacts must not fight the edges.
+    const float scale = 0.5F * (length - contact_distance_) / (length * (mass_a + mass_b));
+    a += d * (scale * mass_a);
+    b -= d * (scale * mass_b);
+  }
+}
+
+// Pushes particles out and takes the tangential motion away up to Coulomb's limit.
+void Cloth::SolveSolids() {
+  for (const Solid& solid : options_.solids) {
+    for (std::size_t i = 0; i < positions_.size(); ++i) {
+      if (inverse_mass_[i] == 0.0F) continue;
+      Vector3f normal;
+      const float depth = options_.thickness - solid.Distance(positions_[i], normal);
+      if (depth <= 0.0F) continue;
+      positions_[i] += normal * depth;
+      const Vector3f moved = positions_[i] - previous_[i];
+      const Vector3f slide = moved - normal * normal.dot(moved);
+      const float length = slide.norm();
+      if (length < 1e-9F) continue;
+      positions_[i] -= slide * std::min(1.0F, solid.friction * depth / length);
+    }
+  }
+}
+
+void Cloth::Relax(float target, int max_passes) {
+  std::ranges::fill(inverse_mass_, 1.0F);
+  for (int pass = 0; pass < max_passes; ++pass) {
+    if (pass % 5 == 0 && StretchQuantile(body_, positions_, 0.95F) <= target) return;
+    SolveEdges(body_.structural, 0.0F);
+  }
+}
+
+}  // namespace pliant::simulation

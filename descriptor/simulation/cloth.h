@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Position-based dynamics of a body: XPBD (Macklin et al. 2016) in small steps (Macklin et al.
+// 2019), long-range attachments to the pins (Kim et al. 2012), wind, gravity, solids with friction
+// and, on request, collisions of the cloth with itself.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "descriptor/simulation/body.h"
+#include "descriptor/simulation/random.h"
+#include "descriptor/simulation/solid.h"
+
+namespace pliant::simulation {
+
+// A moving air: a steady part that turns slowly and three waves of random direction in space and
+// time, so that neighbouring particles feel related but chaotic forces.
+class Wind {
+ public:
+  Wind() = default;
+  Wind(Random& random, float strength);
+  Eigen::Vector3f At(const Eigen::Vector3f& position, float time) const;
+
+ private:
+  struct Wave {
+    Eigen::Vector3f direction, wave_vector;
+    float frequency, phase;
+  };
+  Eigen::Vector3f steady_ = Eigen::Vector3f::Zero();
+  std::array<Wave, 3> waves_{};
+  float strength_ = 0.0F;
+};
+
+// A particle that is held: it moves with a velocity until `until_s`, then stays or is let go.
+struct Pin {
+  int particle = 0;
+  Eigen::Vector3f velocity = Eigen::Vector3f::Zero();
+  float until_s = 1e9F;
+  bool release = false;
+};
+
+struct ClothOptions {
+  Eigen::Vector3f gravity = Eigen::Vector3f::Zero();  // units / s^2
+  Wind wind;
+  float drag = 1.5F;               // how strongly moving air pushes a particle, 1 / s
+  float damping = 1.0F;            // loss of velocity, 1 / s
+  float shear_compliance = 2e-6F;  // 0 = as stiff as the edges
+  float bend_compliance = 1e-4F;   // 1e-6 card .. 1e-2 silk
+  float pressure = 0.0F;           // pillows: acceleration along the outward normal
+  float thickness = 0.006F;        // distance kept from solids
+  bool self_collision = false;
+  int substeps = 10;  // per 1/60 s
+  std::vector<Solid> solids;
+  std::vector<Pin> pins;
+};
+
+class Cloth {
+ public:
+  // `body` must outlive the cloth. Starts from `start` (one position per particle).
+  Cloth(const Body& body, const std::vector<Eigen::Vector3f>& start, ClothOptions options);
+
+  // Advances by `frames` of 1/60 s.
+  void Run(int frames);
+  // Moves particles as little as possible until the 95th percentile of the residual stretch is at
+  // most `target`, or `max_passes` are spent. Lets go of the pins: call it on a copy. Lets go of
+  // all pins: for a pose that is to be kept.
+  void Relax(float target, int max_passes);
+
+  const std::vector<Eigen::Vector3f>& positions() const { return positions_; }
+  float time_s() const { return time_s_; }
+
+ private:
+  struct Attachment {
+    int pin, particle;
+    float reach;
+  };
+  struct Contact {
+    int a, b;
+  };
+
+  void BuildAttachments();
+  void UpdateNormals();
+  void UpdateAir();
+  void FindContacts();
+  void Substep(float dt);
+  void MovePins(float dt);
+  void SolveEdges(const std::vector<Edge>& edges, float alpha);
+  void SolveAttachments();
+  void SolveContacts();
+  void SolveSolids();
+
+  const Body& body_;
+  ClothOptions options_;
+  std::vector<Eigen::Vector3f> positions_, previous_, velocities_, normals_, air_;
+  std::vector<float> inverse_mass_;
+  std::vector<Attachment> attachments_;
+  std::vector<Contact> contacts_;
+  float time_s_ = 0.0F;
+  float contact_distance_ = 0.0F;
+};
+
+}  // namespace pliant::simulation

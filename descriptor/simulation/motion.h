@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What happens to a body: random starts, pins, winds and solids for the cloth solver.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "descriptor/simulation/body.h"
+#include "descriptor/simulation/cloth.h"
+#include "descriptor/simulation/random.h"
+
+namespace pliant::simulation {
+
+// A deformed body and the solids around it.
+struct Pose {
+  std::string motion;  // "flutter", "drape", "fold", "roll", "crumple", "bend", ...
+  std::vector<Eigen::Vector3f> positions;  // one per particle
+  std::vector<Solid> solids;
+  float stretch_p95 = 0.0F;  // residual stretch after the solver
+};
+
+// A plan for the solver: where the body starts and what is done to it.
+struct Motion {
+  std::string name;
+  std::vector<Eigen::Vector3f> start;
+  ClothOptions cloth;
+  int frames = 0;      // of 1/60 s until the pose
+  bool rigid = false;  // nothing to simulate: the start is the pose
+};
+
+// Draws a motion that suits the kind of body. `strength` in (0, 1]: how far it goes.
+Motion DrawMotion(const Body& body, Random& random, float strength);
+
+// Hardly deformed: the reference view of an object.
+Motion DrawCalmMotion(const Body& body, Random& random);
+
+// Runs the solver. Throws Error kInternal "simulation_diverged".
+Pose Perform(const Body& body, const Motion& motion);
+
+// Runs the solver and keeps `count` poses, `frames_between` frames apart, the first at once.
+std::vector<Pose> PerformSequence(const Body& body, const Motion& motion, int count,
+                                  int frames_between);
+
+}  // namespace pliant::simulation

@@ -1,0 +1,363 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/simulation/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "descriptor/error.h"
+#include "descriptor/simulation/backdrop.h"
+#include "descriptor/simulation/framing.h"
+#include "descriptor/simulation/surface.h"
+
+namespace pliant::simulation {
+namespace {
+
+using Eigen::Vector3f;
+
+constexpr int kTries = 6;                 // cameras until enough of the object is seen
+constexpr double kEnoughCoverage = 0.05;  // of the picture
+
+constexpr std::array<std::pair<Preset, std::string_view>, 6> kPresets{{
+    {Preset::kPairs, "pairs"},
+    {Preset::kObjects, "objects"},
+    {Preset::kSequence, "sequence"},
+    {Preset::kRotation, "rotation"},
+    {Preset::kScale, "scale"},
+    {Preset::kPlanar, "planar"},
+}};
+
+constexpr std::size_t kOthers = 5;  // pictures besides the object's that a scene uses
+
+// The object's picture first, then some others for backgrounds, backs and solids.
+using Cast = std::vector<std::shared_ptr<const Texture>>;
+
+Cast DrawCast(const TextureSource& textures, std::uint64_t index, Random& random) {
+  const auto own = static_cast<std::size_t>(index % textures.size());
+  Cast cast{textures.Get(own)};
+  for (std::size_t i = 0; i < kOthers && textures.size() > 1; ++i) {
+    const int step = random.Integer(1, static_cast<int>(textures.size()) - 1);
+    cast.push_back(textures.Get((own + static_cast<std::size_t>(step)) % textures.size()));
+  }
+  return cast;
+}
+
+const Texture* AnyOther(const Cast& cast, Random& random) {
+  if (cast.size() < 2) return nullptr;
+  return cast[static_cast<std::size_t>(random.Integer(1, static_cast<int>(cast.size()) - 1))].get();
+}
+
+Body DrawBody(Preset preset, float aspect, int cells, Random& random) {
+  const float draw = random.Uniform();
+  if (preset == Preset::kPlanar || draw < 0.64F) return MakeSheet(aspect, cells);
+  if (draw < 0.76F) return MakeTube(std::clamp(aspect, 0.5F, 1.6F), cells);
+  if (draw < 0.88F) return MakePillow(std::clamp(aspect, 0.6F, 1.6F), cells);
+  return MakeShirt(std::clamp(aspect, 0.9F, 1.2F), cells, random);
+}
+
+Material DrawMaterial(const Texture* texture, Random& random) {
+  Material material;
+  material.texture = texture;
+  const float grey = random.LogUniform(0.05F, 0.8F);
+  material.back =
+      Colour(grey, grey * random.Uniform(0.8F, 1.1F), grey * random.Uniform(0.7F, 1.1F), 0.0F);
+  material.show_through = random.Chance(0.4F) ? random.Uniform(0.0F, 0.5F) : 0.0F;
+  if (random.Chance(0.5F)) material.gloss = random.LogUniform(0.03F, 0.6F);
+  material.gloss_exponent = random.LogUniform(6.0F, 90.0F);
+  if (random.Chance(0.4F)) material.weave = random.Uniform(0.04F, 0.25F);
+  material.threads = random.Uniform(90.0F, 320.0F);
+  return material;
+}
+
+// What stays the same over the views of a scene.
+struct Stage {
+  Cast cast;
+  const SceneOptions& options;
+  Body body;
+  std::vector<Material> materials;  // per chart
+};
+
+// What one view is made from.
+struct Shot {
+  Pose pose;
+  Framing framing;
+  float facing_u = 0.5F;
+  float strength = 1.0F;  // of light, noise
+  bool calm = false;
+};
+
+std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, Random& random,
+                                  std::vector<RefinedChart>& grids) {
+  std::vector<Surface> surfaces;
+  for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
+    const Chart& chart = stage.body.charts[c];
+    grids.push_back(Refine(chart, pose.positions, stage.options.refine));
+    const float cell = chart.width / static_cast<float>(grids.back().columns - 1);
+    Surface surface = MakeChartSurface(grids.back(), cell);
+    surface.chart = static_cast<int>(c);
+    surface.material = stage.materials[c];
+    surface.outline = &chart.outline;
+    surface.closed = stage.body.kind == BodyKind::kPillow;
+    surfaces.push_back(std::move(surface));
+  }
+  std::vector<Solid> solids = pose.solids;
+  const bool table =
+      std::ranges::any_of(solids, [](const Solid& s) { return s.kind == SolidKind::kTable; });
+  if (!table && random.Chance(0.35F)) {
+    // A wall close behind, for the shadow.
+    float deepest = -1e9F;
+    for (const Vector3f& position : pose.positions) deepest = std::max(deepest, position.z());
+    Solid wall;
+    wall.kind = SolidKind::kTable;
+    wall.centre.z() = deepest + random.LogUniform(0.01F, 0.5F);
+    solids.push_back(wall);
+  }
+  for (const Solid& solid : solids) {
+    Surface surface = MakeSolidSurface(solid);
+    const Texture* other = random.Chance(0.6F) ? AnyOther(stage.cast, random) : nullptr;
+    surface.material = DrawMaterial(other, random);
+    surface.material.weave = 0.0F;
+    surface.material.tint = other != nullptr
+                                ? Colour(Colour::Constant(random.LogUniform(0.4F, 1.0F)))
+                                : surface.material.back;
+    surfaces.push_back(std::move(surface));
+  }
+  return surfaces;
+}
+
+std::vector<Eigen::Array2f> ProjectGrids(const std::vector<RefinedChart>& grids,
+                                         const Camera& camera) {
+  std::vector<Eigen::Array2f> projected;
+  for (const RefinedChart& grid : grids) {
+    for (const Vector3f& position : grid.positions) {
+      const Vector3f p = camera.ToCamera(position);
+      const bool known = p.allFinite() && p.z() > 1e-3F;
+      projected.emplace_back(known ? camera.Project(p)
+                                   : Eigen::Array2f(Eigen::Array2f::Constant(
+                                         std::numeric_limits<float>::quiet_NaN())));
+    }
+  }
+  return projected;
+}
+
+View TakeView(const Stage& stage, Shot shot, Random random) {
+  const SceneOptions& options = stage.options;
+  View view;
+  view.motion = shot.pose.motion;
+  view.stretch_p95 = shot.pose.stretch_p95;
+  std::vector<RefinedChart> grids;
+  const std::vector<Surface> surfaces = MakeSurfaces(stage, shot.pose, random, grids);
+  const Texture* behind = random.Chance(0.75F) ? AnyOther(stage.cast, random) : nullptr;
+  view.backdrop = behind != nullptr ? behind->name() : "";
+  const std::vector<Colour> backdrop = DrawBackdrop(random, behind, options.width, options.height);
+  view.camera = PlaceCamera(stage.body, shot.pose, shot.framing, shot.facing_u, options.width,
+                            options.height);
+  view.framing = shot.framing;
+  const Vector3f eye = view.camera.Position().normalized();
+  view.lighting = DrawLighting(random, eye);
+  Frame frame = Render(surfaces, view.lighting, view.camera, backdrop);
+  if (!shot.calm && random.Chance(options.occluders)) {
+    DrawOccluders(random, AnyOther(stage.cast, random), frame);
+  }
+  view.grid = ProjectGrids(grids, view.camera);
+  view.photo = DrawPhoto(random, shot.strength);
+  view.photo.exposure *= MeterExposure(frame);
+  view.image = TakePhoto(frame, view.photo, options.channels, random);
+  view.chart = std::move(frame.chart);
+  view.uv = std::move(frame.uv);
+  return view;
+}
+
+double Coverage(const View& view) {
+  const auto on =
+      std::ranges::count_if(view.chart, [](std::uint8_t chart) { return chart != kNoChart; });
+  return static_cast<double>(on) / static_cast<double>(view.chart.size());
+}
+
+Shot DrawShot(const Stage& stage, Random& random) {
+  const float strength = stage.options.strength;
+  Shot shot;
+  shot.strength = strength;
+  if (stage.options.preset == Preset::kPlanar) {
+    shot.pose = {"flat", stage.body.rest, {}, 0.0F};
+  } else {
+    shot.pose =
+        Perform(stage.body, DrawMotion(stage.body, random, strength * random.Uniform(0.35F, 1.0F)));
+  }
+  shot.framing = DrawFraming(random, strength);
+  shot.facing_u = random.Uniform(0.3F, 0.7F);
+  return shot;
+}
+
+// Looks again, and at last simulates again, when too little of the object can be seen.
+View TakeDeformedView(const Stage& stage, Random& random) {
+  View best;
+  double best_coverage = -1.0;
+  Shot shot = DrawShot(stage, random);
+  for (int attempt = 0; attempt < kTries; ++attempt) {
+    View view = TakeView(stage, shot, random.Fork());
+    const double coverage = Coverage(view);
+    if (coverage > best_coverage) {
+      best = std::move(view);
+      best_coverage = coverage;
+    }
+    if (best_coverage >= kEnoughCoverage) break;
+    shot = DrawShot(stage, random);
+    shot.framing.scale = std::max(shot.framing.scale, 0.6F);
+  }
+  return best;
+}
+
+Shot CalmShot(const Stage& stage, Random& random) {
+  Shot shot;
+  shot.calm = true;
+  shot.strength = 0.35F;
+  shot.pose = stage.options.preset == Preset::kPlanar
+                  ? Pose{"flat", stage.body.rest, {}, 0.0F}
+                  : Perform(stage.body, DrawCalmMotion(stage.body, random));
+  shot.framing = DrawFrontalFraming(random);
+  return shot;
+}
+
+// One deformed pose, with one setting changed from view to view.
+void TakeSweep(const Stage& stage, Random& random, Scene& scene) {
+  const int count = stage.options.views - 1;
+  Shot shot;
+  shot.strength = 0.6F * stage.options.strength;
+  shot.pose = Perform(stage.body, DrawMotion(stage.body, random, 0.5F * stage.options.strength));
+  shot.framing = DrawFrontalFraming(random);
+  shot.framing.tilt_deg = random.Uniform(0.0F, 25.0F);
+  shot.framing.shift_x = shot.framing.shift_y = 0.0F;
+  const Random same = random.Fork();  // same surroundings and light in every view
+  for (int i = 0; i < count; ++i) {
+    const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
+    if (stage.options.preset == Preset::kRotation) {
+      shot.framing.roll_deg = 180.0F * t;
+      shot.framing.scale = 0.75F;  // so that no corner leaves the picture
+    } else {
+      shot.framing.scale = std::pow(0.25F, t);
+    }
+    scene.views.push_back(TakeView(stage, shot, same));
+  }
+}
+
+void TakeSequence(const Stage& stage, Random& random, Scene& scene) {
+  const int count = stage.options.views - 1;
+  Motion motion =
+      DrawMotion(stage.body, random, stage.options.strength * random.Uniform(0.5F, 1.0F));
+  const std::vector<Pose> poses = PerformSequence(stage.body, motion, count, 2);
+  Framing framing = DrawFrontalFraming(random);
+  Framing last = framing;
+  last.roll_deg += random.Uniform(-60.0F, 60.0F);
+  last.tilt_deg = random.Uniform(0.0F, 40.0F);
+  framing.scale = random.Uniform(0.6F, 0.85F);
+  last.scale = random.Uniform(0.5F, 1.0F);
+  const Random same = random.Fork();
+  for (int i = 0; i < count; ++i) {
+    const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
+    Shot shot;
+    shot.strength = 0.5F * stage.options.strength;
+    shot.pose = poses[static_cast<std::size_t>(i)];
+    shot.framing = framing;
+    shot.framing.roll_deg += t * (last.roll_deg - framing.roll_deg);
+    shot.framing.tilt_deg += t * (last.tilt_deg - framing.tilt_deg);
+    shot.framing.scale += t * (last.scale - framing.scale);
+    scene.views.push_back(TakeView(stage, std::move(shot), same));
+  }
+}
+
+void Require(bool condition, const char* field, const char* range) {
+  if (condition) return;
+  throw Error(ErrorCode::kInvalidArgument, "option_out_of_range",
+              std::string("simulation option ") + field + " must be " + range);
+}
+
+}  // namespace
+
+Preset ParsePreset(std::string_view name) {
+  for (const auto& [preset, word] : kPresets) {
+    if (word == name) return preset;
+  }
+  throw Error(ErrorCode::kInvalidArgument, "preset_unknown",
+              "unknown preset '" + std::string(name) +
+                  "'; known: pairs, objects, sequence, rotation, scale, planar");
+}
+
+std::string ToString(Preset preset) {
+  for (const auto& [value, word] : kPresets) {
+    if (value == preset) return std::string(word);
+  }
+  return "pairs";
+}
+
+int DefaultViews(Preset preset) {
+  switch (preset) {
+    case Preset::kObjects:
+      return 11;
+    case Preset::kSequence:
+      return 61;
+    case Preset::kRotation:
+      return 20;  // 0, 10, ... 180 degrees
+    case Preset::kScale:
+      return 10;
+    case Preset::kPairs:
+    case Preset::kPlanar:
+      break;
+  }
+  return 5;
+}
+
+void Validate(const SceneOptions& options) {
+  Require(options.views == 0 || (options.views >= 2 && options.views <= 10000), "views",
+          "0 (the preset's own) or 2..10000");
+  Require(options.width >= 32 && options.width <= 4096, "width", "32..4096 pixels");
+  Require(options.height >= 32 && options.height <= 4096, "height", "32..4096 pixels");
+  Require(options.channels == 1 || options.channels == 3, "channels", "1 or 3");
+  Require(options.strength > 0.0F && options.strength <= 1.0F, "strength", "in (0, 1]");
+  Require(options.occluders >= 0.0F && options.occluders <= 1.0F, "occluders",
+          "a probability in [0, 1]");
+  Require(options.cells >= 8 && options.cells <= 128, "cells", "8..128");
+  Require(options.refine >= 1 && options.refine <= 8, "refine", "1..8");
+}
+
+Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::uint64_t seed,
+                std::uint64_t index) {
+  SceneOptions options = wanted;
+  Validate(options);
+  if (options.views == 0) options.views = DefaultViews(options.preset);
+  if (textures.size() == 0) {
+    throw Error(ErrorCode::kInvalidArgument, "textures_missing",
+                "the simulation needs at least one texture");
+  }
+  Random random(seed, index);
+  Stage stage{DrawCast(textures, index, random), options, {}, {}};
+  stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
+  Scene scene;
+  scene.preset = options.preset;
+  scene.seed = seed;
+  scene.index = index;
+  scene.kind = stage.body.kind;
+  for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
+    const Texture* other = c == 0 ? nullptr : AnyOther(stage.cast, random);
+    stage.materials.push_back(DrawMaterial(other != nullptr ? other : stage.cast[0].get(), random));
+    scene.textures.push_back(stage.materials.back().texture->name());
+    scene.chart_sizes.emplace_back(stage.body.charts[c].width, stage.body.charts[c].height);
+  }
+  scene.grid_columns = (stage.body.charts[0].columns - 1) * options.refine + 1;
+  scene.grid_rows = (stage.body.charts[0].rows - 1) * options.refine + 1;
+  scene.views.push_back(TakeView(stage, CalmShot(stage, random), random.Fork()));
+  if (options.preset == Preset::kSequence) {
+    TakeSequence(stage, random, scene);
+  } else if (options.preset == Preset::kRotation || options.preset == Preset::kScale) {
+    TakeSweep(stage, random, scene);
+  } else {
+    while (static_cast<int>(scene.views.size()) < options.views)
+      scene.views.push_back(TakeDeformedView(stage, random));
+  }
+  return scene;
+}
+
+}  // namespace pliant::simulation

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Scenes on disk for training; see the section FORMAT of this folder's README.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "descriptor/simulation/scene.h"
+
+namespace pliant::simulation {
+
+inline constexpr const char* kSceneFormat = "pliant-scene 1";
+
+// "scene_000042.safetensors".
+std::string SceneFileName(std::uint64_t index);
+
+// One safetensors file: images, chart, uv, grid_xy, grid_size and metadata. Colour pictures make
+// `images` [V, H, W, 3]. Throws Error kNoSpace "file_unwritable".
+void WriteSceneFile(const std::filesystem::path& path, const Scene& scene);
+
+// Camera, lights, photo, framing, motion of one view as a JSON object.
+std::string ViewJson(const View& view);
+
+}  // namespace pliant::simulation

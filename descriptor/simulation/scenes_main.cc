@@ -1,0 +1,123 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant-simulate-scenes: training scenes on a machine that has only a compiler. Pictures are read
+// as PGM/PPM or from a safetensors pack; `pliant simulate` reads every type that Pliant reads.
+#include <atomic>
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "descriptor/error.h"
+#include "descriptor/simulation/parallel.h"
+#include "descriptor/simulation/scene.h"
+#include "descriptor/simulation/scene_file.h"
+
+namespace {
+
+namespace sim = pliant::simulation;
+namespace fs = std::filesystem;
+
+constexpr const char* kUsage =
+    "usage: pliant-simulate-scenes --textures DIR|PACK --out DIR [--preset pairs] [--scenes N]\n"
+    "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
+    "         [--occluders 0..1] [--seed S] [--jobs N]\n";
+
+class Arguments {
+ public:
+  Arguments(int count, char** values) {
+    for (int i = 1; i < count; i += 2) {
+      const std::string name = values[i];
+      if (name.rfind("--", 0) != 0 || i + 1 >= count) Fail("cannot read the argument " + name);
+      values_[name.substr(2)] = values[i + 1];
+    }
+  }
+  [[noreturn]] static void Fail(const std::string& message) {
+    throw pliant::Error(pliant::ErrorCode::kInvalidArgument, "usage", message);
+  }
+  std::string Text(const std::string& name, const std::string& otherwise) {
+    const auto found = values_.find(name);
+    if (found == values_.end()) return otherwise;
+    std::string value = found->second;
+    values_.erase(found);
+    return value;
+  }
+  template <typename Value>
+  Value Number(const std::string& name, Value otherwise) {
+    const std::string text = Text(name, "");
+    if (text.empty()) return otherwise;
+    Value value{};
+    const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (parsed.ec != std::errc() || parsed.ptr != text.data() + text.size())
+      Fail("--" + name + " is not a number: " + text);
+    return value;
+  }
+  void RequireAllUsed() const {
+    if (!values_.empty()) Fail("unknown option --" + values_.begin()->first);
+  }
+
+ private:
+  std::map<std::string, std::string> values_;
+};
+
+int Run(Arguments arguments) {
+  sim::SceneOptions options;
+  const fs::path textures = arguments.Text("textures", "");
+  const fs::path out = arguments.Text("out", "");
+  options.preset = sim::ParsePreset(arguments.Text("preset", "pairs"));
+  options.views = arguments.Number("views", options.views);
+  options.width = arguments.Number("width", options.width);
+  options.height = arguments.Number("height", options.height);
+  options.channels = arguments.Number("colour", 0) != 0 ? 3 : 1;
+  options.strength = arguments.Number("strength", options.strength);
+  options.occluders = arguments.Number("occluders", options.occluders);
+  const auto scenes = arguments.Number<std::uint64_t>("scenes", 1);
+  const auto first = arguments.Number<std::uint64_t>("first", 0);
+  const auto seed = arguments.Number<std::uint64_t>("seed", 1);
+  const int jobs = arguments.Number("jobs", static_cast<int>(std::thread::hardware_concurrency()));
+  arguments.RequireAllUsed();
+  if (textures.empty() || out.empty()) Arguments::Fail("--textures and --out are needed");
+  if (scenes < 1 || jobs < 1) Arguments::Fail("--scenes and --jobs must be at least 1");
+  sim::Validate(options);
+  std::vector<sim::SkippedFile> skipped;
+  const sim::TextureSource source = sim::LoadTextures(textures, sim::DecodePnm, jobs, skipped);
+  for (const auto& [file, reason] : skipped)
+    std::fprintf(stderr, "skipped %s: %s\n", file.c_str(), reason.c_str());
+  std::error_code failed;
+  fs::create_directories(out, failed);
+  if (failed) Arguments::Fail("cannot make the folder " + out.string() + ": " + failed.message());
+  const auto begin = std::chrono::steady_clock::now();
+  std::atomic<std::uint64_t> pictures{0};
+  sim::ParallelFor(scenes, jobs, [&](std::size_t i) {
+    const fs::path path = out / sim::SceneFileName(first + i);
+    if (fs::exists(path)) return;  // resumes
+    const sim::Scene scene = sim::MakeScene(source, options, seed, first + i);
+    sim::WriteSceneFile(path, scene);
+    pictures += scene.views.size();
+  });
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  std::fprintf(stderr, "%llu pictures in %.1f s: %.2f a second\n",
+               static_cast<unsigned long long>(pictures), seconds.count(),
+               static_cast<double>(pictures) / seconds.count());
+  return skipped.empty() ? 0 : 3;
+}
+
+}  // namespace
+
+int main(int count, char** values) {
+  try {
+    return Run(Arguments(count, values));
+  } catch (const pliant::Error& error) {
+    std::fprintf(stderr, "pliant-simulate-scenes: %s\n", error.what());
+    if (error.reason() == "usage") std::fputs(kUsage, stderr);
+    return error.code() == pliant::ErrorCode::kInvalidArgument ? 2 : 1;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "pliant-simulate-scenes: %s\n", error.what());
+    return 1;
+  }
+}
