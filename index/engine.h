@@ -27,29 +27,35 @@ inline constexpr const char* kDefaultCollection = "default";
 struct EngineOptions {
   std::filesystem::path database;
   // Descriptor of a NEW database; an existing one must have been made with the same model
-  // (Error kConflict "model_mismatch" names both).
+  // (Error kConflict "model_mismatch" names both). Empty: whatever the database was made with, and
+  // "deal" for a new one.
   std::string descriptor = "deal";
   DescriptorOptions descriptor_options;
   ExtractionOptions extraction;
-  bool create = true;            // make the file if it does not exist; else kNotFound
+  bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
-  bool keep_originals = false;   // store the uploaded bytes too, for GET .../content
+  bool keep_originals = false;  // store the uploaded bytes too, for GET .../content
+  // Used instead of `descriptor` when set; engines can share one this way.
+  std::shared_ptr<const Descriptor> custom_descriptor;
+  // false: the descriptor is made by the first call that describes a picture, so that weights are
+  // neither needed nor checked before.
+  bool load_descriptor = true;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
 };
 
 struct ImageRecord {
   std::string collection;
-  std::string id;            // unique in the collection
-  std::string object;        // what the picture shows; may be empty
-  std::string sha256;        // of the uploaded bytes, hex
+  std::string id;      // unique in the collection
+  std::string object;  // what the picture shows; may be empty
+  std::string sha256;  // of the uploaded bytes, hex
   std::string media_type;
   std::string metadata = "{}";  // a JSON object
-  std::string source;        // file name as given, for people; may be empty
-  int width = 0;             // original, upright
+  std::string source;           // file name as given, for people; may be empty
+  int width = 0;                // original, upright
   int height = 0;
   std::uint32_t keypoints = 0;
-  std::uint64_t bytes = 0;   // of the upload
-  std::int64_t added_ms = 0; // Unix time
+  std::uint64_t bytes = 0;    // of the upload
+  std::int64_t added_ms = 0;  // Unix time
 };
 
 struct AddRequest {
@@ -61,7 +67,7 @@ struct AddRequest {
   std::string metadata = "{}";
   std::string source;
   Bytes bytes;
-  int threads = 1;           // for the description of this picture
+  int threads = 1;  // for the description of this picture
 };
 
 enum class AddOutcome {
@@ -104,7 +110,7 @@ struct Point {
 
 struct SearchOptions {
   std::string collection = kDefaultCollection;
-  std::size_t limit = 10;   // hits returned; 0 = all
+  std::size_t limit = 10;  // hits returned; 0 = all
   std::size_t offset = 0;
   RankMethod rank = RankMethod::kTfIdf;
   GroupBy group_by = GroupBy::kObject;
@@ -118,9 +124,9 @@ struct SearchOptions {
 struct Hit {
   std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
   std::string object;
-  std::string image_id;  // the best picture of the object
-  double score = 0;      // 0..1, see RankMethod
-  int inliers = 0;       // verified matches; 0 when not verified
+  std::string image_id;        // the best picture of the object
+  double score = 0;            // 0..1, see RankMethod
+  int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
   std::string metadata = "{}";
 };
@@ -134,10 +140,10 @@ struct SearchTimings {
 
 struct SearchResult {
   std::vector<Hit> hits;
-  std::size_t total = 0;         // hits there are, over all pages
-  std::int64_t vocabulary = 0;   // id of the vocabulary that answered
-  std::size_t words = 0;         // its size
-  std::uint32_t keypoints = 0;   // of the query, after the region
+  std::size_t total = 0;        // hits there are, over all pages
+  std::int64_t vocabulary = 0;  // id of the vocabulary that answered
+  std::size_t words = 0;        // its size
+  std::uint32_t keypoints = 0;  // of the query, after the region
   SearchTimings timings;
 };
 
@@ -153,8 +159,8 @@ struct VocabularyRecord {
 
 struct TrainOptions {
   std::string collection = kDefaultCollection;
-  int words = 0;          // 0 = chosen from the sample: 1000 or more when it allows
-  int sample = 10'000;    // descriptors drawn at random; at most kMaxKMedoidsSamples
+  int words = 0;        // 0 = chosen from the sample: 1000 or more when it allows
+  int sample = 10'000;  // descriptors drawn at random; at most kMaxKMedoidsSamples
   std::uint64_t seed = 1;
   int threads = 0;
   std::function<void(double done, double loss)> progress;
@@ -172,6 +178,9 @@ struct EngineStats {
   std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
 };
 
+// Fewer key points than this are refused: nothing could be recognised by them.
+inline constexpr std::uint32_t kMinKeypoints = 5;
+
 class Engine {
  public:
   // Opens or makes the database, migrates its schema and loads the index. Throws kNotFound,
@@ -181,8 +190,15 @@ class Engine {
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
+  // Collections: separate pictures, objects and vocabularies. `default` is there from the start and
+  // cannot be removed. Create: false = it was there. Remove: with all it holds; false = it was not.
+  bool CreateCollection(const std::string& name);
+  std::vector<std::string> ListCollections();
+  bool RemoveCollection(const std::string& name);
+
   // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
-  // kInvalidArgument for an id, object or metadata that is not acceptable.
+  // kInvalidArgument for an id, object or metadata that is not acceptable. Bytes that are stored
+  // under another id already are not described again.
   AddResult Add(const AddRequest& request);
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound

@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What stands behind the facade. Private to index/.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "index/catalogue.h"
+#include "index/connection.h"
+#include "index/engine.h"
+#include "index/index_state.h"
+#include "index/sqlite_error.h"
+#include "index/write_queue.h"
+
+namespace pliant {
+
+class Engine::Impl {
+ public:
+  explicit Impl(EngineOptions options);
+
+  // Pictures (engine_pictures.cc)
+  AddResult Add(const AddRequest& request);
+  std::vector<ImageRecord> List(const ListOptions& options);
+  bool Remove(const std::string& collection, const std::string& id);
+  std::uint64_t RemoveObject(const std::string& collection, const std::string& object);
+  bool CreateCollection(const std::string& name);
+  bool RemoveCollection(const std::string& name);
+  Features GetFeatures(const std::string& collection, const std::string& id);
+  PictureRow RequirePicture(Connection& db, const std::string& collection, const std::string& id);
+
+  // Search (engine_search.cc)
+  SearchResult Search(Bytes encoded, const SearchOptions& options);
+  SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+
+  // Vocabularies (engine_vocabularies.cc)
+  VocabularyRecord TrainVocabulary(const TrainOptions& options);
+  void UseVocabulary(const std::string& collection, std::int64_t id);
+
+  // Upkeep (engine.cc)
+  EngineStats Stats();
+  std::vector<std::string> Check();
+
+  // Runs `work` in a read transaction on a connection of the pool.
+  template <typename Work>
+  auto Read(Work&& work) {
+    return WithDatabaseErrors(options_.database, [&] {
+      const ConnectionPool::Lease db = readers_->Borrow();
+      const SQLite::Transaction reading(db->database());
+      return work(*db);
+    });
+  }
+  // Runs `work` in the writer's transaction; see WriteQueue::Run.
+  void Write(WriteQueue::Work work, bool reclaim = false);
+
+  const std::filesystem::path& path() const { return options_.database; }
+
+ private:
+  struct Prepared;  // engine_pictures.cc
+
+  // The descriptor, made when first needed; kConflict when it differs from the database's.
+  const FeatureExtractor& extractor();
+  void CheckModel(const DescriptorInfo& info) const;
+  CollectionView CurrentView(const std::string& collection);
+
+  std::optional<ImageRecord> FindUnchanged(Connection& db, const CollectionRow& collection,
+                                           const AddRequest& request, const std::string& sha256);
+  Prepared Prepare(const AddRequest& request, const std::string& sha256);
+  AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
+  SearchResult SearchFeatures(Features features, const SearchOptions& options,
+                              const ExtractionTimings& timings);
+  // Gives words of `vocabulary` to all pictures that lack them. `work` hears of the share done.
+  void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
+                       const std::stop_token& stop, const std::function<void(double)>& progress);
+  void DropUnfinished(Key vocabulary) noexcept;
+  void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantizer& quantizer);
+
+  EngineOptions options_;
+  ModelRow model_;
+  std::mutex extractor_mutex_;  // guards the making of extractor_
+  std::unique_ptr<const FeatureExtractor> extractor_;
+  std::unique_ptr<ConnectionPool> readers_;
+  std::unique_ptr<IndexState> state_;
+  std::unique_ptr<WriteQueue> writer_;  // nullptr when read-only
+  std::mutex training_mutex_;           // one training at a time
+};
+
+}  // namespace pliant

@@ -1,0 +1,143 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Engine: search.
+#include <chrono>
+#include <cmath>
+
+#include "descriptor/error.h"
+#include "index/blob_codec.h"
+#include "index/engine_impl.h"
+#include "index/ranking.h"
+
+namespace pliant {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double MsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+[[noreturn]] void ThrowInvalid(const std::string& field, const std::string& message) {
+  throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
+}
+
+void Validate(const SearchOptions& options) {
+  if (!std::isfinite(options.min_score) || options.min_score < 0 || options.min_score > 1) {
+    ThrowInvalid("min_score", "must be 0 to 1");
+  }
+  if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
+  if (options.verify != Verification::kNone) {
+    ThrowInvalid("verify", "can only be `none` in this version");
+  }
+  if (!options.region) return;
+  const Region& r = *options.region;
+  for (const double value : {r.x, r.y, r.width, r.height}) {
+    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers");
+  }
+  if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
+}
+
+bool Contains(const Region& region, const Keypoint& k) {
+  return k.x >= region.x && k.x < region.x + region.width && k.y >= region.y &&
+         k.y < region.y + region.height;
+}
+
+Features Inside(const Features& features, const Region& region) {
+  Features kept{features.width, features.height, {}, {}, features.model_id};
+  const Descriptors& all = features.descriptors;
+  kept.descriptors.kind = all.kind;
+  kept.descriptors.dim = all.dim;
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    if (!Contains(region, features.keypoints[i])) continue;
+    kept.keypoints.push_back(features.keypoints[i]);
+    if (all.kind == DescriptorKind::kFloat) {
+      const auto row = all.float_row(i);
+      kept.descriptors.floats.insert(kept.descriptors.floats.end(), row.begin(), row.end());
+    } else {
+      const auto row = all.binary_row(i);
+      kept.descriptors.bytes.insert(kept.descriptors.bytes.end(), row.begin(), row.end());
+    }
+  }
+  kept.descriptors.rows = kept.keypoints.size();
+  return kept;
+}
+
+void CheckQuery(const Features& features, bool has_region) {
+  if (features.keypoints.size() >= kMinKeypoints) return;
+  throw Error(ErrorCode::kUnprocessable, "too_few_features",
+              std::string(has_region ? "the region of the query picture" : "the query picture") +
+                  " has " + std::to_string(features.keypoints.size()) + " key points, " +
+                  std::to_string(kMinKeypoints) + " are the least");
+}
+
+}  // namespace
+
+SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
+  Validate(options);
+  ExtractionTimings timings;
+  Features features = extractor().Extract(encoded, options.threads, &timings);
+  return SearchFeatures(InStoredPrecision(features), options, timings);
+}
+
+SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
+  Validate(options);
+  return SearchFeatures(GetFeatures(options.collection, image_id), options, {});
+}
+
+SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions& options,
+                                          const ExtractionTimings& timings) {
+  const CollectionView view = CurrentView(options.collection);
+  if (!view.quantizer) {
+    throw Error(ErrorCode::kConflict, "no_vocabulary",
+                "collection \"" + options.collection +
+                    "\" has no vocabulary yet; add pictures and train one: pliant vocab train");
+  }
+  if (options.region) features = Inside(features, *options.region);
+  CheckQuery(features, options.region.has_value());
+
+  SearchResult result;
+  result.timings.extraction = timings;
+  result.vocabulary = view.vocabulary;
+  result.words = view.quantizer->vocabulary().size();
+  result.keypoints = static_cast<std::uint32_t>(features.keypoints.size());
+
+  Clock::time_point start = Clock::now();
+  const Bow bow = MakeBow(view.quantizer->Assign(features.descriptors, options.threads));
+  result.timings.quantize_ms = MsSince(start);
+
+  start = Clock::now();
+  RankOptions rank;
+  rank.method = options.rank;
+  rank.group_by = options.group_by;
+  rank.keep = options.limit == 0 ? 0 : options.offset + options.limit;
+  rank.min_score = options.min_score;
+  rank.threads = options.threads;
+  if (options.object) {
+    const Key wanted =
+        Read([&](Connection& db) { return FindObject(db, view.collection, *options.object); });
+    if (wanted == 0 && !options.object->empty()) return result;
+    rank.accept = [wanted](Key, Key object) { return object == wanted; };
+  }
+  const Ranking ranking = Rank(*view.snapshot, bow, rank);
+  result.total = ranking.total;
+  result.timings.rank_ms = MsSince(start);
+
+  Read([&](Connection& db) {
+    for (std::size_t i = options.offset; i < ranking.best.size(); ++i) {
+      const auto picture = FindPictureByKey(db, ranking.best[i].key);
+      if (!picture) continue;  // removed since the snapshot
+      Hit hit;
+      hit.rank = i + 1;
+      hit.object = picture->record.object;
+      hit.image_id = picture->record.id;
+      hit.score = ranking.best[i].score;
+      hit.metadata = picture->record.metadata;
+      result.hits.push_back(std::move(hit));
+    }
+    return 0;
+  });
+  return result;
+}
+
+}  // namespace pliant

@@ -1,0 +1,225 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Engine: training, quantising and switching vocabularies.
+#include <algorithm>
+
+#include "descriptor/error.h"
+#include "index/blob_codec.h"
+#include "index/catalogue_vocabularies.h"
+#include "index/descriptor_sample.h"
+#include "index/engine_impl.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kPicturesABatch = 64;
+constexpr double kTrainingShare = 0.8;  // of the progress; the rest is quantising
+
+void Validate(const TrainOptions& options) {
+  const auto fail = [](const std::string& field, const std::string& message) {
+    throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
+  };
+  if (options.words < 0) fail("words", "must not be negative");
+  if (options.sample < 1 || options.sample > static_cast<int>(kMaxKMedoidsSamples)) {
+    fail("sample", "must be 1 to " + std::to_string(kMaxKMedoidsSamples));
+  }
+  if (options.threads < 0) fail("threads", "must not be negative");
+}
+
+// A tenth of the sample: 1000 words from the default sample of 10 000.
+int ChooseWords(const TrainOptions& options, std::size_t sampled) {
+  if (options.words > 0) return options.words;
+  return static_cast<int>(std::max<std::size_t>(1, sampled / 10));
+}
+
+struct PictureDescriptors {
+  Key picture = 0;
+  Descriptors descriptors;
+};
+
+// One product for a whole batch instead of one for each picture.
+std::vector<Bow> AssignBatch(const Quantizer& quantizer,
+                             const std::vector<PictureDescriptors>& batch, int threads) {
+  Descriptors all;
+  all.kind = quantizer.vocabulary().words.kind;
+  all.dim = quantizer.vocabulary().words.dim;
+  for (const PictureDescriptors& p : batch) {
+    all.rows += p.descriptors.rows;
+    all.floats.insert(all.floats.end(), p.descriptors.floats.begin(), p.descriptors.floats.end());
+    all.bytes.insert(all.bytes.end(), p.descriptors.bytes.begin(), p.descriptors.bytes.end());
+  }
+  const std::vector<std::uint32_t> words = quantizer.Assign(all, threads);
+  std::vector<Bow> bows;
+  auto begin = words.begin();
+  for (const PictureDescriptors& p : batch) {
+    const auto end = begin + static_cast<std::ptrdiff_t>(p.descriptors.rows);
+    bows.push_back(MakeBow({begin, end}));
+    begin = end;
+  }
+  return bows;
+}
+
+std::vector<PictureDescriptors> ReadBatch(Connection& db, const std::vector<Key>& keys) {
+  std::vector<PictureDescriptors> batch;
+  for (const Key key : keys) {
+    batch.push_back({key, DecodeFeatures(ReadFeaturesBlob(db, key)).descriptors});
+  }
+  return batch;
+}
+
+void ThrowIfStopped(const std::stop_token& stop) {
+  if (stop.stop_requested()) {
+    throw Error(ErrorCode::kCancelled, "training_cancelled",
+                "the training was stopped; the vocabularies are as they were");
+  }
+}
+
+}  // namespace
+
+VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
+  Validate(options);
+  const std::lock_guard lock(training_mutex_);
+  CollectionRow collection;
+  const DescriptorSample sample = Read([&](Connection& db) {
+    collection = RequireCollection(db, options.collection);
+    return SampleDescriptors(db, collection, model_.info, static_cast<std::size_t>(options.sample),
+                             options.seed);
+  });
+  if (sample.available == 0) {
+    throw Error(ErrorCode::kConflict, "no_pictures",
+                "there are no pictures in collection \"" + options.collection +
+                    "\" to train a vocabulary from; add some first");
+  }
+  const int words = ChooseWords(options, sample.descriptors.rows);
+  if (static_cast<std::size_t>(words) > sample.descriptors.rows) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "words_invalid",
+        "words must be at most the number of sampled descriptors: " + std::to_string(words) +
+            " asked for, " + std::to_string(sample.descriptors.rows) + " sampled of " +
+            std::to_string(sample.available));
+  }
+  KMedoidsOptions k_medoids;
+  k_medoids.k = words;
+  k_medoids.seed = options.seed;
+  k_medoids.threads = options.threads;
+  k_medoids.stop = options.stop;
+  if (options.progress) {
+    k_medoids.progress = [&](double done, double loss) {
+      options.progress(kTrainingShare * done, loss);
+    };
+  }
+  const auto vocabulary = std::make_shared<const Vocabulary>(pliant::TrainVocabulary(
+      sample.descriptors, model_.info.model_id, sample.available, k_medoids));
+  ThrowIfStopped(options.stop);
+
+  Key key = 0;
+  Write([&](Connection& db) {
+    DeleteAbandonedVocabularies(db, collection.key);
+    key = InsertVocabulary(db, collection.key, model_.key, *vocabulary);
+  });
+  try {
+    const Quantizer quantizer(vocabulary);
+    QuantizeMissing(
+        collection.key, key, quantizer, options.threads, options.stop, [&](double share) {
+          if (!options.progress) return;
+          options.progress(kTrainingShare + (1 - kTrainingShare) * share, vocabulary->origin.loss);
+        });
+    std::optional<VocabularyRecord> record;
+    Write([&](Connection& db) {
+      QuantizeRest(db, collection.key, key, quantizer);
+      MarkVocabularyReady(db, key);
+      CollectionRow now = RequireCollection(db, options.collection);
+      if (now.active_vocabulary == 0) {
+        SetActiveVocabulary(db, now.key, key);
+        now.active_vocabulary = key;
+      }
+      record = FindVocabulary(db, now, key);
+    });
+    return record.value();
+  } catch (...) {
+    DropUnfinished(key);
+    throw;
+  }
+}
+
+// Runs while another error is on its way out, which must not be covered by a second one: what
+// cannot be removed now is left to DeleteAbandonedVocabularies.
+void Engine::Impl::DropUnfinished(Key vocabulary) noexcept {
+  try {
+    Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, true);
+  } catch (const std::exception&) {
+    return;
+  }
+}
+
+void Engine::Impl::QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer,
+                                   int threads, const std::stop_token& stop,
+                                   const std::function<void(double)>& progress) {
+  const auto total = static_cast<double>(Read([&](Connection& db) {
+    return db.Prepare("SELECT count(*) FROM pictures WHERE collection = ?")
+        .Bind(collection)
+        .One()
+        .Int(0);
+  }));
+  double done = 0;
+  Key after = 0;
+  while (true) {
+    ThrowIfStopped(stop);
+    const std::vector<PictureDescriptors> batch = Read([&](Connection& db) {
+      return ReadBatch(db,
+                       PicturesWithoutWords(db, collection, vocabulary, after, kPicturesABatch));
+    });
+    if (batch.empty()) return;
+    const std::vector<Bow> bows = AssignBatch(quantizer, batch, threads);
+    Write([&](Connection& db) {
+      for (std::size_t i = 0; i < batch.size(); ++i) {
+        InsertPictureWords(db, vocabulary, batch[i].picture, bows[i]);
+      }
+    });
+    after = batch.back().picture;
+    done += static_cast<double>(batch.size());
+    progress(std::min(1.0, done / std::max(total, 1.0)));
+  }
+}
+
+// What was added while QuantizeMissing ran; inside the writer's transaction.
+void Engine::Impl::QuantizeRest(Connection& db, Key collection, Key vocabulary,
+                                const Quantizer& quantizer) {
+  while (true) {
+    const std::vector<Key> keys =
+        PicturesWithoutWords(db, collection, vocabulary, 0, kPicturesABatch);
+    if (keys.empty()) return;
+    const std::vector<PictureDescriptors> batch = ReadBatch(db, keys);
+    const std::vector<Bow> bows = AssignBatch(quantizer, batch, 0);
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      InsertPictureWords(db, vocabulary, batch[i].picture, bows[i]);
+    }
+  }
+}
+
+void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_t id) {
+  CollectionRow collection;
+  const auto vocabulary = Read([&](Connection& db) {
+    collection = RequireCollection(db, collection_name);
+    const auto record = FindVocabulary(db, collection, id);
+    if (!record) {
+      throw Error(ErrorCode::kNotFound, "vocabulary_not_found",
+                  "there is no vocabulary " + std::to_string(id) + " in collection \"" +
+                      collection_name + "\"");
+    }
+    if (record->model_id != model_.info.model_id) {
+      throw Error(ErrorCode::kConflict, "model_mismatch",
+                  "vocabulary " + std::to_string(id) + " was made for " + record->model_id +
+                      ", the database holds " + model_.info.model_id);
+    }
+    return ReadVocabulary(db, id);
+  });
+  const Quantizer quantizer(vocabulary);
+  QuantizeMissing(collection.key, id, quantizer, 0, {}, [](double) {});
+  Write([&](Connection& db) {
+    QuantizeRest(db, collection.key, id, quantizer);
+    SetActiveVocabulary(db, collection.key, id);
+  });
+}
+
+}  // namespace pliant

@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The JSON form of a search answer, one for the command line and the HTTP server.
+#pragma once
+
+#include <string>
+
+#include "index/engine.h"
+
+namespace pliant {
+
+// {"took_ms", "vocabulary", "words", "keypoints", "total", "hits": [{"rank", "object", "score",
+// "image_id", "inliers", "polygon", "metadata"}], "timings": {...}}. An object that is not named is
+// null; the polygon is a list of [x, y] or null. `indent` -1 = on one line.
+std::string SearchResultJson(const SearchResult& result, double took_ms, int indent = -1);
+
+}  // namespace pliant

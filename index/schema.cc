@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/schema.h"
+
+#include <array>
+#include <string>
+
+#include <SQLiteCpp/Transaction.h>
+
+#include "descriptor/error.h"
+
+namespace pliant {
+namespace {
+
+// Keys are AUTOINCREMENT: a key is never used twice, so that an index in memory can tell what is
+// new (greater keys) and what is gone (removals) since it last looked.
+constexpr const char* kVersion1 = R"sql(
+CREATE TABLE models (
+  key INTEGER PRIMARY KEY,
+  name TEXT NOT NULL,                  -- "deal", "sift", ...
+  model_id TEXT NOT NULL UNIQUE,
+  kind INTEGER NOT NULL,               -- DescriptorKind
+  dim INTEGER NOT NULL
+);
+CREATE TABLE collections (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  name TEXT NOT NULL UNIQUE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  active_vocabulary INTEGER REFERENCES vocabularies (key) ON DELETE SET NULL,
+  created_ms INTEGER NOT NULL
+);
+CREATE TABLE objects (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  name TEXT NOT NULL CHECK (name <> ''),
+  UNIQUE (collection, name)
+);
+CREATE TABLE pictures (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  id TEXT NOT NULL,
+  object INTEGER REFERENCES objects (key) ON DELETE CASCADE,
+  sha256 BLOB NOT NULL CHECK (length(sha256) = 32),
+  media_type TEXT NOT NULL,
+  width INTEGER NOT NULL,
+  height INTEGER NOT NULL,
+  bytes INTEGER NOT NULL,
+  keypoints INTEGER NOT NULL,
+  metadata TEXT NOT NULL,
+  source TEXT NOT NULL,
+  added_ms INTEGER NOT NULL,
+  UNIQUE (collection, id)
+);
+CREATE INDEX pictures_by_sha256 ON pictures (sha256, collection);
+CREATE INDEX pictures_by_object ON pictures (object, id);
+CREATE TABLE features (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  data BLOB NOT NULL
+);
+CREATE TABLE originals (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  data BLOB NOT NULL
+);
+CREATE TABLE vocabularies (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  words INTEGER NOT NULL,
+  seed INTEGER NOT NULL,
+  sampled INTEGER NOT NULL,
+  available INTEGER NOT NULL,
+  loss REAL NOT NULL,
+  method TEXT NOT NULL,
+  checksum INTEGER NOT NULL,           -- CRC-32 over the words' bytes in order
+  ready INTEGER NOT NULL DEFAULT 0,    -- 1 when every picture was quantised with it
+  created_ms INTEGER NOT NULL
+);
+CREATE INDEX vocabularies_by_collection ON vocabularies (collection);
+CREATE TABLE vocabulary_words (
+  vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
+  word INTEGER NOT NULL,
+  data BLOB NOT NULL,
+  PRIMARY KEY (vocabulary, word)
+) WITHOUT ROWID;
+CREATE TABLE picture_words (
+  key INTEGER PRIMARY KEY,
+  vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
+  picture INTEGER NOT NULL REFERENCES pictures (key) ON DELETE CASCADE,
+  data BLOB NOT NULL,
+  UNIQUE (vocabulary, picture)
+);
+CREATE INDEX picture_words_by_picture ON picture_words (picture);
+CREATE TABLE removals (
+  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  picture INTEGER NOT NULL
+);
+CREATE TRIGGER picture_removed AFTER DELETE ON pictures BEGIN
+  INSERT INTO removals (picture) VALUES (old.key);
+END;
+)sql";
+
+constexpr std::array kMigrations = {Migration{kVersion1}};
+
+}  // namespace
+
+std::span<const Migration> Migrations() { return kMigrations; }
+
+int SchemaVersion() { return static_cast<int>(kMigrations.size()); }
+
+void Migrate(SQLite::Database& database, std::span<const Migration> migrations) {
+  const int newest = static_cast<int>(migrations.size());
+  while (true) {
+    const int seen = database.execAndGet("PRAGMA user_version").getInt();
+    if (seen == newest) return;
+    if (seen < 0 || seen > newest) {
+      throw Error(ErrorCode::kCorrupt, "newer_schema",
+                  database.getFilename() + " was made by a newer Pliant (schema version " +
+                      std::to_string(seen) + ", this program knows " + std::to_string(newest) +
+                      "); use that one");
+    }
+    SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
+    // Another process may have migrated while this one waited for the write lock.
+    if (database.execAndGet("PRAGMA user_version").getInt() != seen) continue;
+    database.exec(migrations[static_cast<std::size_t>(seen)].sql);
+    database.exec("PRAGMA user_version = " + std::to_string(seen + 1));
+    transaction.commit();
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What names and metadata may be.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace pliant {
+
+bool IsValidUtf8(std::string_view text);
+
+// `text` with each byte that is no valid UTF-8 written as \xHH, for people and JSON.
+std::string ToDisplayText(std::string_view text);
+
+// Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,
+// not "." or "..", so that it can be a part of a URL; a collection name 1..64 of letters, digits,
+// . _ -; an object is at most 512 bytes of UTF-8 without control characters; a source 4096.
+void CheckImageId(std::string_view id);
+void CheckCollectionName(std::string_view name);
+void CheckObject(std::string_view object);
+void CheckSource(std::string_view source);
+
+// A JSON object of at most 64 KiB and 32 levels, rewritten with sorted keys and no white space so
+// that equal metadata compare equal. Throws kInvalidArgument "metadata_invalid".
+std::string CanonicalMetadata(const std::string& metadata);
+
+}  // namespace pliant
