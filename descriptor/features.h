@@ -30,10 +30,10 @@ enum class DescriptorKind : std::uint8_t {
 // N descriptors of one kind, one row each, row-major and contiguous.
 struct Descriptors {
   DescriptorKind kind = DescriptorKind::kFloat;
-  int dim = 0;                       // floats a row (kFloat) or bytes a row (kBinary)
-  std::size_t rows = 0;              // N
-  std::vector<float> floats;         // N x dim when kFloat, else empty
-  std::vector<std::uint8_t> bytes;   // N x dim when kBinary, else empty
+  int dim = 0;                      // floats a row (kFloat) or bytes a row (kBinary)
+  std::size_t rows = 0;             // N
+  std::vector<float> floats;        // N x dim when kFloat, else empty
+  std::vector<std::uint8_t> bytes;  // N x dim when kBinary, else empty
 
   static Descriptors Float(std::size_t rows, int dim) {
     return {DescriptorKind::kFloat, dim, rows, std::vector<float>(rows * dim), {}};

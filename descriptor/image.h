@@ -35,18 +35,18 @@ struct ImageHeader {
 };
 
 struct DecodeOptions {
-  int max_side_px = 1024;                        // larger pictures are scaled down to it; 0 = never
-  std::int64_t max_pixels = 100'000'000;         // checked in the header, before decoding
-  std::int64_t max_bytes = 64LL * 1024 * 1024;   // of the encoded file
-  int min_side_px = 16;                          // smaller pictures are refused
-  bool colour = false;                           // decode to 3 channels instead of 1
+  int max_side_px = 1024;                       // larger pictures are scaled down to it; 0 = never
+  std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
+  std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
+  int min_side_px = 16;                         // smaller pictures are refused
+  bool colour = false;                          // decode to 3 channels instead of 1
 };
 
 struct DecodedImage {
-  Image image;                  // upright, at most max_side_px
-  int original_width = 0;       // upright, before scaling
+  Image image;             // upright, at most max_side_px
+  int original_width = 0;  // upright, before scaling
   int original_height = 0;
-  double scale = 1.0;           // image width / original width
+  double scale = 1.0;  // image width / original width
   ImageFormat format = ImageFormat::kUnknown;
 };
 

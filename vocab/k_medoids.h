@@ -17,13 +17,13 @@
 namespace pliant {
 
 struct KMedoidsOptions {
-  int k = 10;                 // number of medoids, 1..N
-  std::uint64_t seed = 1;     // same seed, same result, whatever the number of threads
-  int threads = 0;            // 0 = all cores
-  int max_passes = 0;         // passes over all candidates; 0 = until no swap improves
+  int k = 10;              // number of medoids, 1..N
+  std::uint64_t seed = 1;  // same seed, same result, whatever the number of threads
+  int threads = 0;         // 0 = all cores
+  int max_passes = 0;      // passes over all candidates; 0 = until no swap improves
   // Called now and then with the share of the work done (0..1) and the current loss.
   std::function<void(double done, double loss)> progress;
-  std::stop_token stop;       // a stop request ends in Error kCancelled
+  std::stop_token stop;  // a stop request ends in Error kCancelled
 };
 
 struct KMedoidsResult {
@@ -32,7 +32,7 @@ struct KMedoidsResult {
   double loss = 0;                        // sum of distances to the nearest medoid
   int swaps = 0;
   int passes = 0;
-  bool converged = false;                 // no single swap lowers the loss any further
+  bool converged = false;  // no single swap lowers the loss any further
 };
 
 // Clusters the rows (Euclidean distance for floats, Hamming for binary). Throws kInvalidArgument
