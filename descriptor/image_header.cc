@@ -166,6 +166,7 @@ bool BmpComplete(Bytes bytes, const ImageHeader& header) {
 
 bool TiffComplete(Bytes bytes) {
   const TiffDirectory directory = ReadTiffDirectory(bytes);
+  if (!directory.complete) return false;
   for (std::size_t i = 0; i < directory.data_offsets.size(); ++i) {
     const std::uint64_t size = i < directory.data_bytes.size() ? directory.data_bytes[i] : 0;
     if (directory.data_offsets[i] + size > bytes.size()) return false;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/tiff_directory.h"
 
-#include <algorithm>
+#include <array>
 #include <optional>
 
 #include "descriptor/byte_reader.h"
@@ -23,6 +23,20 @@ enum Tag : std::uint16_t {
 constexpr std::uint16_t kShort = 3;
 constexpr std::uint16_t kLong = 4;
 constexpr std::size_t kEntryBytes = 12;
+
+// Bytes a value of TIFF 6.0's types 1 (BYTE) to 12 (DOUBLE).
+constexpr std::array<std::uint8_t, 13> kTypeBytes = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8};
+
+// Whether the entry and the values it points to lie within the file.
+bool EntryComplete(const ByteReader& reader, std::size_t entry) {
+  const auto type = reader.U16(entry + 2);
+  const auto count = reader.U32(entry + 4);
+  const auto offset = reader.U32(entry + 8);
+  if (!type || !count || !offset) return false;
+  const std::uint64_t size =
+      std::uint64_t{*count} * (*type < kTypeBytes.size() ? kTypeBytes[*type] : 1);
+  return size <= 4 || *offset + size <= reader.size();
+}
 
 // The values of one directory entry (SHORT or LONG); empty when they lie outside the file.
 std::vector<std::uint32_t> EntryValues(const ByteReader& reader, std::size_t entry) {
@@ -86,9 +100,12 @@ TiffDirectory ReadTiffDirectory(Bytes bytes) {
   if (reader.U16(2) != std::uint16_t{42} || !start) return directory;
   const auto entries = reader.U16(*start);
   if (!entries) return directory;
-  directory.readable = true;
+  const std::size_t first = std::size_t{*start} + 2;
+  directory.complete = reader.U32(first + *entries * kEntryBytes).has_value();
   for (std::size_t i = 0; i < *entries; ++i) {
-    ReadEntry(reader, *start + 2 + i * kEntryBytes, directory);
+    const std::size_t entry = first + i * kEntryBytes;
+    ReadEntry(reader, entry, directory);
+    directory.complete = directory.complete && EntryComplete(reader, entry);
   }
   return directory;
 }

@@ -20,7 +20,7 @@ struct TiffDirectory {
   bool readable = false;                    // the directory was found and lies within the bytes
 };
 
-// Never throws: a directory that cannot be read comes back with readable == false.
+// Never throws: what lies outside the bytes is left at its default and complete is false.
 TiffDirectory ReadTiffDirectory(Bytes bytes);
 
 }  // namespace pliant

@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What every descriptor behind the interface must do, and the extractor that wraps them.
+#include "descriptor/descriptor.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include "descriptor/cv_image.h"
+#include "descriptor/error.h"
+#include "descriptor/sha256.h"
+#include "tests/unit/picture_files.h"
+
+namespace pliant {
+namespace {
+
+double Distance(const Descriptors& a, std::size_t i, const Descriptors& b, std::size_t j) {
+  double sum = 0;
+  for (int c = 0; c < a.dim; ++c) {
+    if (a.kind == DescriptorKind::kFloat) {
+      sum += std::pow(a.float_row(i)[c] - b.float_row(j)[c], 2);
+    } else {
+      sum += std::popcount(static_cast<unsigned>(a.binary_row(i)[c] ^ b.binary_row(j)[c]));
+    }
+  }
+  return a.kind == DescriptorKind::kFloat ? std::sqrt(sum) : sum;
+}
+
+// Share of rows of `a` whose nearest row of `b` is the one with the same number.
+double SelfMatchShare(const Descriptors& a, const Descriptors& b) {
+  std::size_t right = 0;
+  for (std::size_t i = 0; i < a.rows; ++i) {
+    std::size_t nearest = 0;
+    double best = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < b.rows; ++j) {
+      const double distance = Distance(a, i, b, j);
+      if (distance < best) {
+        best = distance;
+        nearest = j;
+      }
+    }
+    right += nearest == i ? 1 : 0;
+  }
+  return static_cast<double>(right) / static_cast<double>(a.rows);
+}
+
+class EveryDescriptor : public ::testing::TestWithParam<std::string> {
+ protected:
+  // Made once a name: loading DEAL's weights takes longer than using them here.
+  static std::shared_ptr<const Descriptor> Shared(const std::string& name) {
+    static std::map<std::string, std::shared_ptr<const Descriptor>> made;
+    if (!made.contains(name)) made[name] = MakeDescriptor(name);
+    return made[name];
+  }
+
+  std::shared_ptr<const Descriptor> descriptor_ = Shared(GetParam());
+  Image image_ = CopyFromMat(testing::NoisePicture(200, 160, 11));
+  std::vector<Keypoint> keypoints_ = DetectKeypoints(image_, {.max_keypoints = 100});
+};
+
+TEST_P(EveryDescriptor, HasOneRowAKeypointAndSaysWhatItIs) {
+  const DescriptorInfo& info = descriptor_->info();
+  EXPECT_EQ(info.name, GetParam());
+  EXPECT_TRUE(info.model_id.starts_with(GetParam() + ":")) << info.model_id;
+  const Descriptors rows = descriptor_->Describe(image_, keypoints_, 1);
+  EXPECT_EQ(rows.rows, keypoints_.size());
+  EXPECT_EQ(rows.kind, info.kind);
+  EXPECT_EQ(rows.dim, info.dim);
+  const std::size_t expected = rows.rows * static_cast<std::size_t>(rows.dim);
+  EXPECT_EQ(rows.floats.size(), info.kind == DescriptorKind::kFloat ? expected : 0);
+  EXPECT_EQ(rows.bytes.size(), info.kind == DescriptorKind::kBinary ? expected : 0);
+  for (const float value : rows.floats) ASSERT_TRUE(std::isfinite(value));
+}
+
+TEST_P(EveryDescriptor, RowsFollowTheKeypointsOrder) {
+  const Descriptors forward = descriptor_->Describe(image_, keypoints_, 1);
+  std::vector<Keypoint> reversed(keypoints_.rbegin(), keypoints_.rend());
+  const Descriptors backward = descriptor_->Describe(image_, reversed, 1);
+  for (std::size_t i = 0; i < forward.rows; ++i) {
+    EXPECT_NEAR(Distance(forward, i, backward, forward.rows - 1 - i), 0, 1e-4);
+  }
+}
+
+TEST_P(EveryDescriptor, FindsItselfInABrighterNoisierPicture) {
+  cv::Mat changed = ViewAsMat(image_).clone();
+  cv::Mat noise(changed.size(), CV_16S);
+  cv::RNG(5).fill(noise, cv::RNG::NORMAL, 8, 4);
+  cv::add(changed, noise, changed, cv::noArray(), CV_8U);
+  const Descriptors a = descriptor_->Describe(image_, keypoints_, 1);
+  const Descriptors b = descriptor_->Describe(CopyFromMat(changed), keypoints_, 1);
+  EXPECT_GT(SelfMatchShare(a, b), 0.95);
+}
+
+TEST_P(EveryDescriptor, NoKeypointsGiveNoRows) {
+  const Descriptors rows = descriptor_->Describe(image_, {}, 1);
+  EXPECT_EQ(rows.rows, 0U);
+  EXPECT_EQ(rows.dim, descriptor_->info().dim);
+}
+
+TEST_P(EveryDescriptor, RefusesColour) {
+  EXPECT_THROW(descriptor_->Describe({4, 4, 3, std::vector<std::uint8_t>(48)}, keypoints_, 1),
+               Error);
+}
+
+INSTANTIATE_TEST_SUITE_P(Names, EveryDescriptor, ::testing::ValuesIn(DescriptorNames()),
+                         [](const auto& parameter) {
+                           std::string name = parameter.param;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+TEST(RootSift, HasUnitLength) {
+  const Image image = CopyFromMat(testing::NoisePicture(200, 160, 12));
+  const Descriptors rows = MakeDescriptor("rootsift")->Describe(image, DetectKeypoints(image), 1);
+  ASSERT_GT(rows.rows, 50U);
+  for (std::size_t i = 0; i < rows.rows; ++i) {
+    double sum = 0;
+    for (const float value : rows.float_row(i)) sum += value * value;
+    EXPECT_NEAR(sum, 1, 1e-4);
+  }
+}
+
+TEST(MakeDescriptor, NamesTheKnownOnes) {
+  try {
+    MakeDescriptor("surf");
+    FAIL() << "made a descriptor of an unknown name";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::kInvalidArgument);
+    EXPECT_NE(std::string(e.what()).find("rootsift"), std::string::npos);
+  }
+}
+
+TEST(MakeDescriptor, SaysWhichWeightFileIsMissing) {
+  try {
+    MakeDescriptor("deal", {.model_path = "/nonexistent/weights.safetensors"});
+    FAIL() << "made a descriptor without weights";
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find("/nonexistent/weights.safetensors"), std::string::npos);
+  }
+}
+
+TEST(FeatureExtractor, GivesKeypointsInPixelsOfTheOriginal) {
+  cv::Mat large;
+  cv::resize(testing::NoisePicture(400, 300, 13), large, {}, 4, 4, cv::INTER_CUBIC);
+  const auto bytes = testing::EncodeAs(large, ".png");
+  ExtractionOptions options;
+  options.decode.max_side_px = 400;
+  ExtractionTimings timings;
+  const Features features =
+      FeatureExtractor(MakeDescriptor("orb"), options).Extract(bytes, 1, &timings);
+  EXPECT_EQ(features.width, 1600);
+  EXPECT_EQ(features.height, 1200);
+  EXPECT_EQ(features.model_id, "orb:1");
+  EXPECT_EQ(features.keypoints.size(), features.descriptors.rows);
+  EXPECT_GT(timings.describe_ms, 0);
+  float furthest = 0;
+  for (const Keypoint& k : features.keypoints) {
+    furthest = std::max(furthest, k.x);
+    EXPECT_GE(k.x, -0.5F);
+    EXPECT_LE(k.x, 1599.5F);
+  }
+  EXPECT_GT(furthest, 800.0F);
+}
+
+TEST(FeatureExtractor, FlatPictureHasNoRows) {
+  const auto bytes = testing::EncodeAs(cv::Mat(64, 64, CV_8UC1, cv::Scalar(9)), ".png");
+  const Features features = FeatureExtractor(MakeDescriptor("orb"), {}).Extract(bytes, 1);
+  EXPECT_EQ(features.descriptors.rows, 0U);
+}
+
+TEST(Sha256Hex, MatchesTheStandardsExample) {
+  const std::string text = "abc";
+  EXPECT_EQ(Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+}  // namespace
+}  // namespace pliant

@@ -1,0 +1,204 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/image.h"
+
+#include <array>
+#include <random>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "descriptor/error.h"
+#include "tests/unit/picture_files.h"
+
+namespace pliant {
+namespace {
+
+using testing::CornerPicture;
+using testing::EncodeAs;
+using testing::FileBytes;
+
+std::string ReasonOf(const FileBytes& bytes, const DecodeOptions& options = {}) {
+  try {
+    DecodeImage(bytes, options);
+  } catch (const Error& e) {
+    return e.reason();
+  }
+  return "decoded";
+}
+
+int At(const Image& image, double x, double y) {
+  const int column = static_cast<int>(x * image.width);
+  const int row = static_cast<int>(y * image.height);
+  return image.pixels[(static_cast<std::size_t>(row) * image.width + column) * image.channels];
+}
+
+// Levels of the corners, read top left, top right, bottom left, bottom right.
+void ExpectCorners(const Image& image, std::array<int, 4> levels) {
+  EXPECT_NEAR(At(image, 0.25, 0.25), levels[0], 6);
+  EXPECT_NEAR(At(image, 0.75, 0.25), levels[1], 6);
+  EXPECT_NEAR(At(image, 0.25, 0.75), levels[2], 6);
+  EXPECT_NEAR(At(image, 0.75, 0.75), levels[3], 6);
+}
+
+class EveryFormat : public ::testing::TestWithParam<std::pair<const char*, ImageFormat>> {};
+
+TEST_P(EveryFormat, IsReadByContent) {
+  const FileBytes bytes = EncodeAs(CornerPicture(97, 65), GetParam().first);
+  const ImageHeader header = ReadImageHeader(bytes);
+  EXPECT_EQ(header.format, GetParam().second);
+  EXPECT_EQ(header.width, 97);
+  EXPECT_EQ(header.height, 65);
+  const DecodedImage decoded = DecodeImage(bytes);
+  EXPECT_EQ(decoded.image.width, 97);
+  EXPECT_EQ(decoded.image.height, 65);
+  EXPECT_EQ(decoded.image.channels, 1);
+  ExpectCorners(decoded.image, {250, 10, 90, 170});
+}
+
+TEST_P(EveryFormat, CutAnywhereIsRefused) {
+  const FileBytes bytes = EncodeAs(testing::NoisePicture(80, 60, 3), GetParam().first);
+  for (std::size_t keep = 0; keep + 1 < bytes.size(); keep += 1 + bytes.size() / 200) {
+    const FileBytes cut(bytes.begin(), bytes.begin() + keep);
+    EXPECT_NE(ReasonOf(cut), "decoded") << "kept " << keep << " of " << bytes.size();
+  }
+}
+
+// Damage may go unnoticed (a changed pixel is a picture too), but must never crash or hang, and
+// every refusal must be one of the documented ones.
+TEST_P(EveryFormat, DamageIsAnErrorOrAPicture) {
+  const FileBytes bytes = EncodeAs(testing::NoisePicture(80, 60, 4), GetParam().first);
+  const unsigned seed = 20240611;
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const std::set<std::string> documented = {"decoded",         "image_corrupt",
+                                            "image_truncated", "image_type_unknown",
+                                            "image_too_large", "image_too_small"};
+  for (int round = 0; round < 300; ++round) {
+    FileBytes damaged = bytes;
+    for (int i = 0; i < 4; ++i) {
+      const std::size_t range =
+          round % 2 == 0 ? std::min<std::size_t>(80, bytes.size()) : bytes.size();
+      damaged[random() % range] = static_cast<std::uint8_t>(random());
+    }
+    EXPECT_TRUE(documented.contains(ReasonOf(damaged))) << ReasonOf(damaged);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Formats, EveryFormat,
+    ::testing::Values(std::pair(".jpg", ImageFormat::kJpeg), std::pair(".png", ImageFormat::kPng),
+                      std::pair(".webp", ImageFormat::kWebp), std::pair(".bmp", ImageFormat::kBmp),
+                      std::pair(".tiff", ImageFormat::kTiff)),
+    [](const auto& parameter) { return std::string(parameter.param.first + 1); });
+
+constexpr std::array<std::array<int, 4>, 8> kTurnedCorners = {{
+    {250, 10, 90, 170},  // 1: upright
+    {10, 250, 170, 90},  // 2: mirrored
+    {170, 90, 10, 250},  // 3: half turn
+    {90, 170, 250, 10},  // 4: upside down mirrored
+    {250, 90, 10, 170},  // 5: transposed
+    {90, 250, 170, 10},  // 6: needs a quarter turn clockwise
+    {170, 10, 90, 250},  // 7: transposed the other way
+    {10, 170, 250, 90},  // 8: needs a quarter turn counter-clockwise
+}};
+
+class EveryOrientation : public ::testing::TestWithParam<int> {
+ protected:
+  void Check(const FileBytes& bytes) {
+    const DecodedImage decoded = DecodeImage(bytes);
+    const bool turned = GetParam() >= 5;
+    EXPECT_EQ(decoded.image.width, turned ? 64 : 96);
+    EXPECT_EQ(decoded.image.height, turned ? 96 : 64);
+    EXPECT_EQ(decoded.original_width, decoded.image.width);
+    EXPECT_EQ(decoded.original_height, decoded.image.height);
+    ExpectCorners(decoded.image, kTurnedCorners[GetParam() - 1]);
+  }
+};
+
+TEST_P(EveryOrientation, Jpeg) {
+  for (const bool big_endian : {false, true}) {
+    Check(testing::WithJpegExif(EncodeAs(CornerPicture(), ".jpg"), GetParam(), big_endian));
+  }
+}
+
+TEST_P(EveryOrientation, Png) {
+  Check(testing::WithPngChunk(EncodeAs(CornerPicture(), ".png"), "eXIf",
+                              testing::ExifBlock(GetParam(), true)));
+}
+
+TEST_P(EveryOrientation, Tiff) {
+  cv::Mat grey;
+  cv::cvtColor(CornerPicture(), grey, cv::COLOR_BGR2GRAY);
+  Check(testing::GreyTiff(grey, GetParam()));
+}
+
+INSTANTIATE_TEST_SUITE_P(Exif, EveryOrientation, ::testing::Range(1, 9));
+
+TEST(DecodeImage, NamesWhatIsWrong) {
+  EXPECT_EQ(ReasonOf({}), "image_empty");
+  EXPECT_EQ(ReasonOf({'h', 'e', 'l', 'l', 'o'}), "image_type_unknown");
+  EXPECT_EQ(ReasonOf({'B', 'M'}), "image_truncated");
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(15, 64), ".png")), "image_too_small");
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(), ".png"), {.max_pixels = 96 * 64 - 1}),
+            "image_too_large");
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(), ".png"), {.max_bytes = 10}), "image_too_large");
+  EXPECT_EQ(ReasonOf(testing::PngClaiming(97, 64)), "image_corrupt");
+}
+
+TEST(DecodeImage, RefusesABombByItsHeader) {
+  EXPECT_EQ(ReasonOf(testing::PngClaiming(60'000, 60'000)), "image_too_large");
+  EXPECT_EQ(ReasonOf(testing::PngClaiming(0xFFFFFFFF, 0xFFFFFFFF)), "image_too_large");
+}
+
+TEST(DecodeImage, ScalesTheLongerSide) {
+  for (const char* extension : {".jpg", ".png"}) {
+    const DecodedImage decoded =
+        DecodeImage(EncodeAs(CornerPicture(3000, 2001), extension), {.max_side_px = 600});
+    EXPECT_EQ(decoded.image.width, 600);
+    EXPECT_EQ(decoded.image.height, 400);
+    EXPECT_EQ(decoded.original_width, 3000);
+    EXPECT_EQ(decoded.original_height, 2001);
+    EXPECT_DOUBLE_EQ(decoded.scale, 0.2);
+    ExpectCorners(decoded.image, {250, 10, 90, 170});
+  }
+  EXPECT_EQ(DecodeImage(EncodeAs(CornerPicture(1500, 40), ".png"), {.max_side_px = 0}).image.width,
+            1500);
+}
+
+TEST(DecodeImage, TransparencyBecomesWhite) {
+  cv::Mat picture(32, 32, CV_8UC4, cv::Scalar(0, 0, 0, 0));
+  picture(cv::Rect(0, 0, 16, 32)).setTo(cv::Scalar(40, 40, 40, 255));
+  const Image image = DecodeImage(EncodeAs(picture, ".png")).image;
+  EXPECT_EQ(At(image, 0.25, 0.5), 40);
+  EXPECT_EQ(At(image, 0.75, 0.5), 255);
+}
+
+TEST(DecodeImage, SixteenBitsBecomeEight) {
+  const cv::Mat picture(32, 32, CV_16UC1, cv::Scalar(100 * 257));
+  EXPECT_EQ(At(DecodeImage(EncodeAs(picture, ".png")).image, 0.5, 0.5), 100);
+}
+
+TEST(DecodeImage, ColourIsRedGreenBlue) {
+  const cv::Mat blue(32, 32, CV_8UC3, cv::Scalar(255, 0, 0));
+  const Image image = DecodeImage(EncodeAs(blue, ".png"), {.colour = true}).image;
+  ASSERT_EQ(image.channels, 3);
+  EXPECT_EQ(image.pixels[0], 0);
+  EXPECT_EQ(image.pixels[2], 255);
+}
+
+TEST(EncodeImage, RoundTripsThroughPng) {
+  const Image image = DecodeImage(EncodeAs(CornerPicture(), ".png"), {.colour = true}).image;
+  EXPECT_EQ(DecodeImage(EncodePng(image), {.colour = true}).image.pixels, image.pixels);
+  EXPECT_EQ(ReadImageHeader(EncodeJpeg(image)).format, ImageFormat::kJpeg);
+}
+
+TEST(ResizeImage, RefusesNoSize) {
+  const Image image = DecodeImage(EncodeAs(CornerPicture(), ".png")).image;
+  EXPECT_EQ(ResizeImage(image, 48, 32).pixels.size(), 48U * 32U);
+  EXPECT_THROW(ResizeImage(image, 0, 32), Error);
+  EXPECT_THROW(ResizeImage({}, 4, 4), Error);
+}
+
+}  // namespace
+}  // namespace pliant

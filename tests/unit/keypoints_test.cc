@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/keypoints.h"
+
+#include <algorithm>
+#include <set>
+#include <tuple>
+
+#include <gtest/gtest.h>
+
+#include "descriptor/cv_image.h"
+#include "descriptor/error.h"
+#include "tests/unit/picture_files.h"
+
+namespace pliant {
+namespace {
+
+Image Noise(int width, int height, std::uint64_t seed) {
+  return CopyFromMat(testing::NoisePicture(width, height, seed));
+}
+
+TEST(DetectKeypoints, StrongestFirstAndAtMostN) {
+  const Image image = Noise(320, 240, 1);
+  const auto all = DetectKeypoints(image, {.max_keypoints = 4096});
+  ASSERT_GT(all.size(), 200U);
+  EXPECT_TRUE(std::is_sorted(all.begin(), all.end(), [](const Keypoint& a, const Keypoint& b) {
+    return a.response > b.response;
+  }));
+  const auto few = DetectKeypoints(image, {.max_keypoints = 50});
+  ASSERT_EQ(few.size(), 50U);
+  EXPECT_TRUE(std::equal(few.begin(), few.end(), all.begin()));
+}
+
+TEST(DetectKeypoints, OneAPlaceUnlessRepeatsAreWanted) {
+  const Image image = Noise(320, 240, 2);
+  const auto places = [](const std::vector<Keypoint>& keypoints) {
+    std::set<std::tuple<float, float, float>> set;
+    for (const Keypoint& k : keypoints) set.emplace(k.x, k.y, k.size);
+    return set.size();
+  };
+  const auto once = DetectKeypoints(image, {.max_keypoints = 4096});
+  EXPECT_EQ(places(once), once.size());
+  const auto repeated =
+      DetectKeypoints(image, {.max_keypoints = 4096, .keep_repeated_orientations = true});
+  EXPECT_EQ(places(repeated), once.size());
+  EXPECT_GT(repeated.size(), once.size());
+}
+
+TEST(DetectKeypoints, IsDeterministic) {
+  const Image image = Noise(300, 200, 3);
+  EXPECT_EQ(DetectKeypoints(image), DetectKeypoints(image));
+}
+
+TEST(DetectKeypoints, FlatAndTinyPicturesHaveNone) {
+  EXPECT_TRUE(DetectKeypoints({100, 100, 1, std::vector<std::uint8_t>(10'000, 77)}).empty());
+  EXPECT_TRUE(DetectKeypoints({1, 1, 1, {5}}).empty());
+}
+
+TEST(DetectKeypoints, RefusesBadOptions) {
+  const Image image = Noise(64, 64, 4);
+  EXPECT_THROW(DetectKeypoints(image, {.max_keypoints = 0}), Error);
+  EXPECT_THROW(DetectKeypoints(image, {.max_keypoints = 4097}), Error);
+  EXPECT_THROW(DetectKeypoints({4, 4, 3, std::vector<std::uint8_t>(48)}), Error);
+  EXPECT_THROW(DetectKeypoints({}), Error);
+}
+
+}  // namespace
+}  // namespace pliant
