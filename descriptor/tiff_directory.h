@@ -17,10 +17,10 @@ struct TiffDirectory {
   int orientation = 1;                      // 1..8
   std::vector<std::uint32_t> data_offsets;  // of strips or tiles
   std::vector<std::uint32_t> data_bytes;    // their sizes
-  bool readable = false;                    // the directory was found and lies within the bytes
+  bool complete = false;                    // the directory and all its values lie within the bytes
 };
 
-// Never throws: what lies outside the bytes is left at its default and complete is false.
+// Never throws: what lies outside the bytes keeps its default, and complete is false.
 TiffDirectory ReadTiffDirectory(Bytes bytes);
 
 }  // namespace pliant
