@@ -10,6 +10,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from .fused_norm import norm_act
+
 
 class BasicBlock(nn.Module):
     def __init__(self, inputs: int, outputs: int, stride: int = 1):
@@ -24,10 +26,11 @@ class BasicBlock(nn.Module):
                                             nn.BatchNorm2d(outputs))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        y = F.relu(self.bn1(self.conv1(x)), inplace=True)
-        y = self.bn2(self.conv2(y))
-        y = y + (x if self.downsample is None else self.downsample(x))
-        return F.relu(y, inplace=True)
+        y = norm_act(self.bn1, self.conv1(x))
+        if self.downsample is not None:
+            convolution, bn = self.downsample
+            x = norm_act(bn, convolution(x), relu=False)
+        return norm_act(self.bn2, self.conv2(y), residual=x)
 
 
 class Backbone(nn.Module):
@@ -44,7 +47,7 @@ class Backbone(nn.Module):
         # Three equal input channels: the slices of conv1 add up to one (a third of its work).
         kernel = self.conv1.weight.sum(1, keepdim=True)
         x = F.conv2d(grey[:, None], kernel, stride=2, padding=3)
-        x = F.max_pool2d(F.relu(self.bn1(x), inplace=True), 3, 2, 1)
+        x = F.max_pool2d(norm_act(self.bn1, x), 3, 2, 1)
         return self.layer2(self.layer1(x))
 
 

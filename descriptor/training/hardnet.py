@@ -8,14 +8,10 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from .fused_norm import norm_act, wrap_rows
+
 _WIDTHS = ((1, 32, 1), (32, 32, 1), (32, 64, 2), (64, 64, 1), (64, 128, 2), (128, 128, 1))
 _HEAD_KERNELS = (3, 3, 3, 2)
-_BODY_DROPOUT = 0.1
-
-
-def wrap_rows(x: torch.Tensor) -> torch.Tensor:
-    """Circular padding of one row on the angle axis."""
-    return torch.cat([x[:, :, -1:], x, x[:, :, :1]], 2)
 
 
 def standardize(patches: torch.Tensor) -> torch.Tensor:
@@ -27,8 +23,9 @@ def standardize(patches: torch.Tensor) -> torch.Tensor:
 class HardNet(nn.Module):
     """[N, 32, 32] polar patches (rows = angle, columns = radius) -> [N, 128], unit length."""
 
-    def __init__(self):
+    def __init__(self, dropout: float = 0.1):
         super().__init__()
+        self.dropout = dropout
         for i, (inputs, outputs, stride) in enumerate(_WIDTHS, 1):
             self.add_module(f"conv{i}", nn.Conv2d(inputs, outputs, 3, stride, (0, 1), bias=False))
             self.add_module(f"bn{i}", nn.BatchNorm2d(outputs, affine=False))
@@ -37,11 +34,13 @@ class HardNet(nn.Module):
             self.add_module(f"head_bn{i}", nn.BatchNorm2d(128, affine=False))
 
     def forward(self, patches: torch.Tensor) -> torch.Tensor:
-        x = standardize(patches[:, None])
-        for i in range(1, len(_WIDTHS) + 1):
-            x = self.get_submodule(f"conv{i}")(wrap_rows(x))
-            x = F.relu(self.get_submodule(f"bn{i}")(x), inplace=True)
-        x = F.dropout(x, _BODY_DROPOUT, self.training)
+        x = wrap_rows(standardize(patches[:, None]))
+        body = len(_WIDTHS)
+        for i in range(1, body + 1):
+            # Channels-last weights keep the whole body in that layout.
+            conv = self.get_submodule(f"conv{i}")
+            x = norm_act(self.get_submodule(f"bn{i}"), conv(x), wrap=i < body)
+        x = F.dropout(x, self.dropout, self.training)
         x = x.mean(2, keepdim=True)  # over the angle: rotation invariance
         for i in range(1, len(_HEAD_KERNELS) + 1):
             x = self.get_submodule(f"head_bn{i}")(self.get_submodule(f"head{i}")(x))

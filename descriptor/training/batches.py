@@ -1,0 +1,199 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Training batches: correspondences from many scenes, drawn as a pure function of (seed, step).
+
+Because a batch depends on nothing else, a resumed run sees the same data and worker processes may
+prepare batches ahead in any order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .features import SceneFeatures, ViewFeatures, load_features
+from .scenes import Scene
+from .warp_target import SUPERVISED_POINTS, true_warp
+
+_MIN_SPACING_PX = 3.0
+_CROP_MARGIN_PX = 12
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    correspondences: int = 256   # pairs of key points in a batch
+    per_pair: int = 48           # at most, from one pair of pictures
+    min_per_pair: int = 8        # fewer and the pair is skipped (except to fill up the batch)
+    radius_per_size: tuple[float, float] = (6.0, 14.0)  # log-uniform, one value a batch
+    max_gamma_log: float = 0.35  # photometric augmentation: grey^exp(U(-g, g))
+    crop_px: int = 0             # side of the windows for the backbone; 0 = no windows
+    extra_keypoints: int = 0     # further key points a window, for the supervised warp only
+
+
+@dataclass
+class Batch:
+    """N correspondences: key points 0..N-1 and N..2N-1 belong together; E extra ones follow."""
+
+    pictures: np.ndarray                 # U8 [2P, H, W]
+    gamma: np.ndarray                    # F32 [2P]
+    index: np.ndarray                    # I64 [2N] picture of each key point
+    keypoints: np.ndarray                # F32 [2N, 3]
+    pair: np.ndarray                     # I64 [N]
+    texture: np.ndarray                  # I64 [N] equal where surfaces look alike
+    radius_per_size: float
+    windows: np.ndarray | None = None    # I64 [2P, 2] x, y of the backbone's windows
+    extra_index: np.ndarray | None = None
+    extra_keypoints: np.ndarray | None = None
+    warp: np.ndarray | None = None       # F32 [2N + E, G, 2] true displacement in radii
+    warp_known: np.ndarray | None = None  # bool [2N + E, G]
+
+
+@dataclass
+class _Draft:
+    """The lists from which a batch is put together."""
+
+    pictures: list = field(default_factory=list)
+    windows: list = field(default_factory=list)
+    sides: tuple[list, list] = field(default_factory=lambda: ([], []))
+    warps: tuple[list, list] = field(default_factory=lambda: ([], []))
+    extra: list = field(default_factory=list)
+    textures: list = field(default_factory=list)
+    counts: list = field(default_factory=list)
+
+
+class SceneSet:
+    """All scenes of some folders with the pairs of views that have enough correspondences."""
+
+    def __init__(self, directories: list[Path], min_pairs: int = 12, limit: int | None = None):
+        self.scenes: list[Scene] = []
+        self.features: list[SceneFeatures] = []
+        self.usable: list[list[tuple[int, int]]] = []
+        self.texture_ids: list[int] = []
+        known: dict[str, int] = {}
+        paths = [p for d in directories for p in sorted(Path(d).glob("scene_*.safetensors"))]
+        for path in paths[:limit]:
+            scene = Scene(path)
+            features = load_features(scene)
+            usable = [key for key, rows in features.pairs.items() if len(rows) >= min_pairs]
+            if usable:
+                self.scenes.append(scene)
+                self.features.append(features)
+                self.usable.append(usable)
+                self.texture_ids.append(known.setdefault(scene.textures, len(known)))
+        if not self.scenes:
+            raise ValueError(f"no usable scene_*.safetensors in {', '.join(map(str, directories))}")
+
+    def __len__(self) -> int:
+        return len(self.scenes)
+
+    def describe(self) -> str:
+        pairs = sum(map(len, self.usable))
+        matches = sum(len(f.pairs[key]) for f, keys in zip(self.features, self.usable) for key in keys)
+        return f"{len(self)} scenes, {pairs} view pairs, {matches} correspondences"
+
+
+def _spaced(rng: np.random.Generator, xy_a: np.ndarray, xy_b: np.ndarray, count: int) -> list[int]:
+    """Random rows such that no two lie within 3 px of each other in either picture."""
+    kept: list[int] = []
+    for row in rng.permutation(len(xy_a)):
+        if len(kept) == count:
+            break
+        near = ((((xy_a[kept] - xy_a[row]) ** 2).sum(1) < _MIN_SPACING_PX**2)
+                | (((xy_b[kept] - xy_b[row]) ** 2).sum(1) < _MIN_SPACING_PX**2))
+        if not near.any():
+            kept.append(int(row))
+    return kept
+
+
+def _window(rng: np.random.Generator, xy: np.ndarray, shape: tuple[int, int], side: int) -> np.ndarray:
+    """Corner of a window of the given side near the key points' median, inside the picture."""
+    height, width = shape
+    if side > min(height, width):
+        raise ValueError(f"crop_px {side} exceeds the pictures ({width}x{height})")
+    centre = np.median(xy, 0) + rng.uniform(-side / 5, side / 5, 2)
+    return np.clip(np.rint(centre - side / 2), 0, [width - side, height - side]).astype(np.int64)
+
+
+def _inside(xy: np.ndarray, corner: np.ndarray, side: int) -> np.ndarray:
+    local = xy - corner
+    return ((local >= _CROP_MARGIN_PX) & (local <= side - 1 - _CROP_MARGIN_PX)).all(1)
+
+
+def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, radius: float,
+              rng: np.random.Generator) -> None:
+    scene, features = data.scenes[which], data.features[which]
+    wanted = options.correspondences - sum(draft.counts)
+    a, b = data.usable[which][rng.integers(len(data.usable[which]))]
+    rows = features.pairs[a, b]
+    if rng.random() < 0.5:
+        a, b, rows = b, a, rows[:, ::-1]
+    views = features.views[a], features.views[b]
+    xys = [view.xys[rows[:, side]] for side, view in enumerate(views)]
+    corners: list[np.ndarray] = []
+    if options.crop_px:
+        shape = scene.images.shape[1:]
+        corners = [_window(rng, table[:, :2], shape, options.crop_px) for table in xys]
+        usable = np.logical_and(*(_inside(t[:, :2], c, options.crop_px) for t, c in zip(xys, corners)))
+        rows, xys = rows[usable], [table[usable] for table in xys]
+    kept = _spaced(rng, xys[0][:, :2], xys[1][:, :2], min(options.per_pair, wanted))
+    if len(kept) < min(options.min_per_pair, wanted):
+        return
+    for side, (number, view) in enumerate(((a, views[0]), (b, views[1]))):
+        draft.pictures.append(scene.images[number])
+        draft.sides[side].append(xys[side][kept])
+        if options.crop_px:
+            draft.windows.append(corners[side])
+            draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], radius))
+            draft.extra.append(_extra(scene, number, view, corners[side], options, radius, rng))
+    draft.textures.append(data.texture_ids[which])
+    draft.counts.append(len(kept))
+
+
+def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray, radius: float):
+    points = type(view.points)(view.points.chart[rows], view.points.uv[rows])
+    return true_warp(scene, number, points, view.xys[rows], radius)
+
+
+def _extra(scene: Scene, number: int, view: ViewFeatures, corner: np.ndarray, options: BatchOptions,
+           radius: float, rng: np.random.Generator):
+    rows = np.flatnonzero(_inside(view.xys[:, :2], corner, options.crop_px))
+    rows = rng.permutation(rows)[:options.extra_keypoints]
+    return (view.xys[rows], *_supervision(scene, number, view, rows, radius))
+
+
+def draw_batch(data: SceneSet, options: BatchOptions, seed: int, step: int) -> Batch:
+    """The batch of one step. Raises ValueError if the scenes cannot fill it."""
+    rng = np.random.default_rng([seed, step])
+    low, high = np.log(options.radius_per_size)
+    radius = float(np.exp(rng.uniform(low, high)))
+    draft = _Draft()
+    for which in rng.permutation(len(data)):
+        _add_pair(draft, data, int(which), options, radius, rng)
+        if sum(draft.counts) >= options.correspondences:
+            break
+    if sum(draft.counts) < 2:
+        raise ValueError("the scenes have too few correspondences for a batch")
+    return _assemble(draft, options, radius, rng)
+
+
+def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.random.Generator) -> Batch:
+    counts = np.array(draft.counts)
+    pair = np.repeat(np.arange(len(counts)), counts)
+    batch = Batch(
+        pictures=np.stack(draft.pictures),
+        gamma=np.exp(rng.uniform(-1, 1, 2 * len(counts)) * options.max_gamma_log).astype(np.float32),
+        index=np.concatenate([2 * pair, 2 * pair + 1]),
+        keypoints=np.concatenate([*draft.sides[0], *draft.sides[1]]).astype(np.float32),
+        pair=pair, texture=np.repeat(np.array(draft.textures), counts), radius_per_size=radius)
+    if options.crop_px:
+        batch.windows = np.stack(draft.windows)
+        sizes = [len(table) for table, _, _ in draft.extra]
+        batch.extra_index = np.repeat(np.arange(len(sizes)), sizes)
+        batch.extra_keypoints = np.concatenate([table for table, _, _ in draft.extra]).astype(np.float32)
+        supervised = [*draft.warps[0], *draft.warps[1], *(rest for _, *rest in draft.extra)]
+        batch.warp = np.concatenate([warp for warp, _ in supervised])
+        batch.warp_known = np.concatenate([known for _, known in supervised])
+        assert batch.warp.shape[1] == len(SUPERVISED_POINTS)
+    return batch

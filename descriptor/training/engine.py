@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""One training step: from a batch to gradients and figures for the log."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import torch
+
+from . import losses
+from .batches import Batch
+from .model import Deal
+from .presets import Preset, Stage
+from .warp_target import SUPERVISED_POINTS
+
+
+def configure_model(model: Deal, stage: Stage, preset: Preset, device: torch.device) -> None:
+    """Freezes what the stage does not train and chooses the fast memory layout."""
+    model.localization.fc4.precondition()
+    model.to(device=device, memory_format=torch.channels_last)
+    model.hardnet.dropout = model.localization.dropout = preset.dropout
+    for part, trained in ((model.hardnet, stage.train_hardnet), (model.backbone, stage.train_backbone),
+                          (model.localization, stage.train_localization)):
+        part.requires_grad_(trained)
+        part.train(trained)
+
+
+def make_optimizer(model: Deal, stage: Stage) -> torch.optim.Adam:
+    """Adam with one group for the HardNet and one for the warp; base rates under 'peak'."""
+    groups = []
+    if stage.train_hardnet:
+        groups.append({"params": list(model.hardnet.parameters()), "peak": stage.learning_rate})
+    warp = [p for part in (model.backbone, model.localization) for p in part.parameters() if p.requires_grad]
+    if warp:
+        groups.append({"params": warp, "peak": stage.warp_learning_rate})
+    return torch.optim.Adam(groups, lr=stage.learning_rate or stage.warp_learning_rate)
+
+
+class TrainingStep:
+    def __init__(self, model: Deal, stage: Stage, preset: Preset, device: torch.device):
+        self.model, self.stage, self.preset, self.device = model, stage, preset, device
+        self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
+
+    def _move(self, array: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array)).to(self.device, non_blocking=True)
+
+    def _precision(self) -> contextlib.AbstractContextManager:
+        if self.preset.bfloat16 and self.device.type == "cuda":
+            return torch.autocast("cuda", torch.bfloat16)
+        return contextlib.nullcontext()
+
+    def _warp(self, batch: Batch, pictures: torch.Tensor, keypoints: torch.Tensor,
+              index: torch.Tensor) -> torch.Tensor:
+        """theta of all key points (correspondences, then extra ones) from the windows' features."""
+        side = self.stage.batch.crop_px
+        windows = torch.stack([picture[y:y + side, x:x + side]
+                               for picture, (x, y) in zip(pictures, batch.windows.tolist())])
+        index = torch.cat([index, self._move(batch.extra_index)])
+        where = torch.cat([keypoints, self._move(batch.extra_keypoints)])
+        local = where.clone()
+        local[:, :2] -= self._move(batch.windows)[index]
+        with torch.set_grad_enabled(self.stage.train_backbone), self._precision():
+            maps = self.model.backbone(windows)
+        sampled = self.model.sample(maps.float(), windows.shape[1:], index, local)
+        return self.model.localization(sampled)
+
+    def _describe(self, batch: Batch, pictures: torch.Tensor, keypoints: torch.Tensor,
+                  index: torch.Tensor, theta: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+        displacement = None if theta is None else self.model.displacement(theta[:len(index)])
+        patches = self.model.patches(pictures, index, keypoints, batch.radius_per_size, displacement)
+        if self.preset.patch_noise > 0:
+            strength = torch.rand(len(patches), 1, 1, device=self.device) * self.preset.patch_noise
+            patches = patches + torch.randn_like(patches) * strength
+        with self._precision():
+            return self.model.hardnet(patches).float().chunk(2)
+
+    def __call__(self, batch: Batch, progress: float) -> tuple[torch.Tensor, dict[str, float]]:
+        """The loss (to be differentiated) and the figures of the step."""
+        stage, figures = self.stage, {}
+        pictures = self._move(batch.pictures).float().div_(255)
+        pictures = pictures.clamp_(1e-3).pow_(self._move(batch.gamma)[:, None, None])
+        keypoints, index = self._move(batch.keypoints), self._move(batch.index)
+        loss, theta = torch.zeros((), device=self.device), None
+        if stage.uses_warp:
+            theta = self._warp(batch, pictures, keypoints, index)
+            predicted = self.model.displacement(theta, self.points)
+            truth, known = self._move(batch.warp), self._move(batch.warp_known)
+            supervised = losses.warp_loss(predicted, truth, known)
+            start, end = stage.warp_weight
+            loss = loss + (start + (end - start) * progress) * supervised
+            figures["warp_loss"] = supervised.item()
+            figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
+        if stage.train_hardnet:
+            a, b = self._describe(batch, pictures, keypoints, index, theta)
+            first, second = keypoints[:, :2].chunk(2)
+            ignore = losses.false_negatives(first, second, self._move(batch.pair), self._move(batch.texture))
+            matching = losses.triplet(a, b, ignore) if stage.triplet else                 losses.info_nce(a, b, ignore, stage.temperature)
+            loss = loss + matching
+            figures["loss"] = matching.item()
+            figures["positive"], figures["negative"], figures["accuracy"] = losses.separation(a, b, ignore)
+        return loss, figures

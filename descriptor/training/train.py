@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trains one stage; continues where its run folder's checkpoint stands.
+
+    python3 -m descriptor.training.train --preset cpu --stage hardnet --scenes DIR --run RUN/hardnet
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import platform
+from pathlib import Path
+
+import torch
+
+from . import runtime
+from .backbone import gabor_start
+from .batches import SceneSet
+from .model import Deal, load_model
+from .presets import PRESETS, preset
+from .schedule import parse_deadline
+from .trainer import Run, Trainer
+from .validation import development_pairs
+
+
+def starting_model(init: Path | None, init_warp: Path | None, seed: int) -> Deal:
+    """Fresh weights (Gabor start for the backbone), or those of files: init gives everything,
+    init_warp overrides backbone and localisation network."""
+    torch.manual_seed(seed)
+    if init is None and init_warp is None:
+        model = Deal()
+        gabor_start(model.backbone)
+        return model
+    model, _ = load_model(init or init_warp)
+    if init_warp is not None and init is not None:
+        warp, _ = load_model(init_warp)
+        model.backbone, model.localization = warp.backbone, warp.localization
+    return model
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--preset", choices=sorted(PRESETS), default="paper")
+    parser.add_argument("--stage", required=True, help="hardnet, warp or joint")
+    parser.add_argument("--scenes", type=Path, nargs="+", required=True, help="folders of scene_*.safetensors")
+    parser.add_argument("--dev", type=Path, help="folder of development scenes for validation")
+    parser.add_argument("--run", type=Path, required=True, help="run folder of this stage")
+    parser.add_argument("--init", type=Path, help="weights to start from")
+    parser.add_argument("--init-warp", type=Path, help="backbone and localisation network to start from")
+    parser.add_argument("--fresh-warp", action="store_true", help="keep only the HardNet of --init")
+    parser.add_argument("--fresh-hardnet", action="store_true", help="keep only the warp of --init")
+    parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
+    parser.add_argument("--until", help="HH:MM UTC: schedule by the clock instead of by steps")
+    parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    return parser.parse_args()
+
+
+def main() -> None:
+    arguments = parse_arguments()
+    device = runtime.configure(arguments.threads)
+    recipe = preset(arguments.preset)
+    stage = recipe.stage(arguments.stage)
+    if arguments.steps is not None:
+        stage = dataclasses.replace(stage, steps=arguments.steps)
+    model = starting_model(arguments.init, arguments.init_warp, arguments.seed)
+    if arguments.fresh_warp or arguments.fresh_hardnet:
+        fresh = starting_model(None, None, arguments.seed)
+        if arguments.fresh_warp:
+            model.backbone, model.localization = fresh.backbone, fresh.localization
+        else:
+            model.hardnet = fresh.hardnet
+    data = SceneSet(arguments.scenes)
+    print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
+    pairs = [] if arguments.dev is None else development_pairs(
+        arguments.dev, recipe.validation_pairs, recipe.validation_keypoints)
+    run = Run(arguments.run, stage, recipe, arguments.seed,
+              None if arguments.until is None else parse_deadline(arguments.until), arguments.seconds,
+              (("preset", arguments.preset), ("scenes", str(len(data))), ("seed", str(arguments.seed)),
+               ("torch", torch.__version__), ("machine", f"{platform.machine()} {device}")))
+    finished = Trainer(run, model, data, pairs, device).train()
+    print("finished" if finished else "stopped; the same command continues", flush=True)
+
+
+if __name__ == "__main__":
+    main()
