@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from .features import SceneFeatures, ViewFeatures, load_features
-from .scenes import Scene
+from .scenes import NO_CHART, Scene
 from .warp_target import SUPERVISED_POINTS, true_warp
 
 _MIN_SPACING_PX = 3.0
@@ -40,7 +40,7 @@ class Batch:
     gamma: np.ndarray                    # F32 [2P]
     index: np.ndarray                    # I64 [2N] picture of each key point
     keypoints: np.ndarray                # F32 [2N, 3]
-    pair: np.ndarray                     # I64 [N]
+    surface: np.ndarray                  # I64 [N] equal for points of one chart of one scene
     texture: np.ndarray                  # I64 [N] equal where surfaces look alike
     radius_per_size: float
     windows: np.ndarray | None = None    # I64 [2P, 2] x, y of the backbone's windows
@@ -59,6 +59,7 @@ class _Draft:
     sides: tuple[list, list] = field(default_factory=lambda: ([], []))
     warps: tuple[list, list] = field(default_factory=lambda: ([], []))
     extra: list = field(default_factory=list)
+    surfaces: list = field(default_factory=list)
     textures: list = field(default_factory=list)
     counts: list = field(default_factory=list)
 
@@ -70,7 +71,7 @@ class SceneSet:
         self.scenes: list[Scene] = []
         self.features: list[SceneFeatures] = []
         self.usable: list[list[tuple[int, int]]] = []
-        self.texture_ids: list[int] = []
+        self.texture_ids: list[np.ndarray] = []  # of each scene's charts
         known: dict[str, int] = {}
         paths = [p for d in directories for p in sorted(Path(d).glob("scene_*.safetensors"))]
         for path in paths[:limit]:
@@ -81,7 +82,8 @@ class SceneSet:
                 self.scenes.append(scene)
                 self.features.append(features)
                 self.usable.append(usable)
-                self.texture_ids.append(known.setdefault(scene.textures, len(known)))
+                names = [known.setdefault(name, len(known)) for name in scene.textures]
+                self.texture_ids.append(np.array(names))
         if not self.scenes:
             raise ValueError(f"no usable scene_*.safetensors in {', '.join(map(str, directories))}")
 
@@ -125,6 +127,8 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
               rng: np.random.Generator) -> None:
     scene, features = data.scenes[which], data.features[which]
     wanted = options.correspondences - sum(draft.counts)
+    if draft.pictures and scene.images.shape[1:] != draft.pictures[0].shape:
+        return  # pictures of a batch are of one size
     a, b = data.usable[which][rng.integers(len(data.usable[which]))]
     rows = features.pairs[a, b]
     if rng.random() < 0.5:
@@ -147,7 +151,9 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
             draft.windows.append(corners[side])
             draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], radius))
             draft.extra.append(_extra(scene, number, view, corners[side], options, radius, rng))
-    draft.textures.append(data.texture_ids[which])
+    charts = views[0].points.chart[rows[kept, 0]].astype(np.int64)
+    draft.surfaces.append(which * NO_CHART + charts)
+    draft.textures.append(data.texture_ids[which][charts])
     draft.counts.append(len(kept))
 
 
@@ -186,7 +192,8 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
         gamma=np.exp(rng.uniform(-1, 1, 2 * len(counts)) * options.max_gamma_log).astype(np.float32),
         index=np.concatenate([2 * pair, 2 * pair + 1]),
         keypoints=np.concatenate([*draft.sides[0], *draft.sides[1]]).astype(np.float32),
-        pair=pair, texture=np.repeat(np.array(draft.textures), counts), radius_per_size=radius)
+        surface=np.concatenate(draft.surfaces), texture=np.concatenate(draft.textures),
+        radius_per_size=radius)
     if options.crop_px:
         batch.windows = np.stack(draft.windows)
         sizes = [len(table) for table, _, _ in draft.extra]

@@ -95,7 +95,7 @@ class TrainingStep:
         if stage.train_hardnet:
             a, b = self._describe(batch, pictures, keypoints, index, theta)
             first, second = keypoints[:, :2].chunk(2)
-            ignore = losses.false_negatives(first, second, self._move(batch.pair), self._move(batch.texture))
+            ignore = losses.false_negatives(first, second, self._move(batch.surface), self._move(batch.texture))
             matching = losses.triplet(a, b, ignore) if stage.triplet else                 losses.info_nce(a, b, ignore, stage.temperature)
             loss = loss + matching
             figures["loss"] = matching.item()

@@ -16,15 +16,15 @@ _NEAR_DUPLICATE = 0.008  # distance below which a negative is taken for a twin o
 _WARP_SMOOTH = 0.1       # radii: where smooth-L1 turns from square to linear
 
 
-def false_negatives(xy_a: torch.Tensor, xy_b: torch.Tensor, pair: torch.Tensor,
+def false_negatives(xy_a: torch.Tensor, xy_b: torch.Tensor, surface: torch.Tensor,
                     texture: torch.Tensor) -> torch.Tensor:
     """[N, N] true where i and j may show the same thing: neighbours on one surface, or any two
-    points of different scenes with the same texture. The diagonal is false."""
-    same_pair = pair[:, None] == pair[None]
+    points of different surfaces with the same texture. The diagonal is false."""
+    same_surface = surface[:, None] == surface[None]
     near = (torch.cdist(xy_a, xy_a) < NEAR_PX) | (torch.cdist(xy_b, xy_b) < NEAR_PX)
-    twin = (texture[:, None] == texture[None]) & ~same_pair
-    mask = (same_pair & near) | twin
-    return mask & ~torch.eye(len(pair), dtype=torch.bool, device=pair.device)
+    twin = (texture[:, None] == texture[None]) & ~same_surface
+    mask = (same_surface & near) | twin
+    return mask & ~torch.eye(len(mask), dtype=torch.bool, device=mask.device)
 
 
 def info_nce(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor, temperature: float) -> torch.Tensor:

@@ -88,7 +88,7 @@ def _cpu() -> Preset:
 
 
 def _tiny() -> Preset:
-    return Preset(_stages((6, 4, 4), 24, 96, (1e-3, 1e-3)), dropout=0.1, checkpoint_seconds=1e9,
+    return Preset(_stages((6, 3, 3), 24, 96, (1e-3, 1e-3)), dropout=0.1, checkpoint_seconds=1e9,
                   validation_seconds=1e9, validation_pairs=2, validation_keypoints=64)
 
 

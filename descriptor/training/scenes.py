@@ -12,6 +12,7 @@ File (safetensors, written by the simulator): V views, C surface charts
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -65,9 +66,10 @@ class Scene:
 
     @cached_property
     def textures(self) -> tuple[str, ...]:
-        """Names of the textures in the scene: surfaces with the same name look alike."""
-        raw = self.metadata.get("textures") or self.metadata.get("texture") or str(self.path)
-        return (raw,)
+        """The texture's name of each chart: surfaces with the same name look alike."""
+        charts = len(self.grid_size)
+        names = json.loads(self.metadata.get("textures", "null")) or [str(self.path)]
+        return tuple(str(names[min(chart, len(names) - 1)]) for chart in range(charts))
 
     def locate(self, view: int, xy: np.ndarray) -> SurfacePoints:
         """Surface under sub-pixel positions xy [N, 2]: bilinear in uv inside one chart, else the

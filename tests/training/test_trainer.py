@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+import tempfile
+import unittest
+from pathlib import Path
+
+import torch
+
+import planar_scenes
+from descriptor.training import runtime, trainer
+from descriptor.training.batches import SceneSet
+from descriptor.training.checkpoint import read_csv
+from descriptor.training.model import load_model
+from descriptor.training.presets import preset
+from descriptor.training.train import starting_model
+from descriptor.training.validation import development_pairs
+
+
+class TrainerTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.root = Path(cls.folder.name)
+        cls.device = runtime.configure(1)
+        planar_scenes.write_scenes(cls.root / "scenes", 4)
+        cls.data = SceneSet([cls.root / "scenes"], min_pairs=8)
+        cls.pairs = development_pairs(cls.root / "scenes", 2, 64)
+
+    def run_stage(self, name, stage_name, init=None, steps=None, model=None):
+        recipe = preset("tiny")
+        stage = recipe.stage(stage_name)
+        if steps is not None:
+            stage = dataclasses.replace(stage, steps=steps)
+        network = model or starting_model(init, None, seed=3)
+        run = trainer.Run(self.root / name, stage, recipe, seed=3)
+        work = trainer.Trainer(run, network, self.data, self.pairs, self.device)
+        return work
+
+    def test_resumed_run_equals_the_uninterrupted_one(self):
+        whole = self.run_stage("whole", "joint")
+        self.assertTrue(whole.train())
+        broken = self.run_stage("broken", "joint")
+        broken.run = dataclasses.replace(broken.run, stop_after_seconds=1e-9)  # leaves after one step
+        self.assertFalse(broken.train())
+        self.assertEqual(broken.step, 1)
+        resumed = self.run_stage("broken", "joint")
+        self.assertEqual(resumed.step, 1)
+        self.assertTrue(resumed.train())
+        for name, value in whole.model.state_dict().items():
+            self.assertTrue(torch.equal(value, resumed.model.state_dict()[name]), name)
+        first, second = (load_model(self.root / name / "last.safetensors")[0].state_dict()
+                         for name in ("whole", "broken"))
+        for name, value in first.items():
+            self.assertTrue(torch.equal(value, second[name]), name)
+
+    def test_hardnet_stage_learns_and_touches_nothing_else(self):
+        work = self.run_stage("learn", "hardnet", steps=40)
+        before = {n: v.clone() for n, v in work.model.state_dict().items()}
+        self.assertTrue(work.train())
+        rows = read_csv(self.root / "learn/log.csv")
+        self.assertLess(float(rows[-1]["loss"]), 0.8 * float(rows[0]["loss"]))
+        changed = {n.split(".")[0] for n, v in work.model.state_dict().items() if not torch.equal(v, before[n])}
+        self.assertEqual(changed, {"hardnet"})
+        self.assertEqual(len(read_csv(self.root / "learn/validation.csv")), 1)
+
+    def test_warp_stage_moves_the_warp_and_nothing_else(self):
+        work = self.run_stage("warp", "warp", steps=3)
+        before = {n: v.clone() for n, v in work.model.state_dict().items()}
+        self.assertTrue(work.train())
+        changed = {n.split(".")[0] for n, v in work.model.state_dict().items() if not torch.equal(v, before[n])}
+        self.assertEqual(changed, {"backbone", "localization"})
+        exported, metadata = load_model(self.root / "warp/last.safetensors")
+        self.assertGreater(exported.localization.fc4.weight.abs().max().item(), 0)
+        self.assertEqual(metadata["stage"], "warp")
+
+    def test_a_run_folder_belongs_to_one_stage(self):
+        self.run_stage("mine", "hardnet", steps=1).train()
+        with self.assertRaisesRegex(ValueError, "hardnet"):
+            self.run_stage("mine", "joint")
+
+
+if __name__ == "__main__":
+    unittest.main()
