@@ -1,12 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Descriptors to visual words: exact nearest medoid by a blocked product.
+// Descriptors to visual words: exact nearest medoid by a blocked product,
+//   argmin_w |x - w|^2 = argmin_w |x|^2 + |w|^2 - 2 x.w   (floats), or by counting bits (binary).
+// Where rounding leaves the product undecided between words, their differences decide.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <vector>
 
+#include "descriptor/distance.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -26,19 +29,26 @@ struct Bow {
 // Immutable and thread-safe.
 class Quantizer {
  public:
+  // Throws kInvalidArgument for no vocabulary, one without words, or one that is malformed.
   explicit Quantizer(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
 
   // Nearest word of each row; of equally near words the lowest. Throws kConflict when kind or
-  // dim differ from the vocabulary's. `threads` 0 = all cores.
+  // dim differ from the vocabulary's, kInvalidArgument for values that are not finite. `threads`
+  // 0 = all cores; the answer does not depend on it. O(rows x words x dim).
   std::vector<std::uint32_t> Assign(const Descriptors& descriptors, int threads = 1) const;
 
  private:
+  void AssignBlock(const Descriptors& descriptors, std::size_t first, std::size_t count,
+                   std::uint32_t* words) const;
+
   std::shared_ptr<const Vocabulary> vocabulary_;
-  std::vector<float> half_squared_norms_;  // k; |w|^2 / 2 for floats
+  PackedDescriptors words_;
+  double largest_squared_norm_ = 0;  // of a word; floats only
 };
 
+// Counts the words, in any order.
 Bow MakeBow(std::vector<std::uint32_t> words);
 
 }  // namespace pliant

@@ -27,7 +27,10 @@ struct Vocabulary {
   std::size_t size() const { return words.rows; }
 };
 
-// Trains by k-medoids on `samples`, which are the caller's random sample.
+// Trains by k-medoids on `samples`, which are the caller's random sample. Equal samples keep their
+// weight in the loss but never make two equal words: when there are fewer than options.k different
+// samples, the vocabulary has that many words (compare size() with what was asked for). Throws
+// kInvalidArgument "no_samples", and what KMedoids throws.
 Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_id,
                            std::uint64_t available, const KMedoidsOptions& options);
 

@@ -1,0 +1,20 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Data-parallel loops with an explicit number of threads.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+namespace pliant {
+
+// 0 (or less) = all cores, otherwise `threads`.
+int ResolveThreads(int threads);
+
+// Calls body(i) for i = 0..n-1, handed out in order to at most `threads` threads (0 = all cores;
+// the caller's own is one of them) and returns when all are done. What a body throws is thrown
+// again here, the lowest i's first; bodies not yet started are then left out. Bodies should be
+// worth 100 microseconds or more: threads are made anew by each call.
+void ParallelFor(std::size_t n, int threads, const std::function<void(std::size_t)>& body);
+
+}  // namespace pliant

@@ -1,0 +1,123 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Vocabulary training and assignment. The loss is printed beside the time, so that a faster run
+// that is a worse one shows.
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <random>
+
+#include <benchmark/benchmark.h>
+
+#include "vocab/k_medoids.h"
+#include "vocab/quantizer.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kDim = 128;
+constexpr int kBytes = 32;
+constexpr int kKinds = 300;
+
+// Unit vectors scattered around 300 directions: about as hard to cluster as local descriptors.
+Descriptors Floats(std::size_t rows) {
+  std::mt19937_64 generator(7);
+  std::normal_distribution<float> normal;
+  auto kinds = Descriptors::Float(kKinds, kDim);
+  for (float& x : kinds.floats) x = normal(generator);
+  auto out = Descriptors::Float(rows, kDim);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const auto kind = kinds.float_row(generator() % kKinds);
+    float* row = out.floats.data() + i * kDim;
+    float norm = 0;
+    for (int p = 0; p < kDim; ++p) {
+      row[p] = kind[p] + normal(generator);
+      norm += row[p] * row[p];
+    }
+    for (int p = 0; p < kDim; ++p) row[p] /= std::sqrt(norm);
+  }
+  return out;
+}
+
+// 256 bits around 300 patterns, every eighth bit flipped.
+Descriptors Bits(std::size_t rows) {
+  std::mt19937_64 generator(7);
+  auto kinds = Descriptors::Binary(kKinds, kBytes);
+  for (auto& x : kinds.bytes) x = static_cast<std::uint8_t>(generator());
+  auto out = Descriptors::Binary(rows, kBytes);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const auto kind = kinds.binary_row(generator() % kKinds);
+    for (int p = 0; p < kBytes; ++p) {
+      const auto noise = generator() & generator() & generator();
+      out.bytes[i * kBytes + p] = static_cast<std::uint8_t>(kind[p] ^ noise);
+    }
+  }
+  return out;
+}
+
+Descriptors Make(bool binary, std::size_t rows) { return binary ? Bits(rows) : Floats(rows); }
+
+void TrainKMedoids(benchmark::State& state, bool binary) {
+  const auto samples = Make(binary, static_cast<std::size_t>(state.range(0)));
+  KMedoidsOptions options;
+  options.k = static_cast<int>(state.range(1));
+  options.threads = static_cast<int>(state.range(2));
+  KMedoidsResult result;
+  for (auto _ : state) result = KMedoids(samples, options);
+  state.counters["mean_loss"] = result.loss / static_cast<double>(samples.rows);
+  state.counters["swaps"] = result.swaps;
+  state.counters["passes"] = result.passes;
+}
+BENCHMARK_CAPTURE(TrainKMedoids, float128, false)
+    ->ArgNames({"n", "k", "threads"})
+    ->ArgsProduct({{10'000}, {10, 100, 1000}, {1, 2}})
+    ->Args({20'000, 1000, 2})  // the matrix is computed again in each pass
+    ->Iterations(1)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(TrainKMedoids, binary256, true)
+    ->ArgNames({"n", "k", "threads"})
+    ->ArgsProduct({{10'000}, {10, 1000}, {2}})
+    ->Iterations(1)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+
+void AssignWords(benchmark::State& state, bool binary) {
+  auto vocabulary = std::make_shared<Vocabulary>();
+  vocabulary->words = Make(binary, static_cast<std::size_t>(state.range(0)));
+  const Quantizer quantizer(vocabulary);
+  auto rows = Make(binary, vocabulary->size() + 4000);
+  rows.rows -= vocabulary->size();  // others than the words
+  if (binary) {
+    rows.bytes.erase(rows.bytes.begin(), rows.bytes.end() - rows.rows * kBytes);
+  } else {
+    rows.floats.erase(rows.floats.begin(), rows.floats.end() - rows.rows * kDim);
+  }
+  const int threads = static_cast<int>(state.range(1));
+  for (auto _ : state) benchmark::DoNotOptimize(quantizer.Assign(rows, threads));
+  const auto assigned = static_cast<double>(state.iterations() * rows.rows);
+  state.counters["descriptors/s"] = {assigned, benchmark::Counter::kIsRate};
+  if (!binary) {
+    state.counters["GFLOP/s"] = {2e-9 * assigned * static_cast<double>(vocabulary->size()) * kDim,
+                                 benchmark::Counter::kIsRate};
+  }
+}
+BENCHMARK_CAPTURE(AssignWords, float128, false)
+    ->ArgNames({"words", "threads"})
+    ->ArgsProduct({{10, 1000, 10'000, 65'536}, {1, 2}})
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(AssignWords, binary256, true)
+    ->ArgNames({"words", "threads"})
+    ->ArgsProduct({{1000, 10'000}, {1, 2}})
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace pliant
+
+BENCHMARK_MAIN();
