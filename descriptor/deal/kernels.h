@@ -38,7 +38,7 @@ struct Kernels {
   // 3 x 3 convolution 1 -> 32 with bias and ReLU from a frame; weight 9 x 32, out 32 x 32 x 32.
   void (*first_conv)(const float* framed, const float* weight, const float* bias, float* out);
 
-  // Tiles of a side x side x channels map, circular in rows and zero outside its columns, to
+  // The tiles of a side x side x channels map, circular in rows and zero outside its columns, to
   // kTilePlanes planes of (side/4)^2 x channels values; plane p starts at tiles + p * plane.
   void (*winograd_input)(const float* in, int side, int channels, std::size_t plane, float* tiles);
 

@@ -168,32 +168,33 @@ inline __attribute__((always_inline)) void InputRow(const Vec* d, Vec* t, int st
 }
 
 void WinogradInput(const float* in, int side, int channels, std::size_t plane, float* tiles) {
-  const Vec zero = {};
   for (int tile_y = 0; tile_y < side; tile_y += kTileSide) {
     const float* rows[6];
     for (int i = 0; i < 6; ++i) {
       rows[i] = in + static_cast<std::ptrdiff_t>((tile_y + i - 1 + side) % side) * side * channels;
     }
-    for (int tile_x = 0; tile_x < side; tile_x += kTileSide) {
+    for (int tile_x = 0; tile_x < side; tile_x += kTileSide, tiles += channels) {
       for (int c = 0; c < channels; c += kLanes) {
         Vec d[36];
+#pragma GCC unroll 6
         for (int j = 0; j < 6; ++j) {
-          const int column = tile_x + j - 1;
-          if (column < 0 || column >= side) {
-            for (int i = 0; i < 6; ++i) d[i * 6 + j] = zero;
-          } else {
-            for (int i = 0; i < 6; ++i) Load(rows[i] + column * channels + c, d[i * 6 + j]);
-            InputRow(d + j, d + j, 6);
+          const bool outside = (j == 0 && tile_x == 0) || (j == 5 && tile_x + kTileSide == side);
+#pragma GCC unroll 6
+          for (int i = 0; i < 6; ++i) {
+            d[i * 6 + j] = Vec{};
+            if (!outside) Load(rows[i] + (tile_x + j - 1) * channels + c, d[i * 6 + j]);
           }
+          InputRow(d + j, d + j, 6);
         }
+#pragma GCC unroll 6
         for (int i = 0; i < 6; ++i) {
           InputRow(d + i * 6, d + i * 6, 1);
+#pragma GCC unroll 6
           for (int j = 0; j < 6; ++j) {
             Store(d[i * 6 + j], tiles + static_cast<std::size_t>(i * 6 + j) * plane + c);
           }
         }
       }
-      tiles += channels;
     }
   }
 }
@@ -217,14 +218,18 @@ inline __attribute__((always_inline)) void OutputTile(const float* tile, std::si
   const Vec zero = {};
   Vec b;
   Load(bias, b);
+#pragma GCC unroll 6
   for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 6
     for (int i = 0; i < 6; ++i) {
       Load(tile + static_cast<std::size_t>(i * 6 + j) * plane, m[i * 6 + j]);
     }
     OutputRow(m + j, m + j, 6);
   }
+#pragma GCC unroll 4
   for (int i = 0; i < kTileSide; ++i) {
     OutputRow(m + i * 6, m + i * 6, 1);
+#pragma GCC unroll 4
     for (int j = 0; j < kTileSide; ++j) {
       const Vec value = m[i * 6 + j] + b;
       m[i * 6 + j] = value > zero ? value : zero;
@@ -239,8 +244,10 @@ void WinogradOutput(const float* tiles, int side, int channels, std::size_t plan
       for (int c = 0; c < channels; c += kLanes) {
         Vec m[36];
         OutputTile(tiles + c, plane, bias + c, m);
+#pragma GCC unroll 4
         for (int i = 0; i < kTileSide; ++i) {
           float* row = out + static_cast<std::ptrdiff_t>((tile_y + i) * side + tile_x) * channels;
+#pragma GCC unroll 4
           for (int j = 0; j < kTileSide; ++j) Store(m[i * 6 + j], row + j * channels + c);
         }
       }
@@ -258,7 +265,9 @@ void WinogradPooled(const float* tiles, int side, int channels, std::size_t plan
       for (int tile_y = 0; tile_y < across; ++tile_y) {
         Vec m[36];
         OutputTile(tiles + (tile_y * across + tile_x) * channels + c, plane, bias + c, m);
+#pragma GCC unroll 4
         for (int i = 0; i < kTileSide; ++i) {
+#pragma GCC unroll 4
           for (int j = 0; j < kTileSide; ++j) sum[j] += m[i * 6 + j];
         }
       }
