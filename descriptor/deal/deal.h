@@ -17,9 +17,9 @@ namespace pliant {
 // weight file's SHA-256.
 //
 // Describe additionally throws kInvalidArgument for a key point that is not finite or has no
-// positive size, and kTooLarge for more than 2^24 pixels. Its result does not depend on the order
-// or number of key points, nor on who else is calling; with another thread count the library may
-// choose another algorithm for the backbone, which changes results by less than 1e-4.
+// positive size, and kTooLarge for more than 2^24 pixels. Concurrent callers with the same number
+// of threads get the same bits. The other key points of a call, and the number of threads, change a
+// descriptor by rounding only (below 1e-5 and 1e-4).
 //
 // Throws kNotFound or kCorrupt naming the weight file and the tensor.
 std::shared_ptr<const Descriptor> MakeDealDescriptor(const std::filesystem::path& weights,

@@ -51,7 +51,7 @@ constexpr std::size_t WrappedSize(int side, int channels) {
 
 // Products of the Winograd planes for `patches` patches.
 ProductPrimitive PlaneProduct(const ConvLayer& layer, int side, std::size_t patches) {
-  const ProductPrimitive::Shape shape = {kTilePlanes, static_cast<int>(Tiles(side) * patches),
+  const ProductPrimitive::Shape shape = {kTilePlanes, static_cast<int>(PlaneRows(side, patches)),
                                          layer.inputs, layer.outputs};
   return {shape, WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone};
 }

@@ -1,0 +1,296 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The network away from the goldens: fast paths against plain loops, concurrency, odd inputs.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "descriptor/deal/deal.h"
+#include "descriptor/deal/kernels.h"
+#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/winograd.h"
+#include "descriptor/error.h"
+#include "tests/unit/deal_golden.h"
+
+namespace pliant::deal {
+namespace {
+
+constexpr std::uint32_t kSeed = 77;
+
+std::vector<float> Random(std::size_t count, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  std::vector<float> values(count);
+  for (float& value : values) value = uniform(random);
+  return values;
+}
+
+Image RandomImage(int width, int height) {
+  std::mt19937 random(kSeed);
+  Image image;
+  image.width = width;
+  image.height = height;
+  for (int i = 0; i < width * height; ++i) {
+    image.pixels.push_back(static_cast<std::uint8_t>(
+        128 + 90 * std::sin(i % width / 5.0) * std::cos(i / width / 4.0) + random() % 30));
+  }
+  return image;
+}
+
+std::vector<Keypoint> RandomKeypoints(std::size_t count, int width, int height) {
+  std::mt19937 random(kSeed + 1);
+  std::vector<Keypoint> points(count);
+  for (Keypoint& point : points) {
+    point.x = static_cast<float>(random() % 1000) / 1000 * static_cast<float>(width - 1);
+    point.y = static_cast<float>(random() % 1000) / 1000 * static_cast<float>(height - 1);
+    point.size = 2 + static_cast<float>(random() % 100) / 10;
+  }
+  return points;
+}
+
+// The oracle: relu(w * x + b), circular in rows, zero outside the columns, stride 1.
+std::vector<double> PlainConv(const std::vector<float>& in, int side, const ConvLayer& layer) {
+  std::vector<double> out;
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      for (int o = 0; o < layer.outputs; ++o) {
+        double sum = layer.bias[static_cast<std::size_t>(o)];
+        for (int t = 0; t < 9; ++t) {
+          const int row = (y + t / 3 - 1 + side) % side;
+          const int column = x + t % 3 - 1;
+          if (column < 0 || column >= side) continue;
+          for (int i = 0; i < layer.inputs; ++i) {
+            sum += static_cast<double>(
+                       layer.weight[static_cast<std::size_t>((o * layer.inputs + i) * 9 + t)]) *
+                   in[static_cast<std::size_t>((row * side + column) * layer.inputs + i)];
+          }
+        }
+        out.push_back(std::max(sum, 0.0));
+      }
+    }
+  }
+  return out;
+}
+
+ConvLayer RandomLayer(int inputs, int outputs) {
+  ConvLayer layer;
+  layer.inputs = inputs;
+  layer.outputs = outputs;
+  layer.kernel_height = layer.kernel_width = 3;
+  layer.weight = Random(static_cast<std::size_t>(inputs * outputs) * 9, kSeed + 2);
+  layer.bias = Random(static_cast<std::size_t>(outputs), kSeed + 3);
+  return layer;
+}
+
+class DealKernelsTest : public ::testing::TestWithParam<const Kernels*> {};
+
+TEST_P(DealKernelsTest, WinogradIsThePlainConvolution) {
+  constexpr int kChannels = 32;
+  for (const int side : {8, 16}) {
+    const ConvLayer layer = RandomLayer(kChannels, kChannels);
+    const auto map_size = static_cast<std::size_t>(side * side * kChannels);
+    const std::vector<float> in = Random(map_size, kSeed);
+    const auto tiles = static_cast<std::size_t>((side / 4) * (side / 4));
+    const std::size_t plane = (tiles + 1) * kChannels;
+    std::vector<float> v(kTilePlanes * plane);
+    std::vector<float> m(kTilePlanes * plane);
+    GetParam()->winograd_input(in.data(), side, kChannels, plane, v.data());
+    const std::vector<float> u = WinogradWeights(layer);
+    for (std::size_t p = 0; p < kTilePlanes; ++p) {
+      for (std::size_t t = 0; t < tiles; ++t) {
+        for (std::size_t o = 0; o < kChannels; ++o) {
+          double sum = 0;
+          for (std::size_t i = 0; i < kChannels; ++i) {
+            sum += static_cast<double>(v[p * plane + t * kChannels + i]) *
+                   u[(p * kChannels + i) * kChannels + o];
+          }
+          m[p * plane + t * kChannels + o] = static_cast<float>(sum);
+        }
+      }
+    }
+    std::vector<float> out(map_size);
+    GetParam()->winograd_output(m.data(), side, kChannels, plane, layer.bias.data(), out.data());
+    const std::vector<double> expected = PlainConv(in, side, layer);
+    for (std::size_t i = 0; i < map_size; ++i) ASSERT_NEAR(out[i], expected[i], 1e-4) << i;
+
+    std::vector<float> pooled(static_cast<std::size_t>(side) * kChannels);
+    GetParam()->winograd_pooled(m.data(), side, kChannels, plane, layer.bias.data(), pooled.data());
+    for (std::size_t i = 0; i < pooled.size(); ++i) {
+      double mean = 0;
+      for (std::size_t at = i; at < map_size; at += pooled.size()) mean += expected[at] / side;
+      ASSERT_NEAR(pooled[i], mean, 1e-4) << i;
+    }
+  }
+}
+
+TEST_P(DealKernelsTest, FirstConvolutionAndStandardize) {
+  std::vector<float> patch = Random(kPatchPixels, kSeed);
+  double mean = 0;
+  double variance = 0;
+  for (const float value : patch) mean += value / kPatchPixels;
+  for (const float value : patch) variance += (value - mean) * (value - mean) / kPatchPixels;
+  std::vector<float> framed(kFramedPixels, 9.0F);
+  GetParam()->standardize(patch.data(), framed.data());
+  for (float& value : patch) {
+    value = static_cast<float>((value - mean) / std::sqrt(variance + 1e-5));
+  }
+  const ConvLayer layer = RandomLayer(1, 32);
+  std::vector<float> taps_first(9 * 32);
+  for (std::size_t i = 0; i < taps_first.size(); ++i) {
+    taps_first[i] = layer.weight[i % 32 * 9 + i / 32];
+  }
+  std::vector<float> out(kPatchPixels * 32);
+  GetParam()->first_conv(framed.data(), taps_first.data(), layer.bias.data(), out.data());
+  const std::vector<double> expected = PlainConv(patch, kPatchSide, layer);
+  for (std::size_t i = 0; i < out.size(); ++i) ASSERT_NEAR(out[i], expected[i], 1e-4) << i;
+}
+
+TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
+  const Kernels& baseline = *UsableKernels().back();
+  constexpr int kHeight = 9;
+  constexpr int kWidth = 7;
+  const std::vector<float> map = Random(kHeight * kWidth * kFeatureChannels, kSeed);
+  const std::vector<float> picture = Random(kHeight * kWidth, kSeed);
+  const std::vector<float> grid = Random(2 * kPatchPixels, kSeed + 5);
+  for (const float at : {-1e30F, -3.0F, 0.0F, 2.3F, 6.0F, 50.0F, 1e30F}) {
+    std::vector<float> a(kSampledValues);
+    std::vector<float> b(kSampledValues);
+    GetParam()->sample_features(map.data(), kHeight, kWidth, at, 1.5F, a.data());
+    baseline.sample_features(map.data(), kHeight, kWidth, at, 1.5F, b.data());
+    ExpectNear(a, b, 1e-5, "features");
+    a.resize(kPatchPixels);
+    b.resize(kPatchPixels);
+    GetParam()->sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
+                             a.data());
+    baseline.sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
+                          b.data());
+    ExpectNear(a, b, 1e-5, "patch");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(InstructionSets, DealKernelsTest, ::testing::ValuesIn(UsableKernels()),
+                         [](const auto& kernels) { return std::string(kernels.param->name); });
+
+TEST(DealNetworkTest, ConcurrentCallersGetTheSingleCallersBits) {
+  const Image image = RandomImage(131, 97);
+  const std::vector<Keypoint> points = RandomKeypoints(70, 131, 97);
+  const std::vector<float> expected = SharedNetwork().Describe(image, points, true, 1);
+  std::vector<std::vector<float>> results(6);
+  {
+    std::vector<std::jthread> callers;
+    for (auto& result : results) {
+      callers.emplace_back([&] {
+        for (int round = 0; round < 3; ++round) {
+          result = SharedNetwork().Describe(image, points, true, 1);
+        }
+      });
+    }
+  }
+  for (const auto& result : results) EXPECT_EQ(result, expected);
+  ExpectNear(SharedNetwork().Describe(image, points, true, 3), expected, 1e-4, "three threads");
+}
+
+TEST(DealNetworkTest, ADescriptorDoesNotDependOnItsNeighbours) {
+  const Image image = RandomImage(120, 90);
+  const std::vector<Keypoint> points = RandomKeypoints(150, 120, 90);
+  const std::vector<float> all = SharedNetwork().Describe(image, points, true, 1);
+  for (const std::size_t count : {1U, 15U, 17U, 64U, 129U}) {
+    const std::vector<Keypoint> last(points.end() - static_cast<long>(count), points.end());
+    const std::vector<float> rows = SharedNetwork().Describe(image, last, true, 1);
+    ExpectNear(rows, std::span(all).last(rows.size()), 1e-5, std::to_string(count));
+  }
+}
+
+TEST(DealNetworkTest, TinyAndOddPictures) {
+  for (const auto& [width, height] :
+       {std::pair{16, 16}, {17, 31}, {1, 1}, {1, 40}, {33, 2}, {257, 19}}) {
+    const Image image = RandomImage(width, height);
+    for (const bool warp : {false, true}) {
+      const std::vector<float> rows =
+          SharedNetwork().Describe(image, RandomKeypoints(5, width, height), warp, 2);
+      ASSERT_EQ(rows.size(), 5U * kDescriptorDim);
+      for (std::size_t i = 0; i < 5; ++i) {
+        double squared = 0;
+        for (std::size_t d = 0; d < kDescriptorDim; ++d) {
+          squared += std::pow(rows[i * kDescriptorDim + d], 2);
+        }
+        EXPECT_NEAR(squared, 1, 1e-4) << width << " x " << height;
+      }
+    }
+  }
+}
+
+TEST(DealNetworkTest, KeypointsOutsideAndHuge) {
+  const Image image = RandomImage(64, 48);
+  std::vector<Keypoint> points(6);
+  for (Keypoint& point : points) point.size = 4;
+  points[1] = {.x = -500, .y = 1e9F, .size = 3};
+  points[2] = {.x = 63, .y = 47, .size = 5};
+  points[3] = {.x = 20, .y = 20, .size = 1e30F};
+  points[4] = {.x = 20, .y = 20, .size = std::numeric_limits<float>::max()};
+  points[5] = {.x = 20, .y = 20, .size = 1e-30F};
+  for (const bool warp : {false, true}) {
+    for (const float value : SharedNetwork().Describe(image, points, warp, 2)) {
+      ASSERT_TRUE(std::isfinite(value));
+    }
+  }
+}
+
+TEST(DealNetworkTest, RefusesKeypointsAndPicturesByName) {
+  const Image image = RandomImage(64, 48);
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  for (const Keypoint& bad :
+       {Keypoint{.x = kNan, .size = 1}, Keypoint{.y = -kInfinity, .size = 1}, Keypoint{.size = 0},
+        Keypoint{.size = -2}, Keypoint{.size = kNan}, Keypoint{.size = kInfinity}}) {
+    const std::vector<Keypoint> points = {Keypoint{.size = 3}, bad};
+    try {
+      SharedNetwork().Describe(image, points, false, 1);
+      ADD_FAILURE() << "described a bad key point";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
+      EXPECT_NE(std::string(error.what()).find("key point 1"), std::string::npos);
+    }
+  }
+  Image colour = image;
+  colour.channels = 3;
+  EXPECT_THROW(SharedNetwork().Describe(colour, {}, false, 1), Error);
+  EXPECT_THROW(SharedNetwork().Describe(Image{}, {}, false, 1), Error);
+}
+
+TEST(DealNetworkTest, DescriptorInterface) {
+  const auto deal = MakeDealDescriptor(ModelPath(), true);
+  const auto fixed = MakeDealDescriptor(ModelPath(), false);
+  const std::string hash = SharedNetwork().weights().sha256.substr(0, 16);
+  EXPECT_EQ(deal->info().model_id, "deal:" + hash);
+  EXPECT_EQ(fixed->info().model_id, "deal-fixed:" + hash);
+  EXPECT_EQ(fixed->info().name, "deal-fixed");
+  const Image image = RandomImage(90, 70);
+  const Descriptors none = deal->Describe(image, {}, 0);
+  EXPECT_EQ(none.rows, 0U);
+  EXPECT_EQ(none.dim, kDescriptorDim);
+  EXPECT_TRUE(none.floats.empty());
+  const std::vector<Keypoint> points = RandomKeypoints(9, 90, 70);
+  const Descriptors some = deal->Describe(image, points, 0);
+  EXPECT_EQ(some.rows, 9U);
+  EXPECT_NE(some.floats, fixed->Describe(image, points, 0).floats);
+}
+
+TEST(ParallelItemsTest, HandsOutEachItemOnceAndRethrows) {
+  std::vector<std::atomic<int>> seen(100);
+  ParallelItems(4, seen.size(), [&](const auto& next) {
+    for (std::size_t i = next(); i < seen.size(); i = next()) ++seen[i];
+  });
+  for (const auto& count : seen) EXPECT_EQ(count, 1);
+  const auto failing = [](const auto& next) {
+    for (std::size_t i = next(); i < 10; i = next()) {
+      if (i == 4) throw std::runtime_error("item 4");
+    }
+  };
+  EXPECT_THROW(ParallelItems(3, 10, failing), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace pliant::deal
