@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 
 namespace pliant::deal {

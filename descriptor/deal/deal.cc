@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "descriptor/deal/network.h"
-#include "descriptor/deal/parallel.h"
+#include "descriptor/parallel.h"
 
 namespace pliant {
 namespace {
@@ -27,7 +27,7 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats = network_.Describe(grey, keypoints, warp_, deal::ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, warp_, ResolveThreads(threads));
     return result;
   }
 

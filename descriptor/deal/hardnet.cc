@@ -7,7 +7,7 @@
 #include <cstring>
 
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 #include "descriptor/deal/winograd.h"
 

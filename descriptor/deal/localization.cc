@@ -7,8 +7,9 @@
 #include <cstring>
 
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
+#include "descriptor/parallel.h"
 
 namespace pliant::deal {
 namespace {
@@ -79,15 +80,13 @@ struct LocalizationNet::Impl {
     const std::size_t whole = (count + kLargeBatch / 2) / kLargeBatch;
     const std::size_t rest_from = std::min(count, whole * kLargeBatch);
     const std::size_t items = whole + (count - rest_from + kSmallBatch - 1) / kSmallBatch;
-    ParallelItems(threads, items, [&](const auto& next) {
+    ParallelFor(items, threads, [&](std::size_t i) {
+      const ScopedPrimitiveThreads one(1);
       const auto worker =
           pool.Take([](const Worker&) { return true; }, [&] { return MakeWorker(); });
-      for (std::size_t i = next(); i < items; i = next()) {
-        const std::size_t first =
-            i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
-        const std::size_t batch = i < whole ? kLargeBatch : kSmallBatch;
-        RunBatch(*worker, first, std::min(batch, count - first), fill, theta.data());
-      }
+      const std::size_t first = i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
+      const std::size_t batch = i < whole ? kLargeBatch : kSmallBatch;
+      RunBatch(*worker, first, std::min(batch, count - first), fill, theta.data());
     });
     return theta;
   }
@@ -120,8 +119,10 @@ LocalizationNet::~LocalizationNet() = default;
 std::vector<float> LocalizationNet::Sample(const FeatureMap& map,
                                            std::span<const Keypoint> keypoints, int threads) const {
   std::vector<float> samples(keypoints.size() * kSampledValues);
-  ParallelItems(threads, keypoints.size(), [&](const auto& next) {
-    for (std::size_t i = next(); i < keypoints.size(); i = next()) {
+  constexpr std::size_t kStep = 64;
+  ParallelFor((keypoints.size() + kStep - 1) / kStep, threads, [&](std::size_t step) {
+    const std::size_t end = std::min(keypoints.size(), (step + 1) * kStep);
+    for (std::size_t i = step * kStep; i < end; ++i) {
       SampleOne(map, keypoints[i], samples.data() + i * kSampledValues);
     }
   });

@@ -10,9 +10,10 @@
 
 #include "descriptor/deal/geometry.h"
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 #include "descriptor/error.h"
+#include "descriptor/parallel.h"
 
 namespace pliant::deal {
 namespace {
@@ -101,12 +102,11 @@ struct DealNetwork::Impl {
   template <typename Body>
   void ForBatches(const HardNet& net, std::size_t total, int threads, const Body& body) {
     const std::size_t batches = (total + kBatch - 1) / kBatch;
-    ParallelItems(threads, batches, [&](const auto& next) {
+    ParallelFor(batches, threads, [&](std::size_t i) {
+      const ScopedPrimitiveThreads one(1);
       const auto worker = pool.Take([](const Worker&) { return true; },
                                     [&] { return std::make_unique<Worker>(*this, net); });
-      for (std::size_t i = next(); i < batches; i = next()) {
-        body(*worker, i * kBatch, std::min(kBatch, total - i * kBatch));
-      }
+      body(*worker, i * kBatch, std::min(kBatch, total - i * kBatch));
     });
   }
 

@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
@@ -22,7 +23,7 @@
 #include <benchmark/benchmark.h>
 
 #include "descriptor/deal/network.h"
-#include "descriptor/deal/parallel.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 
 namespace pliant::deal {
@@ -55,8 +56,9 @@ Image MakeImage() {
 }
 
 const Scene& SharedScene() {
-  static const Scene scene = [] {
-    Scene s;
+  static const std::unique_ptr<const Scene> scene = [] {
+    auto made = std::make_unique<Scene>();
+    Scene& s = *made;
     s.image = MakeImage();
     s.picture = DealNetwork::ToPicture(s.image);
     std::mt19937 random(2);
@@ -70,9 +72,9 @@ const Scene& SharedScene() {
     s.samples = s.network.localization().Sample(s.map, s.keypoints, 1);
     s.theta = s.network.localization().ThetaFromSamples(s.samples, 1);
     s.patches = s.network.Patches(s.picture, s.keypoints, s.theta, 1);
-    return s;
+    return made;
   }();
-  return scene;
+  return *scene;
 }
 
 double SecondsOf(const auto& act) {

@@ -9,7 +9,6 @@
 
 #include "descriptor/deal/deal.h"
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/parallel.h"
 #include "descriptor/deal/winograd.h"
 #include "descriptor/error.h"
 #include "tests/unit/deal_golden.h"
@@ -276,20 +275,6 @@ TEST(DealNetworkTest, DescriptorInterface) {
   const Descriptors some = deal->Describe(image, points, 0);
   EXPECT_EQ(some.rows, 9U);
   EXPECT_NE(some.floats, fixed->Describe(image, points, 0).floats);
-}
-
-TEST(ParallelItemsTest, HandsOutEachItemOnceAndRethrows) {
-  std::vector<std::atomic<int>> seen(100);
-  ParallelItems(4, seen.size(), [&](const auto& next) {
-    for (std::size_t i = next(); i < seen.size(); i = next()) ++seen[i];
-  });
-  for (const auto& count : seen) EXPECT_EQ(count, 1);
-  const auto failing = [](const auto& next) {
-    for (std::size_t i = next(); i < 10; i = next()) {
-      if (i == 4) throw std::runtime_error("item 4");
-    }
-  };
-  EXPECT_THROW(ParallelItems(3, 10, failing), std::runtime_error);
 }
 
 }  // namespace

@@ -1,15 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Explicit threads for the network's own loops, and for the library's primitives beneath them.
+// What a call borrows while it runs: the library's thread count and scratch memory. Internal to
+// deal/.
 #pragma once
 
 #include <algorithm>
-#include <atomic>
 #include <cstddef>
-#include <exception>
+#include <iterator>
 #include <memory>
 #include <mutex>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -30,40 +29,6 @@ class ScopedPrimitiveThreads {
  private:
   int before_;
 };
-
-// 0 = all cores; never less than one.
-inline int ResolveThreads(int threads) {
-  if (threads > 0) return threads;
-  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-}
-
-// Calls body(next) on up to `threads` threads, the calling one among them. Each call takes work
-// items by next(), which hands out 0..count-1 once each and then `count`. Primitives inside run on
-// one thread. The first exception stops the hand-out and is rethrown here.
-template <typename Body>
-void ParallelItems(int threads, std::size_t count, const Body& body) {
-  std::atomic<std::size_t> taken = 0;
-  std::mutex failure_mutex;
-  std::exception_ptr failure;  // guarded by failure_mutex
-  const auto next = [&] { return std::min(taken.fetch_add(1), count); };
-  const auto run = [&] {
-    const ScopedPrimitiveThreads one(1);
-    try {
-      body(next);
-    } catch (...) {
-      taken = count;
-      const std::lock_guard lock(failure_mutex);
-      if (!failure) failure = std::current_exception();
-    }
-  };
-  {
-    std::vector<std::jthread> helpers;
-    const std::size_t wanted = std::min<std::size_t>(static_cast<std::size_t>(threads), count);
-    for (std::size_t i = 1; i < wanted; ++i) helpers.emplace_back(run);
-    if (count > 0) run();
-  }
-  if (failure) std::rethrow_exception(failure);
-}
 
 // Objects that are costly to make and used by one call at a time (scratch memory). Thread-safe.
 template <typename T>
