@@ -1,0 +1,19 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The subcommands of `pliant`. Each lives in a file of its own, adds itself to the program and
+// reports through `status`; what it throws is reported by main.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "index/cli/exit_status.h"
+
+namespace pliant::cli {
+
+void AddIndexCommand(CLI::App& program, ExitStatus& status);
+void AddQueryCommand(CLI::App& program, ExitStatus& status);
+void AddVocabCommand(CLI::App& program, ExitStatus& status);
+void AddDbCommand(CLI::App& program, ExitStatus& status);
+void AddDescribeCommand(CLI::App& program, ExitStatus& status);
+
+}  // namespace pliant::cli

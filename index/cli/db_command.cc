@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant db stats | check | backup | rm
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/output.h"
+#include "index/text.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  EngineOptions engine;
+  std::string collection;
+  std::filesystem::path backup;
+  std::vector<std::string> ids;
+  std::vector<std::string> objects;
+  bool json = false;
+};
+
+enum class Access { kRead, kWrite };
+
+Engine OpenEngine(Options& options, Access access) {
+  options.engine.descriptor.clear();
+  options.engine.create = false;
+  options.engine.load_descriptor = false;
+  options.engine.read_only = access == Access::kRead;
+  return Engine(options.engine);
+}
+
+ExitStatus Stats(Options& options) {
+  const EngineStats stats = OpenEngine(options, Access::kRead).Stats();
+  if (options.json) {
+    Print(Json{{"images", stats.images},
+               {"objects", stats.objects},
+               {"descriptors", stats.descriptors},
+               {"database_bytes", stats.database_bytes},
+               {"index_bytes", stats.index_bytes},
+               {"descriptor", stats.descriptor},
+               {"model_id", stats.model_id},
+               {"vocabulary",
+                stats.vocabulary ? Json::parse(VocabularyJson(*stats.vocabulary)) : Json(nullptr)}}
+              .dump());
+    return ExitStatus::kDone;
+  }
+  Print("images       " + std::to_string(stats.images));
+  Print("objects      " + std::to_string(stats.objects));
+  Print("descriptors  " + std::to_string(stats.descriptors));
+  Print("on disk      " + FormatBytes(stats.database_bytes));
+  Print("in memory    " + FormatBytes(stats.index_bytes));
+  Print("descriptor   " + stats.descriptor + " (" + stats.model_id + ")");
+  Print("vocabulary   " + (stats.vocabulary ? std::to_string(stats.vocabulary->id) + " of " +
+                                                  std::to_string(stats.vocabulary->words) + " words"
+                                            : std::string("none yet")));
+  return ExitStatus::kDone;
+}
+
+ExitStatus Check(Options& options) {
+  const std::vector<std::string> problems = OpenEngine(options, Access::kWrite).Check();
+  if (options.json) {
+    Json list = Json::array();
+    for (const std::string& problem : problems) list.push_back(ToDisplayText(problem));
+    Print(Json{{"ok", problems.empty()}, {"problems", std::move(list)}}.dump());
+  } else if (problems.empty()) {
+    Print("ok");
+  } else {
+    for (const std::string& problem : problems) Print(ToDisplayText(problem));
+  }
+  return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+}
+
+ExitStatus Backup(Options& options) {
+  OpenEngine(options, Access::kRead).Backup(options.backup);
+  const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
+  if (options.json) {
+    Print(Json{{"file", ToDisplayText(options.backup.string())}, {"bytes", bytes}}.dump());
+  } else {
+    Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
+  }
+  return ExitStatus::kDone;
+}
+
+ExitStatus Remove(Options& options) {
+  if (options.ids.empty() && options.objects.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "nothing_named", "name the images or --object to remove");
+  }
+  Engine engine = OpenEngine(options, Access::kWrite);
+  std::uint64_t removed = 0;
+  Json missing = Json::array();
+  for (const std::string& id : options.ids) {
+    if (engine.Remove(options.collection, id)) {
+      ++removed;
+    } else {
+      missing.push_back(ToDisplayText(id));
+    }
+  }
+  for (const std::string& object : options.objects) {
+    const std::uint64_t pictures = engine.RemoveObject(options.collection, object);
+    removed += pictures;
+    if (pictures == 0) missing.push_back(ToDisplayText(object));
+  }
+  if (options.json) {
+    Print(Json{{"removed", removed}, {"missing", missing}}.dump());
+  } else {
+    for (const auto& id : missing) Message("skipped " + id.get<std::string>() + ": it is not in the index");
+    Print("removed " + std::to_string(removed));
+  }
+  return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
+}  // namespace
+
+void AddDbCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("db", "Look after a database");
+  app->require_subcommand(1);
+  AddDatabaseFlags(*app, options->engine, options->collection);
+  app->add_flag("--json", options->json, "print one JSON document");
+  const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&)) {
+    CLI::App* sub = app->add_subcommand(name, help);
+    sub->fallthrough();
+    sub->callback([options, run, &status] { status = run(*options); });
+    return sub;
+  };
+  add("stats", "Show how much is in it", Stats);
+  add("check", "Verify everything that must hold in it", Check);
+  add("backup", "Copy it to a new file, also while it is in use", Backup)
+      ->add_option("FILE", options->backup, "the new file")
+      ->required();
+  CLI::App* remove = add("rm", "Remove images for good", Remove);
+  remove->add_option("ID", options->ids, "image ids");
+  remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");
+}
+
+}  // namespace pliant::cli

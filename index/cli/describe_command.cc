@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant describe IMAGE --out FILE
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/output.h"
+#include "index/cli/safetensors_writer.h"
+#include "index/text.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  EngineOptions engine;  // only what concerns extraction
+  std::filesystem::path image;
+  std::filesystem::path out;
+  int threads = 0;
+  bool json = false;
+};
+
+ExitStatus Run(const Options& options) {
+  const std::vector<std::uint8_t> bytes =
+      ReadFile(options.image, options.engine.extraction.decode.max_bytes);
+  const std::string name =
+      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
+  const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
+                                   options.engine.extraction);
+  ExtractionTimings timings;
+  const Features features = extractor.Extract(bytes, options.threads, &timings);
+  WriteSafetensors(options.out, features);
+  if (options.json) {
+    Print(Json{{"file", ToDisplayText(options.out.string())},
+               {"keypoints", features.keypoints.size()},
+               {"descriptor", name},
+               {"dim", features.descriptors.dim},
+               {"model_id", features.model_id},
+               {"width", features.width},
+               {"height", features.height},
+               {"timings",
+                {{"decode_ms", timings.decode_ms},
+                 {"detect_ms", timings.detect_ms},
+                 {"describe_ms", timings.describe_ms}}}}
+              .dump());
+  } else {
+    Print("wrote " + options.out.string() + ": " + std::to_string(features.keypoints.size()) +
+          " key points, " + features.model_id + ", described in " +
+          FormatFixed(timings.describe_ms, 0) + " ms");
+  }
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+
+void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand(
+      "describe", "Write a picture's key points and descriptors to a safetensors file");
+  app->add_option("IMAGE", options->image, "the picture")->required();
+  app->add_option("--out,-o", options->out, "the file to write")->required()->type_name("FILE");
+  AddExtractionFlags(*app, options->engine);
+  app->add_option("--jobs,-j", options->threads, "threads; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

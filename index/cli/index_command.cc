@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant index DIR... --db FILE
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/index_job.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  EngineOptions engine;
+  IndexJobOptions job;
+  std::vector<std::filesystem::path> inputs;
+  ObjectFrom object_from = ObjectFrom::kAuto;
+  bool json = false;
+};
+
+struct Outcome {
+  IndexJobResult job;
+  std::optional<VocabularyRecord> vocabulary;
+  bool trained = false;
+  double seconds = 0;
+};
+
+const char* NamedBy(ObjectFrom object_from) {
+  if (object_from == ObjectFrom::kStem) return "file name";
+  return object_from == ObjectFrom::kNone ? "nothing" : "folder";
+}
+
+std::optional<VocabularyRecord> ActiveVocabulary(Engine& engine, const std::string& collection) {
+  for (const VocabularyRecord& record : engine.ListVocabularies(collection)) {
+    if (record.active) return record;
+  }
+  return std::nullopt;
+}
+
+// The first vocabulary comes by itself, so that one command makes an index that answers.
+void TrainFirstVocabulary(Engine& engine, const Options& options, const Interrupt& interrupt,
+                          Outcome& outcome) {
+  ListOptions any;
+  any.collection = options.job.collection;
+  any.limit = 1;
+  if (engine.List(any).empty()) return;
+  Message("no vocabulary yet: training one from the stored pictures");
+  TrainOptions train;
+  train.collection = options.job.collection;
+  train.threads = options.job.jobs;
+  train.stop = interrupt.token();
+  Progress progress("training the vocabulary");
+  train.progress = [&](double done, double) { progress.Share(done); };
+  outcome.vocabulary = engine.TrainVocabulary(train);
+  outcome.trained = true;
+}
+
+void PrintText(const Outcome& outcome, ObjectFrom named_by) {
+  const IndexJobResult& job = outcome.job;
+  for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
+  Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
+        ", skipped " + std::to_string(job.skipped.size()) + " pictures in " +
+        FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(named_by) + ")");
+  if (outcome.vocabulary) {
+    Print(std::string(outcome.trained ? "trained" : "using") + " vocabulary " +
+          std::to_string(outcome.vocabulary->id) + " of " + std::to_string(outcome.vocabulary->words) +
+          " words");
+  }
+}
+
+void PrintJson(const Outcome& outcome) {
+  Json skipped = Json::array();
+  for (const SkippedFile& file : outcome.job.skipped) {
+    skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
+  }
+  Json vocabulary = nullptr;
+  if (outcome.vocabulary) {
+    vocabulary = Json::parse(VocabularyJson(*outcome.vocabulary));
+    vocabulary["trained"] = outcome.trained;
+  }
+  Print(Json{{"indexed", outcome.job.indexed},
+             {"unchanged", outcome.job.unchanged},
+             {"skipped", std::move(skipped)},
+             {"vocabulary", std::move(vocabulary)},
+             {"seconds", outcome.seconds},
+             {"interrupted", outcome.job.interrupted}}
+            .dump());
+}
+
+ExitStatus Run(Options& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const Interrupt interrupt;
+  PictureFiles files = FindPictures(options.inputs, options.object_from);
+  Engine engine(options.engine);
+  if (options.job.collection != kDefaultCollection) engine.CreateCollection(options.job.collection);
+  Outcome outcome;
+  options.job.max_bytes = options.engine.extraction.decode.max_bytes;
+  outcome.job = RunIndexJob(engine, files.pictures, options.job, interrupt);
+  outcome.job.skipped.insert(outcome.job.skipped.begin(), files.skipped.begin(), files.skipped.end());
+  outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
+  if (!outcome.vocabulary && !outcome.job.interrupted) {
+    try {
+      TrainFirstVocabulary(engine, options, interrupt, outcome);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kCancelled) throw;
+      outcome.job.interrupted = true;
+    }
+  }
+  outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (options.json) {
+    PrintJson(outcome);
+  } else {
+    PrintText(outcome, files.named_by);
+  }
+  if (files.pictures.empty()) Message("no pictures were found");
+  if (outcome.job.interrupted) {
+    Message("stopped on request; what is counted as indexed is kept: run the same command again to resume");
+    return ExitStatus::kFailed;
+  }
+  return outcome.job.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
+}  // namespace
+
+void AddIndexCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("index", "Put the pictures of folders into a database");
+  app->add_option("DIR", options->inputs, "folders, searched with all below them, or picture files")
+      ->required();
+  AddDatabaseFlags(*app, options->engine, options->job.collection);
+  app->add_option("--object-from", options->object_from,
+                  "what names a picture's object: its folder, its file name without extension (stem), "
+                  "or none (default: folder; stem for a single folder without sub-folders)")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, ObjectFrom>{
+          {"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}}))
+      ->type_name("folder|stem|none")
+      ->option_text("folder|stem|none");
+  app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app->add_flag("--keep-originals", options->engine.keep_originals, "store the files' bytes too");
+  AddExtractionFlags(*app, options->engine);
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

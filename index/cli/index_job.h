@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Puts many picture files into the index: several threads, one picture each.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "index/cli/interrupt.h"
+#include "index/cli/picture_files.h"
+#include "index/engine.h"
+
+namespace pliant::cli {
+
+struct IndexJobOptions {
+  std::string collection = kDefaultCollection;
+  int jobs = 0;  // threads; 0 = one a core
+  std::int64_t max_bytes = 0;
+};
+
+struct IndexJobResult {
+  std::uint64_t indexed = 0;
+  std::uint64_t unchanged = 0;
+  std::vector<SkippedFile> skipped;  // by file name
+  bool interrupted = false;
+};
+
+// What concerns one picture (unreadable, no picture, too few features) skips it; what concerns all
+// (disk full, database busy or damaged, model mismatch) ends the job and is thrown. Everything
+// counted as indexed is durable.
+IndexJobResult RunIndexJob(Engine& engine, const std::vector<PictureFile>& files,
+                           const IndexJobOptions& options, const Interrupt& interrupt);
+
+}  // namespace pliant::cli

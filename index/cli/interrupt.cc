@@ -1,0 +1,43 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/cli/interrupt.h"
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+
+namespace pliant::cli {
+namespace {
+
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
+
+extern "C" void OnSignal(int /*number*/) { interrupted = true; }
+
+void Install(void (*handler)(int), int flags) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  action.sa_flags = flags;
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace
+
+Interrupt::Interrupt() {
+  interrupted = false;
+  Install(OnSignal, static_cast<int>(SA_RESETHAND) | SA_RESTART);
+  watcher_ = std::jthread([this](const std::stop_token& end) {
+    while (!end.stop_requested() && !interrupted) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    if (interrupted) source_.request_stop();
+  });
+}
+
+Interrupt::~Interrupt() { Install(SIG_DFL, 0); }
+
+bool Interrupt::requested() const { return interrupted; }
+
+}  // namespace pliant::cli

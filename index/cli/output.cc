@@ -1,0 +1,116 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/cli/output.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <ctime>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "index/text.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::size_t Width(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+bool IsNumber(const std::string& text) {
+  return !text.empty() && text.find_first_not_of("0123456789.-") == std::string::npos;
+}
+
+}  // namespace
+
+void Print(std::string_view text) { std::cout << text << '\n'; }
+
+void Message(std::string_view text) { std::cerr << text << std::endl; }
+
+void FlushOutput() {
+  std::cout.flush();
+  if (!std::cout) {
+    throw Error(ErrorCode::kNoSpace, "output_failed", "standard output could not be written");
+  }
+}
+
+void ReportError(const Error& error, bool json) {
+  const std::string message = ToDisplayText(error.what());
+  Message("pliant: " + message);
+  if (!json) return;
+  Print(Json{{"error", {{"code", error.reason()}, {"message", message}}}}.dump());
+  std::cout.flush();
+}
+
+std::string FormatTable(const std::vector<std::string>& header,
+                        const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  std::vector<bool> numeric;
+  for (std::size_t c = 0; c < header.size(); ++c) {
+    widths.push_back(Width(header[c]));
+    numeric.push_back(true);
+    for (const auto& row : rows) {
+      widths[c] = std::max(widths[c], Width(row[c]));
+      numeric[c] = numeric[c] && IsNumber(row[c]);
+    }
+  }
+  std::string out;
+  const auto add_row = [&](const std::vector<std::string>& row) {
+    std::string line;
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      const std::string space(widths[c] - Width(row[c]), ' ');
+      if (c > 0) line += "  ";
+      line += numeric[c] ? space + row[c] : row[c] + space;
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    out += line + '\n';
+  };
+  add_row(header);
+  for (const auto& row : rows) add_row(row);
+  if (!out.empty()) out.pop_back();
+  return out;
+}
+
+std::string FormatFixed(double value, int decimals) {
+  std::array<char, 64> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
+  return buffer.data();
+}
+
+std::string FormatBytes(std::uint64_t bytes) {
+  static constexpr std::array kUnits = {"B", "KiB", "MiB", "GiB", "TiB"};
+  auto value = static_cast<double>(bytes);
+  std::size_t unit = 0;
+  for (; value >= 1024 && unit + 1 < kUnits.size(); value /= 1024) ++unit;
+  return FormatFixed(value, unit == 0 ? 0 : 1) + " " + kUnits[unit];
+}
+
+std::string FormatTime(std::int64_t unix_ms) {
+  const auto seconds = static_cast<std::time_t>(unix_ms / 1000);
+  std::tm utc{};
+  gmtime_r(&seconds, &utc);
+  std::array<char, 32> buffer{};
+  std::strftime(buffer.data(), buffer.size(), "%Y-%m-%d %H:%M:%S", &utc);
+  return buffer.data();
+}
+
+std::string VocabularyJson(const VocabularyRecord& record) {
+  return Json{{"id", record.id},
+              {"words", record.words},
+              {"model_id", record.model_id},
+              {"active", record.active},
+              {"created_ms", record.created_ms},
+              {"origin",
+               {{"method", record.origin.method},
+                {"seed", record.origin.seed},
+                {"sampled", record.origin.sampled},
+                {"available", record.origin.available},
+                {"loss", record.origin.loss}}}}
+      .dump();
+}
+
+}  // namespace pliant::cli

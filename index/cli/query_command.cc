@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant query IMAGE --db FILE
+#include <array>
+#include <chrono>
+#include <memory>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/output.h"
+#include "index/result_json.h"
+
+namespace pliant::cli {
+namespace {
+
+struct Options {
+  EngineOptions engine;
+  SearchOptions search;
+  std::filesystem::path image;
+  std::vector<double> region;
+  bool json = false;
+};
+
+void PrintText(Engine& engine, const Options& options, const SearchResult& result, double took_ms) {
+  std::vector<std::vector<std::string>> rows;
+  for (const Hit& hit : result.hits) {
+    std::string source;
+    try {
+      source = engine.Get(options.search.collection, hit.image_id).source;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kNotFound) throw;  // removed by another process just now
+    }
+    rows.push_back({std::to_string(hit.rank), FormatFixed(hit.score, 4),
+                    hit.object.empty() ? "-" : hit.object, hit.image_id, source});
+  }
+  if (rows.empty()) {
+    Print("nothing found");
+  } else {
+    Print(FormatTable({"rank", "score", "object", "image", "file"}, rows));
+  }
+  Message(std::to_string(result.hits.size()) + " of " + std::to_string(result.total) + " hits, " +
+          std::to_string(result.keypoints) + " key points, vocabulary " +
+          std::to_string(result.vocabulary) + " of " + std::to_string(result.words) + " words, " +
+          FormatFixed(took_ms, 0) + " ms");
+}
+
+ExitStatus Run(Options& options) {
+  if (!options.region.empty()) {
+    options.search.region =
+        Region{options.region[0], options.region[1], options.region[2], options.region[3]};
+  }
+  const std::vector<std::uint8_t> bytes =
+      ReadFile(options.image, options.engine.extraction.decode.max_bytes);
+  options.engine.read_only = true;
+  options.engine.create = false;
+  Engine engine(options.engine);
+  const auto start = std::chrono::steady_clock::now();
+  const SearchResult result = engine.Search(bytes, options.search);
+  const double took_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  if (options.json) {
+    Print(SearchResultJson(result, took_ms));
+  } else {
+    PrintText(engine, options, result, took_ms);
+  }
+  return ExitStatus::kDone;
+}
+
+template <typename Enum>
+void AddChoice(CLI::App& app, const std::string& name, Enum& value, const std::string& help,
+               const std::map<std::string, Enum>& choices, const std::string& names) {
+  app.add_option(name, value, help)
+      ->transform(CLI::CheckedTransformer(choices))
+      ->option_text(names);
+}
+
+}  // namespace
+
+void AddQueryCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  SearchOptions& search = options->search;
+  CLI::App* app = program.add_subcommand("query", "Ask which object a picture shows");
+  app->add_option("IMAGE", options->image, "the query picture")->required();
+  AddDatabaseFlags(*app, options->engine, search.collection);
+  app->add_option("--top", search.limit, "hits returned; 0 = all")->capture_default_str();
+  app->add_option("--offset", search.offset, "hits left out at the start")->capture_default_str();
+  AddChoice<GroupBy>(*app, "--group-by", search.group_by,
+                     "one hit for each object, or for each image (default: object)",
+                     {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}}, "object|image");
+  AddChoice<RankMethod>(*app, "--rank", search.rank,
+                        "how words are compared: cosine of tf-idf, or the paper's histogram "
+                        "(default: tfidf)",
+                        {{"tfidf", RankMethod::kTfIdf}, {"histogram", RankMethod::kHistogram}},
+                        "tfidf|histogram");
+  AddChoice<Verification>(*app, "--verify", search.verify,
+                          "check the best hits for a consistent deformation (default: none)",
+                          {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
+  app->add_option("--region", options->region,
+                  "only this rectangle of the query picture counts: X,Y,W,H in its pixels")
+      ->delimiter(',')
+      ->expected(4)
+      ->type_name("X,Y,W,H");
+  app->add_option("--object", search.object, "only pictures of this object");
+  app->add_option("--min-score", search.min_score, "hits below this score are left out, 0 to 1")
+      ->capture_default_str();
+  AddExtractionFlags(*app, options->engine);
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant vocab train | list | use
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  EngineOptions engine;
+  TrainOptions train;  // its collection is that of all three
+  std::int64_t id = 0;
+  bool use_at_once = false;
+  bool json = false;
+};
+
+// Vocabularies are made from stored descriptors: no weights are needed.
+Engine OpenEngine(Options& options, bool read_only) {
+  options.engine.descriptor.clear();
+  options.engine.create = false;
+  options.engine.load_descriptor = false;
+  options.engine.read_only = read_only;
+  return Engine(options.engine);
+}
+
+ExitStatus Train(Options& options) {
+  Engine engine = OpenEngine(options, false);
+  const Interrupt interrupt;
+  options.train.stop = interrupt.token();
+  VocabularyRecord record;
+  {
+    Progress progress("training the vocabulary");
+    options.train.progress = [&](double done, double) { progress.Share(done); };
+    record = engine.TrainVocabulary(options.train);
+  }
+  if (options.use_at_once && !record.active) {
+    engine.UseVocabulary(options.train.collection, record.id);
+    record.active = true;
+  }
+  if (options.json) {
+    Print(VocabularyJson(record));
+    return ExitStatus::kDone;
+  }
+  Print("vocabulary " + std::to_string(record.id) + ": " + std::to_string(record.words) +
+        " words from " + std::to_string(record.origin.sampled) + " of " +
+        std::to_string(record.origin.available) + " descriptors, mean distance " +
+        FormatFixed(record.origin.loss, 4));
+  if (!record.active) {
+    Print("it is not in use yet: pliant vocab use " + std::to_string(record.id) + " --db " +
+          options.engine.database.string());
+  }
+  return ExitStatus::kDone;
+}
+
+ExitStatus List(Options& options) {
+  Engine engine = OpenEngine(options, true);
+  const std::vector<VocabularyRecord> records = engine.ListVocabularies(options.train.collection);
+  if (options.json) {
+    Json all = Json::array();
+    for (const VocabularyRecord& record : records) all.push_back(Json::parse(VocabularyJson(record)));
+    Print(Json{{"vocabularies", std::move(all)}}.dump());
+    return ExitStatus::kDone;
+  }
+  if (records.empty()) {
+    Print("no vocabulary yet; make one: pliant vocab train --db " + options.engine.database.string());
+    return ExitStatus::kDone;
+  }
+  std::vector<std::vector<std::string>> rows;
+  for (const VocabularyRecord& r : records) {
+    rows.push_back({std::to_string(r.id), r.active ? "in use" : "", std::to_string(r.words),
+                    std::to_string(r.origin.sampled), std::to_string(r.origin.seed),
+                    FormatFixed(r.origin.loss, 4), FormatTime(r.created_ms)});
+  }
+  Print(FormatTable({"id", "", "words", "sampled", "seed", "mean distance", "made (UTC)"}, rows));
+  return ExitStatus::kDone;
+}
+
+ExitStatus Use(Options& options) {
+  Engine engine = OpenEngine(options, false);
+  engine.UseVocabulary(options.train.collection, options.id);
+  if (options.json) {
+    Print(Json{{"vocabulary", options.id}}.dump());
+  } else {
+    Print("vocabulary " + std::to_string(options.id) + " is in use");
+  }
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+
+void AddVocabCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("vocab", "Train, list and switch vocabularies");
+  app->require_subcommand(1);
+  AddDatabaseFlags(*app, options->engine, options->train.collection);
+  app->add_flag("--json", options->json, "print one JSON document");
+
+  CLI::App* train = app->add_subcommand("train", "Make a new vocabulary from the stored pictures");
+  train->fallthrough();
+  train->add_option("--words", options->train.words, "words; 0 = a tenth of the sample")
+      ->capture_default_str()
+      ->check(CLI::Range(0, static_cast<int>(kMaxKMedoidsSamples)));
+  train->add_option("--sample", options->train.sample, "descriptors drawn at random")
+      ->capture_default_str()
+      ->check(CLI::Range(1, static_cast<int>(kMaxKMedoidsSamples)));
+  train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")
+      ->capture_default_str();
+  train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  train->add_flag("--use", options->use_at_once, "switch to it when it is ready");
+  train->callback([options, &status] { status = Train(*options); });
+
+  CLI::App* list = app->add_subcommand("list", "Show the vocabularies there are");
+  list->fallthrough();
+  list->callback([options, &status] { status = List(*options); });
+
+  CLI::App* use = app->add_subcommand("use", "Switch to another vocabulary");
+  use->fallthrough();
+  use->add_option("ID", options->id, "its number in the list")->required();
+  use->callback([options, &status] { status = Use(*options); });
+}
+
+}  // namespace pliant::cli
