@@ -82,9 +82,11 @@ class Engine::Impl {
   ModelRow model_;
   std::mutex extractor_mutex_;  // guards the making of extractor_
   std::unique_ptr<const FeatureExtractor> extractor_;
+  // nullptr when read-only. Dies after the readers: the last connection to close puts the log into
+  // the database and removes it, which only a writing one can.
+  std::unique_ptr<WriteQueue> writer_;
   std::unique_ptr<ConnectionPool> readers_;
   std::unique_ptr<IndexState> state_;
-  std::unique_ptr<WriteQueue> writer_;  // nullptr when read-only
   std::mutex training_mutex_;           // one training at a time
 };
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant db stats | check | backup | rm
 #include <memory>
+
 #include <nlohmann/json.hpp>
 
 #include "index/cli/command.h"
@@ -87,7 +88,8 @@ ExitStatus Backup(Options& options) {
 
 ExitStatus Remove(Options& options) {
   if (options.ids.empty() && options.objects.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "nothing_named", "name the images or --object to remove");
+    throw Error(ErrorCode::kInvalidArgument, "nothing_named",
+                "name the images or --object to remove");
   }
   Engine engine = OpenEngine(options, Access::kWrite);
   std::uint64_t removed = 0;
@@ -107,7 +109,8 @@ ExitStatus Remove(Options& options) {
   if (options.json) {
     Print(Json{{"removed", removed}, {"missing", missing}}.dump());
   } else {
-    for (const auto& id : missing) Message("skipped " + id.get<std::string>() + ": it is not in the index");
+    for (const auto& id : missing)
+      Message("skipped " + id.get<std::string>() + ": it is not in the index");
     Print("removed " + std::to_string(removed));
   }
   return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;

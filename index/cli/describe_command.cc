@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant describe IMAGE --out FILE
 #include <memory>
+
 #include <nlohmann/json.hpp>
 
 #include "index/cli/command.h"

@@ -24,9 +24,11 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   for (const std::string& name : DescriptorNames()) names += (names.empty() ? "" : ", ") + name;
   engine.descriptor.clear();
   app.add_option("--descriptor", engine.descriptor,
-                 "what describes key points: " + names + " (default: the database's own, deal for a new one)")
+                 "what describes key points: " + names +
+                     " (default: the database's own, deal for a new one)")
       ->type_name("NAME");
-  app.add_option("--model", engine.descriptor_options.model_path, "weight file for deal and deal-fixed")
+  app.add_option("--model", engine.descriptor_options.model_path,
+                 "weight file for deal and deal-fixed")
       ->type_name("FILE");
   app.add_option("--max-keypoints", engine.extraction.keypoints.max_keypoints,
                  "strongest key points of a picture that count")

@@ -3,10 +3,11 @@
 // Options that several subcommands share.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <map>
 #include <string>
+
+#include <CLI/CLI.hpp>
 
 #include "index/engine.h"
 

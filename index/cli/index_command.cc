@@ -3,6 +3,7 @@
 // pliant index DIR... --db FILE
 #include <chrono>
 #include <memory>
+
 #include <nlohmann/json.hpp>
 
 #include "index/cli/command.h"
@@ -69,8 +70,8 @@ void PrintText(const Outcome& outcome, ObjectFrom named_by) {
         FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(named_by) + ")");
   if (outcome.vocabulary) {
     Print(std::string(outcome.trained ? "trained" : "using") + " vocabulary " +
-          std::to_string(outcome.vocabulary->id) + " of " + std::to_string(outcome.vocabulary->words) +
-          " words");
+          std::to_string(outcome.vocabulary->id) + " of " +
+          std::to_string(outcome.vocabulary->words) + " words");
   }
 }
 
@@ -102,7 +103,8 @@ ExitStatus Run(Options& options) {
   Outcome outcome;
   options.job.max_bytes = options.engine.extraction.decode.max_bytes;
   outcome.job = RunIndexJob(engine, files.pictures, options.job, interrupt);
-  outcome.job.skipped.insert(outcome.job.skipped.begin(), files.skipped.begin(), files.skipped.end());
+  outcome.job.skipped.insert(outcome.job.skipped.begin(), files.skipped.begin(),
+                             files.skipped.end());
   outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
   if (!outcome.vocabulary && !outcome.job.interrupted) {
     try {
@@ -120,7 +122,9 @@ ExitStatus Run(Options& options) {
   }
   if (files.pictures.empty()) Message("no pictures were found");
   if (outcome.job.interrupted) {
-    Message("stopped on request; what is counted as indexed is kept: run the same command again to resume");
+    Message(
+        "stopped on request; what is counted as indexed is kept: run the same command again to "
+        "resume");
     return ExitStatus::kFailed;
   }
   return outcome.job.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
@@ -134,11 +138,14 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("DIR", options->inputs, "folders, searched with all below them, or picture files")
       ->required();
   AddDatabaseFlags(*app, options->engine, options->job.collection);
-  app->add_option("--object-from", options->object_from,
-                  "what names a picture's object: its folder, its file name without extension (stem), "
-                  "or none (default: folder; stem for a single folder without sub-folders)")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, ObjectFrom>{
-          {"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}}))
+  app->add_option(
+         "--object-from", options->object_from,
+         "what names a picture's object: its folder, its file name without extension (stem), "
+         "or none (default: folder; stem for a single folder without sub-folders)")
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, ObjectFrom>{{"folder", ObjectFrom::kFolder},
+                                                                    {"stem", ObjectFrom::kStem},
+                                                                    {"none", ObjectFrom::kNone}}))
       ->type_name("folder|stem|none")
       ->option_text("folder|stem|none");
   app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one a core")

@@ -32,7 +32,11 @@ class Job {
  public:
   Job(Engine& engine, const std::vector<PictureFile>& files, const IndexJobOptions& options,
       const Interrupt& interrupt)
-      : engine_(engine), files_(files), options_(options), interrupt_(interrupt), progress_("pictures") {}
+      : engine_(engine),
+        files_(files),
+        options_(options),
+        interrupt_(interrupt),
+        progress_("pictures") {}
 
   IndexJobResult Run() {
     const auto cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));

@@ -47,8 +47,9 @@ ExitStatus Run(int argc, char** argv) {
     pliant::cli::ReportError(error, WantsJson(program));
     return pliant::cli::ToExitStatus(error.code());
   } catch (const std::bad_alloc&) {
-    pliant::cli::ReportError({pliant::ErrorCode::kUnavailable, "out_of_memory", "not enough memory"},
-                             WantsJson(program));
+    pliant::cli::ReportError(
+        {pliant::ErrorCode::kUnavailable, "out_of_memory", "not enough memory"},
+        WantsJson(program));
   } catch (const std::exception& error) {
     pliant::cli::ReportError({pliant::ErrorCode::kInternal, "internal", error.what()},
                              WantsJson(program));

@@ -13,18 +13,19 @@
 
 namespace pliant::cli {
 
-void Print(std::string_view text);         // a line on standard output
-void Message(std::string_view text);       // a line on standard error
-void FlushOutput();                        // throws kNoSpace when standard output cannot be written
-// "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard output.
+void Print(std::string_view text);    // a line on standard output
+void Message(std::string_view text);  // a line on standard error
+void FlushOutput();                   // throws kNoSpace when standard output cannot be written
+// "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard
+// output.
 void ReportError(const Error& error, bool json);
 
 // Columns as wide as their widest cell (in code points); cells that are all numbers to the right.
 std::string FormatTable(const std::vector<std::string>& header,
                         const std::vector<std::vector<std::string>>& rows);
 
-std::string FormatBytes(std::uint64_t bytes);   // "1.5 MiB"
-std::string FormatTime(std::int64_t unix_ms);   // "2025-01-31 13:45:10" UTC
+std::string FormatBytes(std::uint64_t bytes);  // "1.5 MiB"
+std::string FormatTime(std::int64_t unix_ms);  // "2025-01-31 13:45:10" UTC
 std::string FormatFixed(double value, int decimals);
 
 // {"id", "words", "model_id", "active", "created_ms", "origin": {...}} on one line.

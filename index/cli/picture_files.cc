@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/picture_files.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -11,6 +9,8 @@
 #include <set>
 #include <string_view>
 #include <utility>
+
+#include <sys/stat.h>
 
 #include "descriptor/error.h"
 #include "descriptor/image.h"
@@ -23,8 +23,8 @@ namespace fs = std::filesystem;
 
 // Names that promise a picture, also of types that Pliant does not read: those are reported.
 constexpr std::array<std::string_view, 19> kPictureExtensions = {
-    ".jpg",  ".jpeg", ".jpe",  ".jfif", ".png", ".webp", ".bmp", ".dib", ".tif", ".tiff",
-    ".gif",  ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
+    ".jpg", ".jpeg", ".jpe",  ".jfif", ".png", ".webp", ".bmp", ".dib", ".tif", ".tiff",
+    ".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
 
 bool HasPictureName(const fs::path& path) {
   std::string extension = path.extension().string();
@@ -79,7 +79,8 @@ class Walk {
  private:
   void VisitFolder(const fs::path& folder, int depth) {
     struct stat info {};
-    if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second) return;
+    if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
+      return;
     std::vector<fs::path> entries;
     std::error_code error;
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/progress.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+
+#include <unistd.h>
 
 #include "index/cli/output.h"
 
@@ -18,8 +18,8 @@ constexpr auto kInterval = std::chrono::milliseconds(200);
 std::string TimeLeft(double seconds) {
   const auto left = static_cast<std::int64_t>(std::ceil(std::min(seconds, 1e7)));
   const auto two = [](std::int64_t n) { return (n < 10 ? "0" : "") + std::to_string(n); };
-  const std::string minutes =
-      left >= 3600 ? std::to_string(left / 3600) + ":" + two(left / 60 % 60) : std::to_string(left / 60);
+  const std::string minutes = left >= 3600 ? std::to_string(left / 3600) + ":" + two(left / 60 % 60)
+                                           : std::to_string(left / 60);
   return minutes + ":" + two(left % 60) + " left";
 }
 

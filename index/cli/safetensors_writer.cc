@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/safetensors_writer.h"
 
-#include <unistd.h>
-
 #include <cstring>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <vector>
+
+#include <nlohmann/json.hpp>
+#include <unistd.h>
 
 #include "descriptor/error.h"
 
@@ -28,21 +28,22 @@ void WriteSafetensors(const std::filesystem::path& path, const Features& feature
   const bool is_float = d.kind == DescriptorKind::kFloat;
   std::vector<float> keypoints;
   for (const Keypoint& k : features.keypoints) {
-    keypoints.insert(keypoints.end(), {k.x, k.y, k.size, k.angle, k.response, static_cast<float>(k.octave)});
+    keypoints.insert(keypoints.end(),
+                     {k.x, k.y, k.size, k.angle, k.response, static_cast<float>(k.octave)});
   }
   const std::size_t keypoint_bytes = keypoints.size() * sizeof(float);
   const char* data = is_float ? reinterpret_cast<const char*>(d.floats.data())
                               : reinterpret_cast<const char*>(d.bytes.data());
   const std::size_t data_bytes = is_float ? d.floats.size() * sizeof(float) : d.bytes.size();
-  std::string header =
-      Json{{"__metadata__",
-            {{"model_id", features.model_id},
-             {"width", std::to_string(features.width)},
-             {"height", std::to_string(features.height)}}},
-           {"keypoints", Tensor("F32", features.keypoints.size(), 6, 0, keypoint_bytes)},
-           {"descriptors", Tensor(is_float ? "F32" : "U8", d.rows, static_cast<std::size_t>(d.dim),
-                                  keypoint_bytes, data_bytes)}}
-          .dump();
+  std::string header = Json{
+      {"__metadata__",
+       {{"model_id", features.model_id},
+        {"width", std::to_string(features.width)},
+        {"height", std::to_string(features.height)}}},
+      {"keypoints", Tensor("F32", features.keypoints.size(), 6, 0, keypoint_bytes)},
+      {"descriptors",
+       Tensor(is_float ? "F32" : "U8", d.rows, static_cast<std::size_t>(d.dim), keypoint_bytes,
+              data_bytes)}}.dump();
   header.resize((header.size() + 7) / 8 * 8, ' ');
   std::uint64_t length = header.size();
 
@@ -50,7 +51,8 @@ void WriteSafetensors(const std::filesystem::path& path, const Features& feature
   std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
   file.write(reinterpret_cast<const char*>(&length), sizeof(length));
   file << header;
-  file.write(reinterpret_cast<const char*>(keypoints.data()), static_cast<std::streamsize>(keypoint_bytes));
+  file.write(reinterpret_cast<const char*>(keypoints.data()),
+             static_cast<std::streamsize>(keypoint_bytes));
   file.write(data, static_cast<std::streamsize>(data_bytes));
   file.close();
   std::error_code error;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant vocab train | list | use
 #include <memory>
+
 #include <nlohmann/json.hpp>
 
 #include "index/cli/command.h"
@@ -66,12 +67,14 @@ ExitStatus List(Options& options) {
   const std::vector<VocabularyRecord> records = engine.ListVocabularies(options.train.collection);
   if (options.json) {
     Json all = Json::array();
-    for (const VocabularyRecord& record : records) all.push_back(Json::parse(VocabularyJson(record)));
+    for (const VocabularyRecord& record : records)
+      all.push_back(Json::parse(VocabularyJson(record)));
     Print(Json{{"vocabularies", std::move(all)}}.dump());
     return ExitStatus::kDone;
   }
   if (records.empty()) {
-    Print("no vocabulary yet; make one: pliant vocab train --db " + options.engine.database.string());
+    Print("no vocabulary yet; make one: pliant vocab train --db " +
+          options.engine.database.string());
     return ExitStatus::kDone;
   }
   std::vector<std::vector<std::string>> rows;

@@ -1,0 +1,170 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/blob_codec.h"
+
+#include <cmath>
+#include <cstring>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/expect_error.h"
+
+namespace pliant {
+namespace {
+
+using testing::ExpectError;
+
+enum class Values { kUnit, kWhole, kBits };
+
+Features RandomFeatures(std::size_t rows, Values values, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<float> uniform(-1.0F, 1.0F);
+  Features features;
+  features.width = 640;
+  features.height = 480;
+  for (std::size_t i = 0; i < rows; ++i) {
+    features.keypoints.push_back({uniform(random) * 640, uniform(random) * 480, 3.5F,
+                                  uniform(random) * 180 + 180, std::abs(uniform(random)),
+                                  static_cast<std::int32_t>(random() % 100000) - 50000});
+  }
+  Descriptors& d = features.descriptors;
+  if (values == Values::kBits) {
+    d = Descriptors::Binary(rows, 32);
+    for (auto& byte : d.bytes) byte = static_cast<std::uint8_t>(random());
+    return features;
+  }
+  d = Descriptors::Float(rows, 128);
+  for (auto& v : d.floats) {
+    v = values == Values::kWhole ? static_cast<float>(random() % 256) : uniform(random);
+  }
+  return features;
+}
+
+class EveryKind : public ::testing::TestWithParam<Values> {};
+INSTANTIATE_TEST_SUITE_P(BlobCodec, EveryKind,
+                         ::testing::Values(Values::kUnit, Values::kWhole, Values::kBits));
+
+TEST_P(EveryKind, ComesBackAsItWas) {
+  for (const std::size_t rows : {std::size_t{0}, std::size_t{1}, std::size_t{37}}) {
+    const Features features = RandomFeatures(rows, GetParam(), rows + 1);
+    const Features back = DecodeFeatures(EncodeFeatures(features));
+    EXPECT_EQ(back.width, 640);
+    EXPECT_EQ(back.height, 480);
+    EXPECT_EQ(back.keypoints, features.keypoints);
+    EXPECT_EQ(back.descriptors.kind, features.descriptors.kind);
+    EXPECT_EQ(back.descriptors.dim, features.descriptors.dim);
+    EXPECT_EQ(back.descriptors.rows, rows);
+    EXPECT_EQ(back.descriptors.bytes, features.descriptors.bytes);
+    if (GetParam() == Values::kWhole) {
+      EXPECT_EQ(back.descriptors.floats, features.descriptors.floats);
+    }
+  }
+}
+
+TEST_P(EveryKind, AnyDamageIsNoticed) {
+  const std::vector<std::uint8_t> blob = EncodeFeatures(RandomFeatures(3, GetParam(), 9));
+  for (std::size_t i = 0; i < blob.size(); ++i) {
+    std::vector<std::uint8_t> damaged = blob;
+    damaged[i] ^= static_cast<std::uint8_t>(1u << (i % 8));
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(damaged); });
+  }
+  for (std::size_t size = 0; size < blob.size(); ++size) {
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
+                [&] { DecodeFeatures(Bytes(blob).first(size)); });
+  }
+}
+
+TEST(BlobCodec, ScaledRowsStayWithinHalfAStep) {
+  const Features features = RandomFeatures(50, Values::kUnit, 5);
+  const Features back = DecodeFeatures(EncodeFeatures(features));
+  for (std::size_t i = 0; i < 50; ++i) {
+    float largest = 0;
+    for (const float v : features.descriptors.float_row(i))
+      largest = std::max(largest, std::abs(v));
+    for (std::size_t d = 0; d < 128; ++d) {
+      EXPECT_NEAR(back.descriptors.float_row(i)[d], features.descriptors.float_row(i)[d],
+                  largest / 127 * 0.501);
+    }
+  }
+}
+
+TEST(BlobCodec, RowsOfZerosAndKeptModelId) {
+  Features features = RandomFeatures(2, Values::kUnit, 6);
+  std::fill_n(features.descriptors.floats.begin(), 128, 0.0F);
+  features.model_id = "deal:1";
+  const Features back = InStoredPrecision(features);
+  EXPECT_EQ(back.model_id, "deal:1");
+  for (std::size_t d = 0; d < 128; ++d) EXPECT_EQ(back.descriptors.floats[d], 0.0F);
+}
+
+TEST(BlobCodec, BadFeaturesAreRefused) {
+  Features features = RandomFeatures(2, Values::kUnit, 7);
+  features.descriptors.floats[5] = std::nanf("");
+  ExpectError(ErrorCode::kInvalidArgument, "descriptor_not_finite",
+              [&] { EncodeFeatures(features); });
+  features = RandomFeatures(2, Values::kUnit, 7);
+  features.keypoints.pop_back();
+  ExpectError(ErrorCode::kInvalidArgument, "features_shape", [&] { EncodeFeatures(features); });
+}
+
+// A blob whose checksum is right but whose header lies must not make the reader allocate or run on.
+TEST(BlobCodec, LyingHeadersWithAGoodChecksum) {
+  const std::vector<std::uint8_t> blob = EncodeFeatures(RandomFeatures(3, Values::kUnit, 9));
+  const auto with = [&](std::size_t at, std::uint32_t value, std::size_t bytes) {
+    std::vector<std::uint8_t> changed(blob.begin(), blob.end() - 4);
+    std::memcpy(changed.data() + at, &value, bytes);
+    const std::uint32_t crc = Crc32(changed);
+    const auto* raw = reinterpret_cast<const std::uint8_t*>(&crc);
+    changed.insert(changed.end(), raw, raw + 4);
+    return changed;
+  };
+  for (const auto& [at, value, bytes] :
+       std::vector<std::tuple<std::size_t, std::uint32_t, std::size_t>>{{0, 'X', 1},
+                                                                        {4, 2, 1},
+                                                                        {5, 1, 1},
+                                                                        {5, 7, 1},
+                                                                        {6, 0, 1},
+                                                                        {6, 9, 1},
+                                                                        {8, 4, 4},
+                                                                        {8, 0xffffffff, 4},
+                                                                        {12, 127, 4},
+                                                                        {12, 0xffffffff, 4}}) {
+    const std::vector<std::uint8_t> changed = with(at, value, bytes);
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
+  }
+}
+
+TEST(BlobCodec, BowsComeBack) {
+  std::mt19937_64 random(11);
+  for (int round = 0; round < 200; ++round) {
+    Bow bow;
+    std::uint32_t word = 0;
+    for (int i = 0; i < round; ++i) {
+      word += static_cast<std::uint32_t>(random() % 700) + (i > 0 ? 1 : 0);
+      const auto count = static_cast<std::uint32_t>(random() % 4096) + 1;
+      bow.words.push_back({word, count});
+      bow.total += count;
+    }
+    const Bow back = DecodeBow(EncodeBow(bow), word + 1);
+    ASSERT_EQ(back.words, bow.words) << "round " << round;
+    ASSERT_EQ(back.total, bow.total);
+    if (round > 0) {
+      ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeBow(EncodeBow(bow), word); });
+    }
+  }
+}
+
+TEST(BlobCodec, DamagedBowsAreNoticed) {
+  const std::vector<std::uint8_t> blob = EncodeBow({{{0, 1}, {300, 70000}, {301, 2}}, 70003});
+  for (std::size_t i = 0; i < blob.size(); ++i) {
+    std::vector<std::uint8_t> damaged = blob;
+    damaged[i] ^= 0x10;
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeBow(damaged, 1000); });
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
+                [&] { DecodeBow(Bytes(blob).first(i), 1000); });
+  }
+}
+
+}  // namespace
+}  // namespace pliant

@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The database file: made whole, recognised, migrated, refused untouched.
+#include "index/database.h"
+
+#include <array>
+#include <thread>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gtest/gtest.h>
+
+#include "index/catalogue.h"
+#include "index/schema.h"
+#include "tests/unit/expect_error.h"
+#include "tests/unit/index_test_pictures.h"
+
+namespace pliant {
+namespace {
+
+using testing::ExpectError;
+using testing::ReadBytes;
+using testing::TemporaryFolder;
+using testing::WriteBytes;
+using testing::WriteText;
+
+const DescriptorInfo kModel{"fake", DescriptorKind::kFloat, 8, "fake:1"};
+
+class DatabaseTest : public ::testing::Test {
+ protected:
+  TemporaryFolder folder_;
+  std::filesystem::path file_ = folder_ / "a.db";
+
+  Connection Open() { return {file_, Connection::Mode::kReadWrite, 100}; }
+  std::size_t FilesInFolder() {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
+  }
+};
+
+TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
+  EXPECT_EQ(InspectDatabaseFile(file_), FileState::kAbsent);
+  CreateDatabase(file_, kModel);
+  EXPECT_EQ(FilesInFolder(), 1u) << "no temporary files stay";
+  EXPECT_EQ(InspectDatabaseFile(file_), FileState::kPliant);
+  Connection db = Open();
+  EXPECT_EQ(db.Scalar("PRAGMA application_id"), kApplicationId);
+  EXPECT_EQ(db.Scalar("PRAGMA user_version"), SchemaVersion());
+  EXPECT_EQ(db.Scalar("PRAGMA foreign_keys"), 1);
+  EXPECT_EQ(db.Scalar("PRAGMA synchronous"), 2);
+  EXPECT_EQ(db.Scalar("PRAGMA auto_vacuum"), 2);
+  EXPECT_EQ(db.Scalar("PRAGMA secure_delete"), 1);
+  EXPECT_EQ(db.Prepare("PRAGMA journal_mode").One().Text(0), "wal");
+  EXPECT_EQ(ReadModel(db).info.model_id, "fake:1");
+  EXPECT_TRUE(FindCollection(db, kDefaultCollection));
+}
+
+TEST_F(DatabaseTest, AnEmptyFileCountsAsNew) {
+  WriteText(file_, "");
+  EXPECT_EQ(InspectDatabaseFile(file_), FileState::kEmpty);
+  CreateDatabase(file_, kModel);
+  EXPECT_EQ(InspectDatabaseFile(file_), FileState::kPliant);
+}
+
+TEST_F(DatabaseTest, AnExistingOneIsNotOverwritten) {
+  CreateDatabase(file_, kModel);
+  CreateDatabase(file_, {"other", DescriptorKind::kFloat, 8, "other:1"});
+  Connection db = Open();
+  EXPECT_EQ(ReadModel(db).info.model_id, "fake:1");
+}
+
+TEST_F(DatabaseTest, ManyMakersOneDatabase) {
+  std::vector<std::jthread> makers;
+  for (int i = 0; i < 8; ++i) makers.emplace_back([&] { CreateDatabase(file_, kModel); });
+  makers.clear();
+  EXPECT_EQ(FilesInFolder(), 1u);
+  Connection db = Open();
+  EXPECT_EQ(db.Scalar("SELECT count(*) FROM collections"), 1);
+}
+
+TEST_F(DatabaseTest, ForeignFilesAreRefusedAndUntouched) {
+  const std::vector<std::string> contents = {"x", "hello, world\n", std::string(5000, 'a'),
+                                             std::string("SQLite format 3\0", 16)};
+  for (const std::string& content : contents) {
+    WriteText(file_, content);
+    ExpectError(ErrorCode::kCorrupt, "not_a_database", [&] { InspectDatabaseFile(file_); });
+    EXPECT_EQ(ReadBytes(file_), std::vector<std::uint8_t>(content.begin(), content.end()));
+  }
+  std::filesystem::remove(file_);
+  SQLite::Database(file_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE)
+      .exec("CREATE TABLE a (b); PRAGMA user_version = 1");
+  const std::vector<std::uint8_t> before = ReadBytes(file_);
+  ExpectError(ErrorCode::kCorrupt, "not_a_database", [&] { InspectDatabaseFile(file_); });
+  EXPECT_EQ(ReadBytes(file_), before);
+  ExpectError(ErrorCode::kCorrupt, "not_a_database", [&] { InspectDatabaseFile(folder_.path()); });
+  EXPECT_EQ(FilesInFolder(), 1u);
+}
+
+TEST_F(DatabaseTest, TruncatedFilesAreRefused) {
+  CreateDatabase(file_, kModel);
+  const std::vector<std::uint8_t> whole = ReadBytes(file_);
+  for (const std::size_t size :
+       {whole.size() - 1, whole.size() / 2, std::size_t{8192}, std::size_t{100}}) {
+    WriteBytes(file_, {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)});
+    ExpectError(ErrorCode::kCorrupt, "database_truncated", [&] { InspectDatabaseFile(file_); });
+  }
+}
+
+TEST_F(DatabaseTest, ANewerSchemaIsRefused) {
+  CreateDatabase(file_, kModel);
+  {
+    Connection db = Open();
+    db.database().exec("PRAGMA user_version = 1000");
+  }
+  for (const auto mode : {Connection::Mode::kReadOnly, Connection::Mode::kReadWrite}) {
+    ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { UpgradeDatabase(file_, mode, 100); });
+  }
+}
+
+TEST_F(DatabaseTest, AnOldSchemaNeedsWriting) {
+  CreateDatabase(file_, kModel);
+  {
+    Connection db = Open();
+    db.database().exec("PRAGMA user_version = 0");
+  }
+  ExpectError(ErrorCode::kConflict, "old_schema",
+              [&] { UpgradeDatabase(file_, Connection::Mode::kReadOnly, 100); });
+}
+
+TEST_F(DatabaseTest, MigrationsRunOnceInOrderAndWholly) {
+  SQLite::Database db(file_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  const std::array<Migration, 1> first = {{{"CREATE TABLE a (x); INSERT INTO a VALUES (1);"}}};
+  const std::array<Migration, 3> broken = {{first[0],
+                                            {"UPDATE a SET x = x + 10;"},
+                                            {"UPDATE a SET x = 0; SELECT nonsense FROM nowhere;"}}};
+  const std::array<Migration, 3> whole = {
+      {first[0], {"UPDATE a SET x = x + 10;"}, {"UPDATE a SET x = x * 2;"}}};
+  Migrate(db, first);
+  Migrate(db, first);
+  EXPECT_EQ(db.execAndGet("SELECT sum(x) FROM a").getInt(), 1);
+  EXPECT_THROW(Migrate(db, broken), SQLite::Exception);
+  EXPECT_EQ(db.execAndGet("PRAGMA user_version").getInt(), 2) << "the step that worked is kept";
+  EXPECT_EQ(db.execAndGet("SELECT x FROM a").getInt(), 11) << "the one that failed left nothing";
+  Migrate(db, whole);
+  EXPECT_EQ(db.execAndGet("SELECT x FROM a").getInt(), 22);
+  ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { Migrate(db, first); });
+}
+
+TEST_F(DatabaseTest, ABackupIsWholeAndNeverOverwrites) {
+  CreateDatabase(file_, kModel);
+  Connection db = Open();
+  const auto target = folder_ / "backup.db";
+  InsertCollection(db, "more", ReadModel(db).key);
+  BackupDatabase(db, target);
+  Connection copy(target, Connection::Mode::kReadOnly, 100);
+  EXPECT_TRUE(FindCollection(copy, "more"));
+  ExpectError(ErrorCode::kConflict, "backup_exists", [&] { BackupDatabase(db, target); });
+  ExpectError(ErrorCode::kConflict, "backup_exists", [&] { BackupDatabase(db, file_); });
+  ExpectError(ErrorCode::kNotFound, "no_such_directory",
+              [&] { BackupDatabase(db, folder_ / "nowhere" / "backup.db"); });
+}
+
+TEST_F(DatabaseTest, ANameThatLooksLikeAUri) {
+  const auto odd = folder_ / "file:x.db?mode=memory";
+  CreateDatabase(odd, kModel);
+  EXPECT_EQ(InspectDatabaseFile(odd), FileState::kPliant);
+  EXPECT_TRUE(std::filesystem::exists(odd));
+}
+
+TEST_F(DatabaseTest, StatementsComeBackUsable) {
+  CreateDatabase(file_, kModel);
+  Connection db = Open();
+  constexpr const char* kSql = "SELECT name FROM collections WHERE name = ?";
+  Cursor outer = db.Prepare(kSql);
+  ASSERT_TRUE(outer.Bind(std::string("default")).Next());
+  for (int i = 0; i < 3; ++i) {
+    Cursor inner = db.Prepare(kSql);  // the same SQL while it is in use
+    EXPECT_FALSE(inner.Next()) << "no binding is left from before";
+  }
+  EXPECT_EQ(outer.Text(0), "default");
+}
+
+}  // namespace
+}  // namespace pliant

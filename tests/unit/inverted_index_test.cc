@@ -1,0 +1,353 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The inverted index against a brute-force oracle that holds plain vectors.
+#include "index/inverted_index.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "index/ranking.h"
+
+namespace pliant {
+namespace {
+
+struct Truth {
+  std::int64_t object = 0;
+  std::string id;
+  std::vector<double> counts;  // one a word
+  double total = 0;
+};
+
+using Truths = std::map<std::int64_t, Truth>;
+
+Bow ToBow(const std::vector<double>& counts) {
+  Bow bow;
+  for (std::uint32_t w = 0; w < counts.size(); ++w) {
+    if (counts[w] == 0) continue;
+    bow.words.push_back({w, static_cast<std::uint32_t>(counts[w])});
+    bow.total += static_cast<std::uint32_t>(counts[w]);
+  }
+  return bow;
+}
+
+std::vector<double> RandomCounts(std::mt19937_64& random, std::size_t words,
+                                 std::uint32_t keypoints) {
+  std::vector<double> counts(words, 0);
+  // Squaring makes low words frequent and high ones rare, so that both kinds of list are used.
+  for (std::uint32_t i = 0; i < keypoints; ++i) {
+    const double u = static_cast<double>(random() >> 11) / 9007199254740992.0;
+    counts[static_cast<std::size_t>(u * u * static_cast<double>(words))] += 1;
+  }
+  return counts;
+}
+
+double Norm(const std::vector<double>& v) {
+  double sum = 0;
+  for (const double x : v) sum += x * x;
+  return std::sqrt(sum);
+}
+
+std::vector<double> Idf(std::uint64_t pictures, const std::vector<std::uint32_t>& frequency) {
+  std::vector<double> idf;
+  for (const std::uint32_t df : frequency) {
+    idf.push_back(
+        std::log((static_cast<double>(pictures) + 1) / std::max(1.0, static_cast<double>(df))));
+  }
+  return idf;
+}
+
+double OracleScore(const std::vector<double>& query, const Truth& truth, RankMethod method,
+                   const std::vector<double>& idf) {
+  std::vector<double> q = query;
+  std::vector<double> d = truth.counts;
+  double total = 0;
+  for (const double x : q) total += x;
+  for (double& x : q) x /= total;
+  for (double& x : d) x /= truth.total;
+  if (method == RankMethod::kHistogram) {
+    for (std::size_t w = 0; w < q.size(); ++w) q[w] -= d[w];
+    return 1 - Norm(q) / std::numbers::sqrt2;
+  }
+  double dot = 0;
+  for (std::size_t w = 0; w < q.size(); ++w) {
+    q[w] *= idf[w];
+    d[w] *= idf[w];
+    dot += q[w] * d[w];
+  }
+  return dot > 0 ? dot / (Norm(q) * Norm(d)) : 0;
+}
+
+std::vector<std::uint32_t> TrueFrequency(const Truths& truths, std::size_t words) {
+  std::vector<std::uint32_t> frequency(words, 0);
+  for (const auto& [key, truth] : truths) {
+    for (std::size_t w = 0; w < words; ++w) frequency[w] += truth.counts[w] > 0 ? 1 : 0;
+  }
+  return frequency;
+}
+
+// Scores agree, nobody is missing, and the order is that of the scores with ties by id.
+void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
+                   const std::vector<double>& query, const RankOptions& options) {
+  const std::vector<double> idf =
+      Idf(snapshot.statistics->pictures, snapshot.statistics->frequency);
+  const Ranking ranking = Rank(snapshot, ToBow(query), options);
+  std::map<std::string, double> expected;  // by "object" or "id"
+  const auto name = [&](std::int64_t object, const std::string& id) {
+    return options.group_by == GroupBy::kObject && object != 0 ? std::to_string(object)
+                                                               : "id " + id;
+  };
+  for (const auto& [key, truth] : truths) {
+    if (options.accept && !options.accept(key, truth.object)) continue;
+    const double score = OracleScore(query, truth, options.method, idf);
+    if (options.method == RankMethod::kTfIdf && score == 0) continue;
+    double& best = expected.try_emplace(name(truth.object, truth.id), -1.0).first->second;
+    best = std::max(best, score);
+  }
+  ASSERT_EQ(ranking.total, expected.size());
+  const std::size_t count =
+      options.keep == 0 ? expected.size() : std::min(options.keep, expected.size());
+  ASSERT_EQ(ranking.best.size(), count);
+  std::vector<double> scores;
+  for (const auto& [n, score] : expected) scores.push_back(score);
+  std::sort(scores.rbegin(), scores.rend());
+  std::set<std::string> seen;
+  for (std::size_t i = 0; i < count; ++i) {
+    const RankedPicture& hit = ranking.best[i];
+    ASSERT_TRUE(truths.contains(hit.key));
+    EXPECT_EQ(truths.at(hit.key).id, hit.id);
+    EXPECT_EQ(truths.at(hit.key).object, hit.object);
+    const std::string hit_name = name(hit.object, hit.id);
+    EXPECT_TRUE(seen.insert(hit_name).second) << hit_name << " twice";
+    EXPECT_NEAR(hit.score, expected.at(hit_name), 2e-6);
+    EXPECT_NEAR(hit.score, scores[i], 2e-6) << "rank " << i;
+    if (i > 0) {
+      const RankedPicture& before = ranking.best[i - 1];
+      EXPECT_TRUE(before.score > hit.score || (before.score == hit.score && before.id < hit.id));
+    }
+  }
+}
+
+void ExpectAllRankings(const IndexSnapshot& snapshot, const Truths& truths, std::mt19937_64& random,
+                       std::size_t words) {
+  const std::vector<double> query = RandomCounts(random, words, 1 + random() % 300);
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
+      for (const std::size_t keep : {0, 1, 7}) {
+        ExpectRanking(snapshot, truths, query,
+                      {method, group_by, static_cast<std::size_t>(keep), 0, {}, 1});
+      }
+    }
+    const auto accept = [](std::int64_t, std::int64_t object) { return object == 3; };
+    ExpectRanking(snapshot, truths, query, {method, GroupBy::kImage, 5, 0, accept, 2});
+  }
+}
+
+class RandomChanges : public ::testing::TestWithParam<std::tuple<std::size_t, std::uint64_t>> {};
+INSTANTIATE_TEST_SUITE_P(InvertedIndex, RandomChanges,
+                         ::testing::Combine(::testing::Values(1, 10, 200, 3000),
+                                            ::testing::Values(1, 2)));
+
+TEST_P(RandomChanges, AgreeWithTheOracle) {
+  const auto [words, seed] = GetParam();
+  SCOPED_TRACE("words " + std::to_string(words) + ", seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  InvertedIndex index(words);
+  Truths truths;
+  std::int64_t next_key = 1;
+  for (int step = 0; step < 60; ++step) {
+    std::vector<IndexedPicture> added;
+    std::vector<std::int64_t> removed;
+    const std::size_t adds = step % 7 == 0 ? random() % 90 : random() % 4;
+    for (std::size_t i = 0; i < adds; ++i) {
+      const std::int64_t key = next_key++;
+      Truth truth{static_cast<std::int64_t>(random() % 6), "p" + std::to_string(random() % 1000000),
+                  RandomCounts(random, words, 1 + random() % 900), 0};
+      truth.id += "-" + std::to_string(key);
+      for (const double c : truth.counts) truth.total += c;
+      added.push_back({key, truth.object, truth.id, ToBow(truth.counts)});
+      truths[key] = truth;
+    }
+    const std::size_t removals =
+        truths.empty() ? 0 : random() % (step % 11 == 10 ? truths.size() : 3);
+    for (std::size_t i = 0; i < removals; ++i) {
+      const auto victim =
+          std::next(truths.begin(), static_cast<std::ptrdiff_t>(random() % truths.size()));
+      if (victim->first >= next_key - static_cast<std::int64_t>(adds)) continue;  // not added yet
+      removed.push_back(victim->first);
+      truths.erase(victim);
+    }
+    removed.push_back(next_key + 1000);  // unknown: ignored
+    index.Apply(std::move(added), removed);
+    const auto snapshot = index.snapshot();
+    ASSERT_EQ(snapshot->pictures, truths.size());
+    if (step % 4 == 0) ExpectAllRankings(*snapshot, truths, random, words);
+    // Below 256 pictures every change renews the statistics.
+    if (truths.size() < 256) {
+      ASSERT_EQ(snapshot->statistics->pictures, truths.size());
+      ASSERT_EQ(snapshot->statistics->frequency, TrueFrequency(truths, words));
+    }
+  }
+  index.Refresh();
+  const auto snapshot = index.snapshot();
+  EXPECT_EQ(snapshot->statistics->frequency, TrueFrequency(truths, words));
+  std::vector<std::int64_t> keys;
+  for (const auto& [key, truth] : truths) {
+    keys.push_back(key);
+    const std::optional<Bow> bow = snapshot->Find(key);
+    ASSERT_TRUE(bow);
+    EXPECT_EQ(bow->words, ToBow(truth.counts).words);
+  }
+  EXPECT_EQ(snapshot->Keys(), keys);
+  ExpectAllRankings(*snapshot, truths, random, words);
+}
+
+IndexedPicture Picture(std::int64_t key, std::vector<WordCount> words) {
+  IndexedPicture picture{key, 0, "id" + std::to_string(key), {}};
+  picture.bow.words = std::move(words);
+  for (const WordCount& entry : picture.bow.words) picture.bow.total += entry.count;
+  return picture;
+}
+
+TEST(InvertedIndex, ASnapshotStaysAsItWas) {
+  InvertedIndex index(4);
+  index.Apply({Picture(1, {{0, 2}})}, {});
+  const auto before = index.snapshot();
+  const std::vector<std::int64_t> removed = {1};
+  index.Apply({Picture(2, {{1, 2}})}, removed);
+  EXPECT_EQ(before->Keys(), std::vector<std::int64_t>{1});
+  EXPECT_EQ(index.snapshot()->Keys(), std::vector<std::int64_t>{2});
+  EXPECT_TRUE(before->Find(1));
+  EXPECT_FALSE(index.snapshot()->Find(1));
+}
+
+TEST(InvertedIndex, ThePartsStayFewAndAddingOneDoesNotCopyTheRest) {
+  InvertedIndex index(50);
+  std::mt19937_64 random(3);
+  const IndexSegment* largest = nullptr;
+  int rebuilt = 0;
+  for (std::int64_t key = 1; key <= 3000; ++key) {
+    index.Apply({Picture(key, {{static_cast<std::uint32_t>(random() % 50), 1}})}, {});
+    const auto snapshot = index.snapshot();
+    ASSERT_LE(snapshot->parts.size(), 40u);
+    const auto& biggest = *std::max_element(
+        snapshot->parts.begin(), snapshot->parts.end(),
+        [](const auto& a, const auto& b) { return a.segment->size() < b.segment->size(); });
+    if (key > 600 && biggest.segment.get() != largest) ++rebuilt;
+    largest = biggest.segment.get();
+  }
+  EXPECT_LT(rebuilt, 12);
+  EXPECT_EQ(index.snapshot()->pictures, 3000u);
+}
+
+TEST(InvertedIndex, RemovedPicturesGiveTheirMemoryBack) {
+  InvertedIndex index(1000);
+  std::mt19937_64 random(4);
+  std::vector<IndexedPicture> pictures;
+  std::vector<std::int64_t> removed;
+  for (std::int64_t key = 1; key <= 2000; ++key) {
+    pictures.push_back(
+        {key, 0, "id" + std::to_string(key), ToBow(RandomCounts(random, 1000, 300))});
+    if (key > 20) removed.push_back(key);
+  }
+  index.Apply(std::move(pictures), {});
+  const std::size_t full = index.snapshot()->memory_bytes();
+  index.Apply({}, removed);
+  EXPECT_LT(index.snapshot()->memory_bytes(), full / 10);
+  EXPECT_EQ(index.snapshot()->pictures, 20u);
+}
+
+TEST(InvertedIndex, StatisticsFollowWithinTheirEpoch) {
+  InvertedIndex index(10);
+  std::vector<IndexedPicture> many;
+  for (std::int64_t key = 1; key <= 2560; ++key) many.push_back(Picture(key, {{0, 1}}));
+  index.Apply(std::move(many), {});
+  ASSERT_EQ(index.snapshot()->statistics->pictures, 2560u);
+  for (std::int64_t key = 3000; key < 3010; ++key) index.Apply({Picture(key, {{1, 1}})}, {});
+  EXPECT_EQ(index.snapshot()->statistics->pictures, 2560u) << "ten changes are below 1/256";
+  for (std::int64_t key = 3010; key < 3012; ++key) index.Apply({Picture(key, {{1, 1}})}, {});
+  EXPECT_GE(index.snapshot()->statistics->pictures, 2570u);
+  index.Refresh();
+  EXPECT_EQ(index.snapshot()->statistics->pictures, 2572u);
+  EXPECT_EQ(index.snapshot()->statistics->frequency[1], 12u);
+}
+
+TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
+  InvertedIndex index(300);
+  std::vector<IndexedPicture> pictures;
+  for (std::int64_t key = 1; key <= 200; ++key) {
+    pictures.push_back(Picture(key, {{0, 3}, {7, 300}, {9, 1}}));
+    pictures.back().id = "id" + std::to_string(1000 + (key * 37) % 200);
+  }
+  // One by one and all at once: other segments, dense and sparse lists, same scores to the last
+  // bit.
+  InvertedIndex one_by_one(300);
+  for (const IndexedPicture& picture : pictures) one_by_one.Apply({picture}, {});
+  index.Apply(pictures, {});
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    for (const InvertedIndex* each : {&index, &one_by_one}) {
+      const Ranking ranking = Rank(*each->snapshot(), {{{0, 1}, {7, 5}, {200, 2}}, 8},
+                                   {method, GroupBy::kImage, 50, 0, {}, 1});
+      ASSERT_EQ(ranking.best.size(), 50u);
+      for (std::size_t i = 0; i < 50; ++i) {
+        EXPECT_EQ(ranking.best[i].id, "id" + std::to_string(1000 + i));
+        EXPECT_EQ(ranking.best[i].score, ranking.best[0].score);
+      }
+    }
+  }
+}
+
+TEST(Ranking, ItselfIsOneAndAStrangerIsNoHit) {
+  InvertedIndex index(100);
+  const IndexedPicture a = Picture(1, {{0, 3}, {7, 4000}, {9, 1}});
+  const IndexedPicture b = Picture(2, {{50, 3}});
+  index.Apply({a, b}, {});
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    const Ranking ranking = Rank(*index.snapshot(), a.bow, {method, GroupBy::kImage, 0, 0, {}, 1});
+    ASSERT_FALSE(ranking.best.empty());
+    EXPECT_EQ(ranking.best[0].key, 1);
+    EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
+    EXPECT_EQ(ranking.best.size(), method == RankMethod::kTfIdf ? 1u : 2u);
+  }
+  const Ranking strict =
+      Rank(*index.snapshot(), a.bow, {RankMethod::kHistogram, GroupBy::kImage, 0, 0.5, {}, 1});
+  EXPECT_EQ(strict.total, 1u);
+}
+
+TEST(Ranking, ASinglePictureAnswers) {
+  InvertedIndex index(10);
+  index.Apply({Picture(1, {{3, 2}})}, {});
+  const Ranking ranking = Rank(*index.snapshot(), {{{3, 1}}, 1}, {});
+  ASSERT_EQ(ranking.best.size(), 1u);
+  EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
+}
+
+TEST(Ranking, ThreadsChangeNothing) {
+  std::mt19937_64 random(8);
+  InvertedIndex index(400);
+  std::vector<IndexedPicture> pictures;
+  for (std::int64_t key = 1; key <= 12000; ++key) {
+    pictures.push_back({key, static_cast<std::int64_t>(random() % 500), "id" + std::to_string(key),
+                        ToBow(RandomCounts(random, 400, 60))});
+    if (pictures.size() == 3000) index.Apply(std::exchange(pictures, {}), {});
+  }
+  const Bow query = ToBow(RandomCounts(random, 400, 400));
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    const Ranking one = Rank(*index.snapshot(), query, {method, GroupBy::kObject, 100, 0, {}, 1});
+    const Ranking four = Rank(*index.snapshot(), query, {method, GroupBy::kObject, 100, 0, {}, 4});
+    ASSERT_EQ(one.best.size(), four.best.size());
+    EXPECT_EQ(one.total, four.total);
+    for (std::size_t i = 0; i < one.best.size(); ++i) {
+      EXPECT_EQ(one.best[i].key, four.best[i].key);
+      EXPECT_EQ(one.best[i].score, four.best[i].score);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace pliant
