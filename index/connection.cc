@@ -33,7 +33,8 @@ SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeou
   SQLite::Database database(name, SQLite::OPEN_READONLY, busy_timeout_ms);
   // On read-only media WAL's side files cannot be made. A cleanly closed database has none and
   // nobody can change it there: read it as immutable.
-  if (database.tryExec("SELECT 1 FROM sqlite_schema") == SQLITE_CANTOPEN &&
+  const int code = database.tryExec("SELECT 1 FROM sqlite_schema") & 0xff;
+  if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) &&
       !std::filesystem::exists(name + "-wal")) {
     return {"file:" + PercentEncoded(name) + "?immutable=1",
             SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};

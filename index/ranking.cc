@@ -3,14 +3,12 @@
 #include "index/ranking.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
-#include <mutex>
 #include <numbers>
 #include <string_view>
-#include <thread>
 #include <unordered_map>
+
+#include "descriptor/parallel.h"
 
 namespace pliant {
 namespace {
@@ -86,38 +84,14 @@ void ScorePart(const Part& part, const QueryWeights& query, const RankOptions& o
   }
 }
 
-// Runs `work(i)` for i in [0, count) on several threads; the first exception is thrown again.
-template <typename Work>
-void ForEachPart(std::size_t count, std::size_t threads, const Work& work) {
-  std::atomic<std::size_t> next{0};
-  std::mutex mutex;  // guards failure
-  std::exception_ptr failure;
-  const auto run = [&] {
-    try {
-      for (std::size_t i = next++; i < count; i = next++) work(i);
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = std::current_exception();
-    }
-  };
-  std::vector<std::jthread> others;
-  for (std::size_t t = 1; t < threads; ++t) others.emplace_back(run);
-  run();
-  others.clear();  // joins
-  if (failure) std::rethrow_exception(failure);
-}
-
-std::size_t ThreadsFor(const IndexSnapshot& snapshot, const QueryWeights& query, int threads) {
-  if (query.words.size() * snapshot.pictures < kStepsForThreads) return 1;
-  const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
-  const std::size_t wanted = threads > 0 ? static_cast<std::size_t>(threads) : cores;
-  return std::clamp<std::size_t>(snapshot.parts.size(), 1, wanted);
+int ThreadsFor(const IndexSnapshot& snapshot, const QueryWeights& query, int threads) {
+  return query.words.size() * snapshot.pictures < kStepsForThreads ? 1 : threads;
 }
 
 std::vector<Candidate> ScoreAll(const IndexSnapshot& snapshot, const QueryWeights& query,
                                 const RankOptions& options) {
   std::vector<std::vector<Candidate>> found(snapshot.parts.size());
-  ForEachPart(snapshot.parts.size(), ThreadsFor(snapshot, query, options.threads),
+  ParallelFor(snapshot.parts.size(), ThreadsFor(snapshot, query, options.threads),
               [&](std::size_t i) {
                 thread_local std::vector<float> sums;
                 ScorePart(snapshot.parts[i], query, options, sums, found[i]);

@@ -70,7 +70,7 @@ bool IsValidUtf8(std::string_view text) {
 std::string ToDisplayText(std::string_view text) {
   std::string out;
   while (!text.empty()) {
-    const std::size_t length = SequenceLength(text);
+    const std::size_t length = HasControlCharacter(text.substr(0, 1)) ? 0 : SequenceLength(text);
     if (length == 0) {
       const auto byte = static_cast<std::uint8_t>(text[0]);
       out += "\\x" + ToHex({&byte, 1});

@@ -10,7 +10,8 @@ namespace pliant {
 
 bool IsValidUtf8(std::string_view text);
 
-// `text` with each byte that is no valid UTF-8 written as \xHH, for people and JSON.
+// `text` with each control character and each byte that is no valid UTF-8 written as \xHH, for
+// people, JSON and names made from file names.
 std::string ToDisplayText(std::string_view text);
 
 // Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,

@@ -82,8 +82,12 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("query", "Ask which object a picture shows");
   app->add_option("IMAGE", options->image, "the query picture")->required();
   AddDatabaseFlags(*app, options->engine, search.collection);
-  app->add_option("--top", search.limit, "hits returned; 0 = all")->capture_default_str();
-  app->add_option("--offset", search.offset, "hits left out at the start")->capture_default_str();
+  app->add_option("--top", search.limit, "hits returned; 0 = all")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app->add_option("--offset", search.offset, "hits left out at the start")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   AddChoice<GroupBy>(*app, "--group-by", search.group_by,
                      "one hit for each object, or for each image (default: object)",
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}}, "object|image");

@@ -1,0 +1,185 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Indexing that is killed, interrupted, run twice at once, or out of space.
+#include <chrono>
+#include <thread>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/program.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+using std::chrono::milliseconds;
+
+constexpr std::uint64_t kSeed = 20240607;
+
+class SurvivalTest : public ::testing::Test {
+ protected:
+  void WritePictures(const std::string& name, std::uint64_t first, int count) {
+    for (int i = 0; i < count; ++i) {
+      WriteBytes(folder_ / name / (std::to_string(i) + ".png"),
+                 RandomPng(first + static_cast<std::uint64_t>(i)));
+    }
+  }
+  std::vector<std::string> IndexArguments(const std::string& name) const {
+    return {
+        "index", (folder_ / name).string(), "--db", db_,     "--descriptor", "rootsift", "--jobs",
+        "2",     "--object-from",           "stem", "--json"};
+  }
+  // Pictures that are committed, whoever writes; 0 while there is no database.
+  std::int64_t Committed() const {
+    if (!std::filesystem::exists(db_)) return 0;
+    SQLite::Database db(db_, SQLite::OPEN_READWRITE, 5000);
+    return db.execAndGet("SELECT count(*) FROM pictures").getInt64();
+  }
+  void ExpectSound() {
+    const ProgramResult check = RunProgram({"db", "check", "--db", db_, "--json"});
+    EXPECT_EQ(check.status, 0) << check.out << check.err;
+  }
+  std::size_t StrayFiles() {
+    std::size_t stray = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+      stray += entry.path().filename().string().find(".new-") != std::string::npos ? 1 : 0;
+    }
+    return stray;
+  }
+
+  TemporaryFolder folder_;
+  std::string db_ = (folder_ / "x.db").string();
+};
+
+TEST_F(SurvivalTest, KilledAtAnyMomentNothingCommittedIsLost) {
+  constexpr int kPictures = 60;
+  WritePictures("p", 100, kPictures);
+  std::mt19937_64 random(kSeed);
+  std::int64_t before = 0;
+  bool killed_midway = false;
+  for (int round = 0; round < 12; ++round) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + ", round " + std::to_string(round));
+    Program program(IndexArguments("p"));
+    std::this_thread::sleep_for(milliseconds(random() % static_cast<unsigned>(40 + 40 * round)));
+    const bool ran = program.IsRunning();
+    program.Signal(SIGKILL);
+    program.Wait();
+    const std::int64_t now = Committed();
+    EXPECT_GE(now, before);
+    killed_midway = killed_midway || (ran && now > before && now < kPictures);
+    before = now;
+    if (std::filesystem::exists(db_)) ExpectSound();
+  }
+  const ProgramResult resumed = RunProgram(IndexArguments("p"));
+  ASSERT_EQ(resumed.status, 0) << resumed.err;
+  EXPECT_EQ(resumed.json()["unchanged"], before);
+  EXPECT_EQ(resumed.json()["indexed"], kPictures - before);
+  EXPECT_FALSE(resumed.json()["vocabulary"].is_null());
+  ExpectSound();
+  RecordProperty("killed_midway", killed_midway ? 1 : 0);
+}
+
+TEST_F(SurvivalTest, CtrlCKeepsWhatWasIndexedAndSaysHowToResume) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    db_ = (folder_ / ("s" + std::to_string(signal) + ".db")).string();
+    WritePictures("p", 300, 80);
+    Program program(IndexArguments("p"));
+    for (int i = 0; i < 2000 && Committed() < 3; ++i) std::this_thread::sleep_for(milliseconds(5));
+    program.Signal(signal);
+    const ProgramResult result = program.Wait();
+    EXPECT_EQ(result.status, 1);
+    EXPECT_THAT(result.err, HasSubstr("resume"));
+    const Json json = result.json();
+    EXPECT_EQ(json["interrupted"], true);
+    EXPECT_EQ(json["indexed"], Committed());
+    EXPECT_LT(json["indexed"], 80);
+    const Json resumed = RunProgram(IndexArguments("p")).json();
+    EXPECT_EQ(resumed["unchanged"], json["indexed"]);
+    EXPECT_EQ(resumed["indexed"], 80 - json["indexed"].get<int>());
+    ExpectSound();
+  }
+}
+
+TEST_F(SurvivalTest, TwoProcessesAtOnceOnANewDatabase) {
+  WritePictures("a", 500, 25);
+  WritePictures("b", 600, 25);
+  Program first(IndexArguments("a"));
+  Program second(IndexArguments("b"));
+  const ProgramResult a = first.Wait();
+  const ProgramResult b = second.Wait();
+  EXPECT_EQ(a.status, 0) << a.err;
+  EXPECT_EQ(b.status, 0) << b.err;
+  EXPECT_EQ(a.json()["indexed"], 25);
+  EXPECT_EQ(b.json()["indexed"], 25);
+  EXPECT_EQ(Committed(), 50);
+  EXPECT_EQ(StrayFiles(), 0u);
+  ExpectSound();
+  WriteBytes(folder_ / "q.png", OtherViewPng(603));
+  const Json found =
+      RunProgram({"query", (folder_ / "q.png").string(), "--db", db_, "--json"}).json();
+  EXPECT_EQ(found["hits"][0]["object"], "3");
+  EXPECT_EQ(found["total"], 25) << "0.png to 24.png name the same objects in both folders";
+}
+
+TEST_F(SurvivalTest, QueriesGoOnBesideAWriter) {
+  WritePictures("a", 500, 5);
+  ASSERT_EQ(RunProgram(IndexArguments("a")).status, 0);
+  SQLite::Database writer(db_, SQLite::OPEN_READWRITE);
+  writer.exec("BEGIN IMMEDIATE");
+  WriteBytes(folder_ / "q.png", OtherViewPng(502));
+  const ProgramResult found =
+      RunProgram({"query", (folder_ / "q.png").string(), "--db", db_, "--json"});
+  EXPECT_EQ(found.status, 0) << found.err;
+  EXPECT_EQ(found.json()["hits"][0]["object"], "2");
+  writer.exec("ROLLBACK");
+}
+
+TEST_F(SurvivalTest, AFullDiskIsSaidAndHealed) {
+  WritePictures("p", 700, 30);
+  ProgramLimits limits;
+  for (const std::uint64_t kib : {20, 100, 400, 1500}) {
+    limits.max_file_bytes = kib * 1024;
+    const ProgramResult full = RunProgram(IndexArguments("p"), limits);
+    EXPECT_EQ(full.status, 1) << kib << " KiB: " << full.out;
+    EXPECT_THAT(full.json()["error"]["code"].get<std::string>(), AnyOf("write_failed", "disk_full"))
+        << full.err;
+    EXPECT_EQ(StrayFiles(), 0u);
+    if (std::filesystem::exists(db_)) ExpectSound();
+  }
+  const ProgramResult healed = RunProgram(IndexArguments("p"));
+  EXPECT_EQ(healed.status, 0) << healed.err;
+  EXPECT_EQ(Committed(), 30);
+  ExpectSound();
+}
+
+TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
+  WritePictures("p", 800, 5);
+  ASSERT_EQ(RunProgram(IndexArguments("p")).status, 0);
+  WritePictures("more", 900, 1);
+  WriteBytes(folder_ / "q.png", OtherViewPng(803));
+  const std::filesystem::path pliant = folder_ / "pliant";  // where anybody may run it
+  std::filesystem::copy_file(PliantPath(), pliant);
+  namespace fs = std::filesystem;
+  const auto protect = [&](fs::perms folder) {
+    fs::permissions(db_, fs::perms(0444));
+    fs::permissions(folder_.path(), folder);
+  };
+  protect(fs::perms(0555));
+  const ProgramLimits limits{0, true};
+  const ProgramResult found =
+      Program({"query", (folder_ / "q.png").string(), "--db", db_, "--json"}, limits, pliant)
+          .Wait();
+  EXPECT_EQ(found.status, 0) << found.err;
+  EXPECT_EQ(found.json()["hits"][0]["object"], "3");
+  const ProgramResult refused = Program(IndexArguments("more"), limits, pliant).Wait();
+  EXPECT_EQ(refused.status, 1) << refused.out;
+  EXPECT_EQ(refused.json()["error"]["code"], "read_only") << refused.err;
+  fs::permissions(folder_.path(), fs::perms(0755));
+}
+
+}  // namespace
+}  // namespace pliant::testing

@@ -1,0 +1,335 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The command line as scripts use it: JSON forms and exit statuses.
+#include <cstring>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "tests/integration/program.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+using Json = nlohmann::json;
+
+class CliTest : public ::testing::Test {
+ protected:
+  // objects/oN/view.png for N in 1..count
+  void WriteObjects(int count) {
+    for (int i = 1; i <= count; ++i) {
+      WriteBytes(folder_ / "objects" / ("o" + std::to_string(i)) / "view.png",
+                 RandomPng(static_cast<std::uint64_t>(i)));
+    }
+  }
+  ProgramResult Index(std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"index",        objects_,   "--db",  db_,
+                                          "--descriptor", "rootsift", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunProgram(arguments);
+  }
+  Json Query(std::uint64_t seed, std::vector<std::string> more = {}) {
+    WriteBytes(folder_ / "query.png", OtherViewPng(seed));
+    std::vector<std::string> arguments = {"query", (folder_ / "query.png").string(), "--db", db_,
+                                          "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return result.json();
+  }
+
+  TemporaryFolder folder_;
+  std::string db_ = (folder_ / "x.db").string();
+  std::string objects_ = (folder_ / "objects").string();
+};
+
+TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
+  const ProgramResult version = RunProgram({"--version"});
+  EXPECT_EQ(version.status, 0);
+  EXPECT_THAT(version.out, StartsWith("pliant "));
+  for (const char* command : {"index", "query", "vocab", "db", "describe"}) {
+    EXPECT_THAT(RunProgram({"--help"}).out, HasSubstr(command));
+    const ProgramResult help = RunProgram({command, "--help"});
+    EXPECT_EQ(help.status, 0);
+    EXPECT_THAT(help.out, HasSubstr("--json"));
+  }
+  for (const std::vector<std::string>& wrong :
+       std::vector<std::vector<std::string>>{{},
+                                             {"nonsense"},
+                                             {"index"},
+                                             {"index", "."},
+                                             {"index", ".", "--db"},
+                                             {"query", "--db", "x"},
+                                             {"query", "x", "--db", "x", "--rank", "best"},
+                                             {"query", "x", "--db", "x", "--top", "-1"},
+                                             {"query", "x", "--db", "x", "--region", "1,2,3"},
+                                             {"index", ".", "--db", "x", "--max-keypoints", "0"},
+                                             {"index", ".", "--db", "x", "--object-from", "me"},
+                                             {"vocab", "--db", "x"},
+                                             {"vocab", "use", "--db", "x"},
+                                             {"db", "stats"},
+                                             {"db", "backup", "--db", "x"},
+                                             {"describe", "x"},
+                                             {"index", ".", "--db", "x", "--frobnicate"}}) {
+    const ProgramResult result = RunProgram(wrong);
+    EXPECT_EQ(result.status, 2) << ::testing::PrintToString(wrong);
+    EXPECT_THAT(result.out, IsEmpty());
+    EXPECT_FALSE(result.err.empty());
+  }
+}
+
+TEST_F(CliTest, IndexTrainsAndQueryFinds) {
+  WriteObjects(8);
+  const ProgramResult indexed = Index();
+  EXPECT_EQ(indexed.status, 0) << indexed.err;
+  EXPECT_THAT(indexed.err, HasSubstr("no vocabulary yet"));
+  const Json json = indexed.json();
+  EXPECT_EQ(json["indexed"], 8);
+  EXPECT_EQ(json["unchanged"], 0);
+  EXPECT_EQ(json["skipped"], Json::array());
+  EXPECT_EQ(json["vocabulary"]["id"], 1);
+  EXPECT_EQ(json["vocabulary"]["trained"], true);
+  EXPECT_GT(json["vocabulary"]["words"], 50);
+  EXPECT_GT(json["seconds"], 0.0);
+  for (const char* rank : {"tfidf", "histogram"}) {
+    for (std::uint64_t i = 1; i <= 8; ++i) {
+      const Json found = Query(i, {"--rank", rank});
+      EXPECT_EQ(found["hits"][0]["object"], "o" + std::to_string(i));
+    }
+  }
+  const Json found = Query(3, {"--top", "2", "--group-by", "image"});
+  EXPECT_EQ(found["hits"].size(), 2u);
+  EXPECT_EQ(found["vocabulary"], 1);
+  EXPECT_GT(found["took_ms"], 0.0);
+  const Json& hit = found["hits"][0];
+  EXPECT_EQ(hit["rank"], 1);
+  EXPECT_EQ(hit["image_id"].get<std::string>().size(), 32u);
+  EXPECT_EQ(hit["inliers"], 0);
+  EXPECT_TRUE(hit["polygon"].is_null());
+  EXPECT_EQ(hit["metadata"], Json::object());
+  EXPECT_GT(hit["score"], found["hits"][1]["score"]);
+  EXPECT_LT(Query(3, {"--region", "0,0,80,120"})["keypoints"], found["keypoints"]);
+  EXPECT_EQ(Query(3, {"--object", "o4"})["hits"][0]["object"], "o4");
+
+  const ProgramResult text = RunProgram({"query", (folder_ / "query.png").string(), "--db", db_});
+  EXPECT_EQ(text.status, 0);
+  EXPECT_THAT(text.out, StartsWith("rank   score  object"));
+  EXPECT_THAT(text.out, HasSubstr("view.png"));
+}
+
+TEST_F(CliTest, IndexingAgainIsNoWorkAndNewPicturesJoin) {
+  WriteObjects(4);
+  ASSERT_EQ(Index().status, 0);
+  Json json = Index().json();
+  EXPECT_EQ(json["indexed"], 0);
+  EXPECT_EQ(json["unchanged"], 4);
+  EXPECT_EQ(json["vocabulary"]["trained"], false);
+  WriteObjects(6);
+  json = Index().json();
+  EXPECT_EQ(json["indexed"], 2);
+  EXPECT_EQ(json["unchanged"], 4);
+  EXPECT_EQ(Query(6)["hits"][0]["object"], "o6");
+}
+
+TEST_F(CliTest, BadFilesAreSkippedWithReasons) {
+  WriteObjects(3);
+  const std::vector<std::uint8_t> png = RandomPng(50);
+  WriteText(folder_ / "objects" / "empty.jpg", "");
+  WriteText(folder_ / "objects" / "text.png", "this is no picture");
+  WriteText(folder_ / "objects" / "notes.txt", "ignored");
+  WriteBytes(folder_ / "objects" / "cut.png", {png.begin(), png.begin() + 300});
+  WriteBytes(folder_ / "objects" / "plain.png",
+             EncodePng({64, 64, 1, std::vector<std::uint8_t>(4096, 9)}));
+  WriteBytes(folder_ / "objects" / ".hidden.png", RandomPng(51));
+  WriteBytes(folder_ / "objects" / "o1" / "picture-without-extension", RandomPng(52));
+  WriteText(folder_ / "objects" / "animation.gif", "GIF89a");
+  const ProgramResult result = Index();
+  EXPECT_EQ(result.status, 3) << result.err;
+  const Json json = result.json();
+  EXPECT_EQ(json["indexed"], 4);
+  std::vector<std::string> names;
+  for (const Json& skipped : json["skipped"]) {
+    names.push_back(std::filesystem::path(skipped["file"].get<std::string>()).filename());
+    EXPECT_FALSE(skipped["reason"].get<std::string>().empty());
+  }
+  EXPECT_THAT(names, ElementsAre("animation.gif", "cut.png", "empty.jpg", "plain.png", "text.png"));
+  const ProgramResult text =
+      RunProgram({"index", objects_, "--db", db_, "--descriptor", "rootsift"});
+  EXPECT_EQ(text.status, 3);
+  EXPECT_THAT(text.err, HasSubstr("cut.png: "));
+  EXPECT_THAT(text.out, HasSubstr("indexed 0, unchanged 4, skipped 5"));
+}
+
+TEST_F(CliTest, LinksLoopsAndOddNames) {
+  WriteObjects(1);
+  const std::filesystem::path odd =
+      folder_ / "objects" / "caf\xe9 \xc3\xa4";  // Latin-1, then UTF-8
+  WriteBytes(odd / "a\nb.png", RandomPng(60));
+  std::filesystem::create_directory_symlink(folder_ / "objects", odd / "loop");
+  std::filesystem::create_symlink(folder_ / "nowhere.png", odd / "broken.png");
+  ASSERT_EQ(::mkfifo((odd / "pipe.png").c_str(), 0666), 0);
+  const ProgramResult result = Index();
+  EXPECT_EQ(result.status, 3);
+  const Json json = result.json();
+  EXPECT_EQ(json["indexed"], 2) << result.out;
+  EXPECT_EQ(json["skipped"].size(), 2u);
+  EXPECT_EQ(Query(60)["hits"][0]["object"], "caf\\xe9 \xc3\xa4");
+}
+
+TEST_F(CliTest, ObjectsAreNamedAsAsked) {
+  WriteBytes(folder_ / "flat" / "cup.png", RandomPng(1));
+  WriteBytes(folder_ / "flat" / "hat.png", RandomPng(2));
+  const auto object_of_first = [&](const std::vector<std::string>& more,
+                                   const std::string& inputs) {
+    std::filesystem::remove(db_);
+    std::vector<std::string> arguments = {
+        "index", (folder_ / inputs).string(), "--db", db_, "--descriptor", "rootsift"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    EXPECT_EQ(RunProgram(arguments).status, 0);
+    return Query(1, {"--group-by", "image"})["hits"][0]["object"];
+  };
+  EXPECT_EQ(object_of_first({}, "flat"), "cup") << "a flat folder of many things";
+  EXPECT_EQ(object_of_first({"--object-from", "folder"}, "flat"), "flat");
+  EXPECT_EQ(object_of_first({"--object-from", "stem"}, "flat"), "cup");
+  EXPECT_TRUE(object_of_first({"--object-from", "none"}, "flat").is_null());
+}
+
+TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
+  const ProgramResult missing = RunProgram({"query", "nowhere.png", "--db", db_, "--json"});
+  EXPECT_EQ(missing.status, 1);
+  EXPECT_EQ(missing.json()["error"]["code"], "cannot_read");
+  EXPECT_THAT(missing.err, HasSubstr("nowhere.png"));
+  WriteBytes(folder_ / "q.png", RandomPng(1));
+  const std::string q = (folder_ / "q.png").string();
+  EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
+            "database_not_found");
+  EXPECT_FALSE(std::filesystem::exists(db_));
+  WriteText(db_, "not a database at all");
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"query", q, "--db", db_, "--json"},
+           {"index", folder_.path().string(), "--db", db_, "--json", "--descriptor", "orb"},
+           {"db", "check", "--db", db_, "--json"}}) {
+    const ProgramResult foreign = RunProgram(arguments);
+    EXPECT_EQ(foreign.status, 1);
+    EXPECT_EQ(foreign.json()["error"]["code"], "not_a_database");
+  }
+  std::filesystem::remove(db_);
+  EXPECT_EQ(RunProgram({"index", "/nowhere/at/all", "--db", db_}).status, 1);
+  std::filesystem::create_directory(folder_ / "empty");
+  const ProgramResult empty = RunProgram(
+      {"index", (folder_ / "empty").string(), "--db", db_, "--descriptor", "orb", "--json"});
+  EXPECT_EQ(empty.status, 0);
+  EXPECT_EQ(empty.json()["indexed"], 0);
+  EXPECT_TRUE(empty.json()["vocabulary"].is_null());
+  EXPECT_THAT(empty.err, HasSubstr("no pictures"));
+  EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
+            "no_vocabulary");
+  WriteObjects(1);
+  const ProgramResult mismatch = Index();
+  EXPECT_EQ(mismatch.status, 1);
+  EXPECT_EQ(mismatch.json()["error"]["code"], "model_mismatch");
+  EXPECT_EQ(RunProgram({"index", objects_, "--db", db_, "--descriptor", "nonsense"}).status, 2);
+}
+
+TEST_F(CliTest, VocabulariesFromTheCommandLine) {
+  WriteObjects(5);
+  ASSERT_EQ(Index().status, 0);
+  const ProgramResult trained = RunProgram(
+      {"vocab", "train", "--db", db_, "--words", "20", "--sample", "300", "--seed", "9", "--json"});
+  ASSERT_EQ(trained.status, 0) << trained.err;
+  EXPECT_EQ(trained.json()["words"], 20);
+  EXPECT_EQ(trained.json()["active"], false);
+  EXPECT_EQ(trained.json()["origin"]["seed"], 9);
+  EXPECT_EQ(trained.json()["origin"]["sampled"], 300);
+  EXPECT_EQ(Query(2)["vocabulary"], 1);
+  ASSERT_EQ(RunProgram({"vocab", "use", "2", "--db", db_}).status, 0);
+  EXPECT_EQ(Query(2)["vocabulary"], 2);
+  EXPECT_EQ(Query(2)["words"], 20);
+  const Json list = RunProgram({"vocab", "--json", "list", "--db", db_}).json()["vocabularies"];
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0]["active"], false);
+  EXPECT_EQ(list[1]["active"], true);
+  EXPECT_THAT(RunProgram({"vocab", "list", "--db", db_}).out, HasSubstr("in use"));
+  EXPECT_EQ(RunProgram({"vocab", "use", "7", "--db", db_}).status, 1);
+  EXPECT_EQ(RunProgram({"vocab", "train", "--words", "301", "--sample", "300", "--db", db_}).status,
+            2);
+  EXPECT_EQ(RunProgram({"db", "check", "--db", db_}).out, "ok\n");
+}
+
+TEST_F(CliTest, LookingAfterADatabase) {
+  WriteObjects(5);
+  ASSERT_EQ(Index().status, 0);
+  Json stats = RunProgram({"db", "stats", "--db", db_, "--json"}).json();
+  EXPECT_EQ(stats["images"], 5);
+  EXPECT_EQ(stats["objects"], 5);
+  EXPECT_EQ(stats["descriptor"], "rootsift");
+  EXPECT_GT(stats["index_bytes"], 0);
+  EXPECT_EQ(stats["vocabulary"]["id"], 1);
+  EXPECT_THAT(RunProgram({"db", "stats", "--db", db_}).out, HasSubstr("images       5"));
+
+  const std::string copy = (folder_ / "copy.db").string();
+  const ProgramResult backup = RunProgram({"db", "backup", copy, "--db", db_, "--json"});
+  EXPECT_EQ(backup.status, 0) << backup.err;
+  EXPECT_EQ(backup.json()["bytes"], std::filesystem::file_size(copy));
+  EXPECT_EQ(RunProgram({"db", "backup", copy, "--db", db_}).status, 1);
+  EXPECT_EQ(RunProgram({"db", "check", "--db", copy, "--json"}).json(),
+            (Json{{"ok", true}, {"problems", Json::array()}}));
+
+  const std::string id = Query(3)["hits"][0]["image_id"];
+  const ProgramResult removed = RunProgram({"db", "rm", id, "nobody", "--db", db_, "--json"});
+  EXPECT_EQ(removed.status, 3);
+  EXPECT_EQ(removed.json(), (Json{{"removed", 1}, {"missing", {"nobody"}}}));
+  EXPECT_NE(Query(3)["hits"][0]["image_id"], id);
+  EXPECT_EQ(RunProgram({"db", "rm", "--object", "o1", "--db", db_}).status, 0);
+  EXPECT_EQ(RunProgram({"db", "rm", "--db", db_}).status, 2);
+  EXPECT_EQ(RunProgram({"db", "stats", "--db", db_, "--json"}).json()["images"], 3);
+
+  // A byte in the middle of some picture's features.
+  std::vector<std::uint8_t> bytes = ReadBytes(copy);
+  const std::string magic = "PLFT";
+  const auto at = std::search(bytes.begin(), bytes.end(), magic.begin(), magic.end());
+  ASSERT_NE(at, bytes.end());
+  at[40] ^= 1;
+  WriteBytes(copy, bytes);
+  const ProgramResult broken = RunProgram({"db", "check", "--db", copy, "--json"});
+  EXPECT_EQ(broken.status, 1);
+  EXPECT_EQ(broken.json()["ok"], false);
+  EXPECT_THAT(broken.json()["problems"][0].get<std::string>(), HasSubstr("checksum"));
+}
+
+TEST_F(CliTest, DescribeWritesSafetensors) {
+  WriteBytes(folder_ / "q.png", RandomPng(1));
+  for (const std::string name : {"rootsift", "orb"}) {
+    const auto out = folder_ / (name + ".safetensors");
+    const ProgramResult result =
+        RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", name,
+                    "--max-keypoints", "50", "--out", out.string(), "--json"});
+    ASSERT_EQ(result.status, 0) << result.err;
+    EXPECT_EQ(result.json()["keypoints"], 50);
+    const std::vector<std::uint8_t> bytes = ReadBytes(out);
+    std::uint64_t length = 0;
+    std::memcpy(&length, bytes.data(), 8);
+    EXPECT_EQ(length % 8, 0u);
+    const Json header =
+        Json::parse(bytes.begin() + 8, bytes.begin() + 8 + static_cast<std::ptrdiff_t>(length));
+    const std::uint64_t dim = name == "orb" ? 32 : 128;
+    const std::uint64_t width = name == "orb" ? 1 : 4;
+    EXPECT_EQ(header["keypoints"]["shape"], (Json{50, 6}));
+    EXPECT_EQ(header["descriptors"]["shape"], (Json{50, dim}));
+    EXPECT_EQ(header["descriptors"]["dtype"], name == "orb" ? "U8" : "F32");
+    EXPECT_EQ(bytes.size(), 8 + length + 50 * 6 * 4 + 50 * dim * width);
+    EXPECT_THAT(header["__metadata__"]["model_id"].get<std::string>(), StartsWith(name));
+  }
+  EXPECT_EQ(RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", "orb", "--out",
+                        "/nowhere/x.safetensors"})
+                .status,
+            1);
+}
+
+}  // namespace
+}  // namespace pliant::testing
