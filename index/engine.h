@@ -178,6 +178,15 @@ struct EngineStats {
   std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
 };
 
+struct CollectionRecord {
+  std::string name;
+  std::uint64_t images = 0;
+  std::uint64_t objects = 0;
+  std::uint64_t descriptors = 0;
+  std::int64_t created_ms = 0;                 // Unix time
+  std::optional<VocabularyRecord> vocabulary;  // the active one
+};
+
 // Fewer key points than this are refused: nothing could be recognised by them.
 inline constexpr std::uint32_t kMinKeypoints = 5;
 
@@ -195,6 +204,7 @@ class Engine {
   bool CreateCollection(const std::string& name);
   std::vector<std::string> ListCollections();
   bool RemoveCollection(const std::string& name);
+  CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
 
   // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
   // kInvalidArgument for an id, object or metadata that is not acceptable. Bytes that are stored
@@ -209,6 +219,7 @@ class Engine {
 
   std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
                                         int limit);
+  std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object);
 
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
