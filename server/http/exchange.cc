@@ -1,0 +1,285 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/exchange.h"
+
+#include <algorithm>
+#include <charconv>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "server/http/parameters.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::size_t kMaxPathBytes = 2048;
+constexpr std::size_t kLoggedPathBytes = 256;
+constexpr std::size_t kMaxParts = 64;
+constexpr std::size_t kMaxFieldBytes = 64 * 1024;  // of a form field that is not the picture
+
+bool IsRequestId(const std::string& id) {
+  return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_' || c == '.';
+  });
+}
+
+std::string NewRequestId() {
+  thread_local std::mt19937_64 random{std::random_device{}()};
+  return fmt::format("{:016x}", random());
+}
+
+std::string Lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+// "Image/PNG; q=1" -> "image/png"
+std::string MediaTypeOf(const std::string& content_type) {
+  std::string type = content_type.substr(0, content_type.find(';'));
+  while (!type.empty() && (type.back() == ' ' || type.back() == '\t')) type.pop_back();
+  return Lower(type);
+}
+
+std::string Printable(std::string_view text) {
+  std::string printable(text.substr(0, kLoggedPathBytes));
+  for (char& c : printable) {
+    if (c <= ' ' || c > '~') c = '?';
+  }
+  return printable;
+}
+
+}  // namespace
+
+Exchange::Exchange(ExchangeShared& shared, Connection& connection)
+    : shared_(shared), connection_(connection) {
+  request_.id = NewRequestId();
+}
+
+Exchange::~Exchange() { shared_.inflight_bytes -= reserved_bytes_; }
+
+void Exchange::ReadHead(const httplib::Request& raw) {
+  if (const auto id = raw.get_header_value("X-Request-Id"); IsRequestId(id)) request_.id = id;
+  request_.method = raw.method == "HEAD" ? "GET" : raw.method;
+  request_.path = raw.target.substr(0, raw.target.find('?'));
+  request_.query = {raw.params.begin(), raw.params.end()};
+  request_.headers = {raw.headers.begin(), raw.headers.end()};
+  request_.remote_address = raw.remote_addr;
+  request_.content_type = MediaTypeOf(request_.header("Content-Type"));
+  record_.remote_address = raw.remote_addr;
+  record_.method = raw.method;
+  record_.path = Printable(request_.path);
+}
+
+// RFC 9112, section 6: one unmistakable length, or chunks, never both.
+void Exchange::CheckFraming(const httplib::Request& raw) {
+  const bool has_length = raw.has_header("Content-Length");
+  const bool has_encoding = raw.has_header("Transfer-Encoding");
+  must_close_ = has_length || has_encoding;  // until the body is read
+  if (raw.version == "HTTP/1.1" && raw.get_header_value_count("Host") != 1) {
+    throw ProblemError("bad_request", "A request needs exactly one Host header.");
+  }
+  if (raw.get_header_value_count("Content-Length") > 1 || (has_length && has_encoding)) {
+    throw ProblemError("bad_request", "The length of the body is ambiguous.");
+  }
+  if (has_encoding) {
+    if (Lower(raw.get_header_value("Transfer-Encoding")) != "chunked") {
+      throw ProblemError("unsupported_transfer_encoding", "Only chunked bodies are taken.");
+    }
+    request_.has_body = true;
+  }
+  if (has_length) {
+    const std::string text = raw.get_header_value("Content-Length");
+    std::uint64_t length = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), length);
+    if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
+      throw ProblemError("bad_request", "Content-Length is not a number.");
+    }
+    if (error != std::errc() || length > shared_.max_body_bytes) ThrowBodyFault(true, false);
+    request_.has_body = length > 0;
+    must_close_ = length > 0;
+  }
+  if (request_.has_body && raw.has_header("Content-Encoding") &&
+      Lower(raw.get_header_value("Content-Encoding")) != "identity") {
+    throw ProblemError("unsupported_content_encoding", "Compressed bodies are not taken.");
+  }
+}
+
+// A page of another site may make a browser send requests here; it must not change anything.
+void Exchange::CheckSameSite() const {
+  if (request_.method == "GET") return;
+  const std::string site = request_.header("Sec-Fetch-Site");
+  const std::string origin = request_.header("Origin");
+  const bool same_origin = origin.empty() || origin == "http://" + request_.header("Host") ||
+                           origin == "https://" + request_.header("Host");
+  if (site == "cross-site" || site == "same-site" || !same_origin) {
+    throw ProblemError("cross_site", "Requests from pages of other sites are not accepted.");
+  }
+}
+
+bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer) {
+  if (prepared_) return complete_;
+  prepared_ = true;
+  ReadHead(raw);
+  try {
+    CheckFraming(raw);
+    if (request_.path.size() > kMaxPathBytes) {
+      throw ProblemError("uri_too_long", "The path is too long.");
+    }
+    CheckSameSite();
+    request_.segments = SplitPath(request_.path);
+    route_ = &shared_.router.Resolve(request_);
+    record_.route = route_->name;
+    if (route_->needs_index && shared_.stopping) {
+      throw ProblemError("stopping", "The server is being stopped.");
+    }
+    if (route_->needs_index && !shared_.ready) {
+      throw ProblemError("starting", "The index is still loading. Try again shortly.");
+    }
+    CheckContentType(*route_, request_);
+  } catch (...) {
+    const Problem problem = CurrentProblem();
+    must_close_ = must_close_ || problem.code == "bad_request";  // who knows where the next begins
+    AnswerProblem(problem, answer);
+    return complete_ = true;
+  }
+  if (request_.has_body && route_->body != BodyKind::kNone) return false;
+  request_.has_body = false;
+  RunHandler(answer);
+  return complete_ = true;
+}
+
+void Exchange::ReserveBody(std::size_t bytes) {
+  reserved_bytes_ += bytes;
+  if (shared_.inflight_bytes.fetch_add(bytes) + bytes > shared_.max_inflight_bytes) {
+    throw ProblemError("busy", "Too many uploads at the moment. Try again shortly.").RetryAfter(2);
+  }
+}
+
+void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response& answer) {
+  try {
+    if (request_.is_multipart()) {
+      ReadMultipart(reader);
+    } else {
+      ReadPlain(reader);
+    }
+    must_close_ = false;
+  } catch (...) {
+    AnswerProblem(CurrentProblem(), answer);
+    return;
+  }
+  RunHandler(answer);
+}
+
+void Exchange::ReadPlain(const httplib::ContentReader& reader) {
+  bool too_large = false;
+  const bool whole = reader([&](const char* data, std::size_t size) {
+    too_large = request_.body.size() + size > shared_.max_body_bytes;
+    if (too_large) return false;
+    ReserveBody(size);
+    request_.body.append(data, size);
+    return true;
+  });
+  if (!whole) ThrowBodyFault(too_large, false);
+}
+
+void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
+  bool too_large = false;
+  bool too_many = false;
+  std::size_t total = 0;
+  const bool whole = reader(
+      [&](const httplib::MultipartFormData& part) {
+        too_many = request_.parts.size() == kMaxParts;
+        if (too_many) return false;
+        request_.parts.push_back({part.name, part.filename, part.content_type, {}});
+        return true;
+      },
+      [&](const char* data, std::size_t size) {
+        Part& part = request_.parts.back();
+        total += size;
+        too_large = total > shared_.max_body_bytes ||
+                    (part.name != "image" && part.content.size() + size > kMaxFieldBytes);
+        if (too_large) return false;
+        ReserveBody(size);
+        part.content.append(data, size);
+        return true;
+      });
+  if (!whole) ThrowBodyFault(too_large, too_many);
+}
+
+void Exchange::ThrowBodyFault(bool too_large, bool too_many_parts) const {
+  if (too_many_parts) {
+    throw ProblemError("bad_request", fmt::format("The form has more than {} parts.", kMaxParts));
+  }
+  if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
+    throw ProblemError("body_too_large",
+                       fmt::format("A body may have {} bytes, and a form field {}.",
+                                   shared_.max_body_bytes, kMaxFieldBytes));
+  }
+  if (connection_.fault() == Connection::Fault::kTimeout) {
+    throw ProblemError("request_timeout", "The body did not arrive in time.");
+  }
+  throw ProblemError("bad_request", request_.is_multipart()
+                                        ? "The multipart/form-data body is damaged or incomplete."
+                                        : "The body is damaged or incomplete.");
+}
+
+void Exchange::RunHandler(httplib::Response& answer) {
+  try {
+    const Parameters parameters(*route_, request_);
+    Answer(route_->handler(request_, parameters), answer);
+  } catch (...) {
+    AnswerProblem(CurrentProblem(), answer);
+  }
+}
+
+void Exchange::Answer(const Response& response, httplib::Response& answer) {
+  answer.status = response.status;
+  answer.body = response.body;
+  answer.headers.clear();
+  if (!response.content_type.empty()) answer.set_header("Content-Type", response.content_type);
+  for (const auto& [name, value] : response.headers) answer.set_header(name, value);
+  answer.set_header("X-Request-Id", request_.id);
+  answer.set_header("X-Content-Type-Options", "nosniff");
+  if (must_close_) answer.set_header("Connection", "close");
+  answered_ = true;
+}
+
+void Exchange::AnswerProblem(const Problem& problem, httplib::Response& answer) {
+  record_.code = problem.code;
+  record_.internal = problem.internal;
+  Answer(ProblemResponse(problem, request_.id), answer);
+}
+
+void Exchange::OnLibraryError(const httplib::Request& raw, httplib::Response& answer) {
+  if (answered_) return;
+  if (!prepared_) ReadHead(raw);
+  must_close_ = true;  // whatever it was, the rest of the connection cannot be trusted
+  int status = answer.status;
+  if (connection_.fault() == Connection::Fault::kHeadersTooLarge) status = 431;
+  if (connection_.fault() == Connection::Fault::kTimeout) status = 408;
+  AnswerProblem(ProblemForStatus(status), answer);
+}
+
+void Exchange::OnException(httplib::Response& answer) {
+  must_close_ = true;
+  AnswerProblem(CurrentProblem(), answer);
+}
+
+void Exchange::NoteAnswer(const httplib::Response& answer) {
+  record_.status = answer.status;
+  record_.bytes_out = answer.body.size();
+}
+
+RequestRecord Exchange::Record(double seconds) const {
+  RequestRecord record = record_;
+  record.id = request_.id;
+  record.seconds = seconds;
+  record.bytes_in = connection_.body_bytes();
+  return record;
+}
+
+}  // namespace pliant::server

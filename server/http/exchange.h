@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One request on its way through the HTTP library: checks before the body is read, reading the
+// body, running the route's handler, and what is remembered for the log.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <string>
+
+#include <httplib.h>
+
+#include "server/http/connection.h"
+#include "server/http/http_server.h"
+#include "server/http/message.h"
+#include "server/http/router.h"
+#include "server/problem.h"
+
+namespace pliant::server {
+
+// What all exchanges of a server share.
+struct ExchangeShared {
+  const Router& router;
+  std::size_t max_body_bytes = 0;
+  std::size_t max_inflight_bytes = 0;
+  std::atomic<std::size_t> inflight_bytes{0};
+  std::atomic<bool> ready{false};
+  std::atomic<bool> stopping{false};
+};
+
+// Used by one thread.
+class Exchange {
+ public:
+  Exchange(ExchangeShared& shared, Connection& connection);
+  ~Exchange();
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
+
+  // Called when the headers are there. Returns true when the answer is complete: an error, or a
+  // route that takes no body.
+  bool BeforeBody(const httplib::Request& raw, httplib::Response& answer);
+  // Reads the body, then runs the handler.
+  void WithBody(const httplib::ContentReader& reader, httplib::Response& answer);
+  // Fills an answer that the library made by itself.
+  void OnLibraryError(const httplib::Request& raw, httplib::Response& answer);
+  void OnException(httplib::Response& answer);
+
+  // The connection cannot carry another request, because this one's body was not read to its end.
+  bool must_close() const { return must_close_; }
+  bool answered() const { return answered_; }
+  const std::string& request_id() const { return request_.id; }
+
+  RequestRecord Record(double seconds) const;
+  void NoteAnswer(const httplib::Response& answer);
+
+ private:
+  void ReadHead(const httplib::Request& raw);
+  void CheckFraming(const httplib::Request& raw);
+  void CheckSameSite() const;
+  void ReserveBody(std::size_t bytes);
+  void ReadMultipart(const httplib::ContentReader& reader);
+  void ReadPlain(const httplib::ContentReader& reader);
+  [[noreturn]] void ThrowBodyFault(bool too_large, bool too_many_parts) const;
+  void RunHandler(httplib::Response& answer);
+  void Answer(const Response& response, httplib::Response& answer);
+  void AnswerProblem(const Problem& problem, httplib::Response& answer);
+
+  ExchangeShared& shared_;
+  Connection& connection_;
+  Request request_;
+  const Route* route_ = nullptr;
+  bool prepared_ = false;  // BeforeBody has run
+  bool complete_ = false;  // and gave the answer
+  bool answered_ = false;
+  bool must_close_ = false;
+  std::size_t reserved_bytes_ = 0;
+  RequestRecord record_;
+};
+
+}  // namespace pliant::server

@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The HTTP layer: sockets, framing, limits and problem answers around a Router. What a route does
+// is none of its business.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "server/http/connection.h"
+#include "server/http/router.h"
+
+namespace pliant::server {
+
+struct HttpOptions {
+  std::string host = "127.0.0.1";
+  int port = 8080;             // 0 = any free one
+  int threads = 64;            // connections served at once
+  int connection_queue = 256;  // connections that may wait for a thread; more get 503
+  std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;  // of bodies, over all requests
+  ConnectionLimits limits;
+};
+
+// One answered request, for logs and metrics.
+struct RequestRecord {
+  std::string id;
+  std::string remote_address;
+  std::string method = "-";  // "-" also when the request could not be read
+  std::string path = "-";    // printable, at most 256 bytes, no query
+  std::string route = "-";   // Route::name, or "-"
+  int status = 0;
+  std::string code;      // of the problem; empty when there was none
+  std::string internal;  // why, when the cause must not be told to the client
+  std::size_t bytes_in = 0;
+  std::size_t bytes_out = 0;
+  double seconds = 0;
+};
+
+class HttpServer {
+ public:
+  // Binds at once, so that a taken port is noticed before anything else is loaded; throws Error
+  // kUnavailable "address_in_use". `router` must outlive the server.
+  HttpServer(const Router& router, HttpOptions options,
+             std::function<void(const RequestRecord&)> on_request);
+  ~HttpServer();
+
+  int port() const;
+  void Start();
+
+  // While `ready` is false, routes that need the index are answered with "starting".
+  void SetReady(bool ready);
+
+  // Accepts no more, lets what runs finish for at most `deadline`, then cuts connections off.
+  // Returns how many were cut off.
+  std::size_t Stop(std::chrono::milliseconds deadline);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pliant::server

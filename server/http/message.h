@@ -1,0 +1,63 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One HTTP request and its answer, as the routes see them: no type of the HTTP library.
+#pragma once
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace pliant::server {
+
+// Orders header names without regard to case (RFC 9110, section 5.1).
+struct HeaderNameLess {
+  bool operator()(const std::string& a, const std::string& b) const {
+    return std::lexicographical_compare(
+        a.begin(), a.end(), b.begin(), b.end(),
+        [](unsigned char x, unsigned char y) { return std::tolower(x) < std::tolower(y); });
+  }
+};
+
+// One part of a multipart/form-data body.
+struct Part {
+  std::string name;
+  std::string filename;      // empty for a text field
+  std::string content_type;  // as sent; may be empty
+  std::string content;
+};
+
+struct Request {
+  std::string id;      // request id: the client's X-Request-Id where acceptable, else made here
+  std::string method;  // HEAD arrives as GET
+  std::string path;    // as sent, without the query
+  std::vector<std::string> segments;            // of the path, percent-decoded
+  std::map<std::string, std::string> captures;  // {name} of the route's pattern
+  std::multimap<std::string, std::string> query;
+  std::multimap<std::string, std::string, HeaderNameLess> headers;
+  std::string remote_address;
+
+  std::string content_type;  // media type of the body in lower case, without parameters
+  std::string body;          // empty when multipart
+  std::vector<Part> parts;
+  bool has_body = false;
+
+  // The first header of that name; empty when there is none.
+  std::string header(const std::string& name) const {
+    const auto it = headers.find(name);
+    return it == headers.end() ? std::string() : it->second;
+  }
+  bool is_multipart() const { return content_type == "multipart/form-data"; }
+};
+
+struct Response {
+  int status = 200;
+  std::string content_type = {};
+  std::string body = {};
+  std::vector<std::pair<std::string, std::string>> headers = {};
+};
+
+}  // namespace pliant::server

@@ -1,0 +1,141 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/router.h"
+
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "index/text.h"
+#include "server/problem.h"
+
+namespace pliant::server {
+
+namespace {
+
+bool IsCapture(const std::string& part) { return part.size() > 2 && part.front() == '{'; }
+
+bool Fits(const std::vector<std::string>& pattern, const std::vector<std::string>& segments) {
+  if (pattern.size() != segments.size()) return false;
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    if (IsCapture(pattern[i]) ? segments[i].empty() : pattern[i] != segments[i]) return false;
+  }
+  return true;
+}
+
+int HexValue(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::string DecodeSegment(std::string_view text) {
+  std::string decoded;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '%') {
+      decoded += text[i];
+      continue;
+    }
+    const int high = i + 2 < text.size() ? HexValue(text[i + 1]) : -1;
+    const int low = i + 2 < text.size() ? HexValue(text[i + 2]) : -1;
+    if (high < 0 || low < 0) throw ProblemError("bad_request", "The path has a broken % escape.");
+    decoded += static_cast<char>(high * 16 + low);
+    i += 2;
+  }
+  if (!IsValidUtf8(decoded)) throw ProblemError("bad_request", "The path is not UTF-8.");
+  return decoded;
+}
+
+}  // namespace
+
+Router::Router(std::vector<Route> routes) : routes_(std::move(routes)) {
+  std::set<std::string> seen;
+  for (const Route& route : routes_) {
+    if (!seen.insert(route.method + " " + route.pattern).second) {
+      throw std::logic_error("two routes for " + route.method + " " + route.pattern);
+    }
+    patterns_.push_back(SplitPath(route.pattern));
+  }
+}
+
+const Route& Router::Resolve(Request& request) const {
+  for (std::size_t i = 0; i < routes_.size(); ++i) {
+    if (routes_[i].method != request.method || !Fits(patterns_[i], request.segments)) continue;
+    for (std::size_t j = 0; j < patterns_[i].size(); ++j) {
+      const std::string& part = patterns_[i][j];
+      if (IsCapture(part)) request.captures[part.substr(1, part.size() - 2)] = request.segments[j];
+    }
+    return routes_[i];
+  }
+  const std::string allowed = AllowedMethods(request.segments);
+  if (allowed.empty()) throw ProblemError("route_not_found", "There is nothing at this path.");
+  throw ProblemError("method_not_allowed", "This path takes " + allowed + ".").Allow(allowed);
+}
+
+std::string Router::AllowedMethods(const std::vector<std::string>& segments) const {
+  std::set<std::string> methods;
+  for (std::size_t i = 0; i < routes_.size(); ++i) {
+    if (!Fits(patterns_[i], segments)) continue;
+    methods.insert(routes_[i].method);
+    if (routes_[i].method == "GET") methods.insert("HEAD");
+  }
+  return fmt::format("{}", fmt::join(methods, ", "));
+}
+
+std::vector<std::string> SplitPath(std::string_view path) {
+  if (path.empty() || path.front() != '/') {
+    throw ProblemError("bad_request", "The address must be a path that begins with /.");
+  }
+  std::vector<std::string> segments;
+  std::size_t begin = 1;
+  while (true) {
+    const std::size_t end = path.find('/', begin);
+    segments.push_back(DecodeSegment(path.substr(begin, end - begin)));
+    if (end == std::string_view::npos) return segments;
+    begin = end + 1;
+  }
+}
+
+std::string EncodeSegment(std::string_view text) {
+  std::string encoded;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool unreserved = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                            (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '_' || c == '~';
+    if (unreserved) {
+      encoded += c;
+    } else {
+      encoded += fmt::format("%{:02X}", byte);
+    }
+  }
+  return encoded;
+}
+
+void CheckContentType(const Route& route, const Request& request) {
+  if (!request.has_body) return;
+  const std::string& type = request.content_type;
+  const bool image = type.starts_with("image/") || type == "application/octet-stream" ||
+                     type == "multipart/form-data";
+  const bool json = type == "application/json";
+  switch (route.body) {
+    case BodyKind::kNone:
+      return;  // such a body is not read
+    case BodyKind::kJson:
+      if (json) return;
+      throw ProblemError("unsupported_content_type", "The body must be application/json.");
+    case BodyKind::kImage:
+      if (image) return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be image/*, application/octet-stream or "
+                         "multipart/form-data.");
+    case BodyKind::kImageOrJson:
+      if (image || json) return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be image/*, application/octet-stream, "
+                         "multipart/form-data or application/json.");
+  }
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The route table as data: method, path pattern, what it takes, and the handler.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/http/message.h"
+
+namespace pliant::server {
+
+// What a caller must be allowed to do.
+enum class Scope { kPublic, kRead, kWrite, kAdmin };
+
+// What a route takes as its body.
+enum class BodyKind {
+  kNone,
+  kJson,         // application/json, or no body
+  kImage,        // image/*, application/octet-stream or multipart/form-data
+  kImageOrJson,  // either
+};
+
+class Parameters;
+using Handler = std::function<Response(const Request&, const Parameters&)>;
+
+struct Route {
+  std::string name;     // "images.create"; stable, used in logs and metrics
+  std::string method;   // "GET" (answers HEAD too), "POST", "PUT", "DELETE"
+  std::string pattern;  // "/v1/collections/{c}/images"; {x} captures one segment
+  Scope scope = Scope::kRead;
+  BodyKind body = BodyKind::kNone;
+  // Names it understands in the query, as form fields, or as keys of a JSON body.
+  std::vector<std::string> parameters = {};
+  Handler handler;
+  bool needs_index = true;  // answered with "starting" while the index loads
+};
+
+// Immutable and thread-safe.
+class Router {
+ public:
+  // Throws std::logic_error for two routes of the same method and pattern.
+  explicit Router(std::vector<Route> routes);
+
+  const std::vector<Route>& routes() const { return routes_; }
+
+  // Finds the route for request.method and request.segments and fills request.captures. Throws
+  // ProblemError "route_not_found", or "method_not_allowed" with Allow.
+  const Route& Resolve(Request& request) const;
+
+  // Methods that the path has, as for Allow ("DELETE, GET, HEAD"); empty = no such path.
+  std::string AllowedMethods(const std::vector<std::string>& segments) const;
+
+ private:
+  std::vector<Route> routes_;
+  std::vector<std::vector<std::string>> patterns_;  // routes_[i].pattern, split at '/'
+};
+
+// Splits an absolute path at '/' and percent-decodes each segment. Throws ProblemError
+// "bad_request" for a broken escape or a segment that is not UTF-8.
+std::vector<std::string> SplitPath(std::string_view path);
+
+// Inverse for one segment: everything but RFC 3986's unreserved characters becomes %XX.
+std::string EncodeSegment(std::string_view text);
+
+// Throws ProblemError "unsupported_content_type" when the request's body is none that the route
+// takes.
+void CheckContentType(const Route& route, const Request& request);
+
+}  // namespace pliant::server

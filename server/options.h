@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What an operator can set: flags, environment, configuration file, in that order of precedence.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "index/engine.h"
+#include "server/http/http_server.h"
+#include "server/worker_pool.h"
+
+namespace pliant::server {
+
+struct ServerOptions {
+  std::string database;
+  std::string listen = "127.0.0.1:8080";  // HOST:PORT; port 0 = any free one
+  // There are no API keys yet: beyond loopback everybody who reaches the port can do everything.
+  bool allow_open_access = false;
+  std::string descriptor;      // empty: what the database was made with, deal for a new one
+  std::string model;           // weight file; empty = the default one
+  bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
+  bool auto_train = true;      // make vocabularies without being asked, see AutoTrainer
+
+  int cores = 0;          // for describing and ranking; 0 = all
+  int http_threads = 64;  // connections served at once
+  int connection_queue = 256;
+  int queue_length = 64;  // searches, and uploads, that may wait
+  int queue_timeout_s = 30;
+
+  int max_body_mb = 32;
+  int max_inflight_mb = 512;  // of bodies, over all requests
+  int max_header_kb = 32;
+  int max_megapixels = 100;
+  int max_keypoints = 1024;
+  int max_side_px = 1024;
+
+  int idle_timeout_s = 5;
+  int header_timeout_s = 10;
+  int body_timeout_s = 60;
+  int write_timeout_s = 10;
+  int shutdown_timeout_s = 30;
+
+  std::string log_level = "info";  // debug, info, warn, error
+};
+
+struct ParsedCommandLine {
+  ServerOptions options;
+  bool finished = false;  // help, version or a wrong flag: the program ends with exit_status
+  int exit_status = 0;
+};
+
+// Prints help, version or what is wrong (exit status 2).
+ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
+
+// The help text, for the test that compares it with the documentation.
+std::string HelpText();
+
+// Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
+HttpOptions MakeHttpOptions(const ServerOptions& options);
+EngineOptions MakeEngineOptions(const ServerOptions& options);
+WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options);
+
+// Throws Error kInvalidArgument "open_access" when the host is not loopback and that was not
+// allowed.
+void CheckExposure(const ServerOptions& options);
+
+}  // namespace pliant::server

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What several routes share: uploads, cursors, and the JSON forms of the engine's records.
+#pragma once
+
+#include <string>
+
+#include "index/engine.h"
+#include "server/http/message.h"
+#include "server/http/parameters.h"
+#include "server/jobs.h"
+#include "server/json.h"
+
+namespace pliant::server {
+
+inline constexpr int kDefaultPage = 50;
+inline constexpr int kLargestPage = 500;
+
+// The {c} of the path.
+const std::string& CollectionOf(const Request& request);
+
+struct UploadedImage {
+  Bytes bytes;           // inside the request
+  std::string filename;  // base name, for people; may be empty
+};
+
+// The picture of the request: a raw body, or the multipart part "image". Throws ProblemError
+// "missing_parameter" or "duplicate_parameter".
+UploadedImage ImageOf(const Request& request);
+
+// Where a list goes on. A cursor holds what the list was asked for, so that it cannot be used with
+// another one.
+std::string MakeCursor(const std::string& list, const std::string& after);
+// Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
+std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
+
+Json ImageJson(const ImageRecord& image);
+Json VocabularyJson(const VocabularyRecord& vocabulary);
+Json JobJson(const JobStatus& job);
+
+std::string ImagePath(const ImageRecord& image);
+
+Response JsonResponse(const Json& json, int status = 200);
+Response JsonTextResponse(std::string json, int status = 200);
+
+// Metadata as stored: a JSON object in text.
+Json MetadataJson(const std::string& metadata);
+
+// RFC 9110, section 13.1.2. `etag` with its quotes.
+bool IfNoneMatch(const Request& request, const std::string& etag);
+
+}  // namespace pliant::server

@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Objects: what pictures show.
+#include "server/problem.h"
+#include "server/routes/common.h"
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+
+namespace {
+
+Json ObjectJson(const ObjectRecord& object) {
+  return {{"object", object.object}, {"images", object.images}};
+}
+
+[[noreturn]] void ThrowNoObject(const std::string& object) {
+  throw ProblemError("object_not_found", "There is no picture of an object '" + object + "'.");
+}
+
+Response List(Service& service, const Request& request, const Parameters& parameters) {
+  const std::string collection = CollectionOf(request);
+  const int limit =
+      static_cast<int>(parameters.Integer("limit", 1, kLargestPage).value_or(kDefaultPage));
+  const std::string name = ToText(Json::array({"objects", collection}));
+  const std::string after = AfterFromCursor(parameters, name);
+  std::vector<ObjectRecord> objects = service.engine().ListObjects(collection, after, limit + 1);
+  const bool more = objects.size() > static_cast<std::size_t>(limit);
+  if (more) objects.resize(static_cast<std::size_t>(limit));
+  Json items = Json::array();
+  for (const ObjectRecord& object : objects) items.push_back(ObjectJson(object));
+  return JsonResponse(
+      {{"objects", items},
+       {"next", more ? Json(MakeCursor(name, objects.back().object)) : Json(nullptr)}});
+}
+
+Response Get(Service& service, const Request& request) {
+  const std::string& object = request.captures.at("o");
+  const auto found = service.engine().GetObject(CollectionOf(request), object);
+  if (!found) ThrowNoObject(object);
+  return JsonResponse(ObjectJson(*found));
+}
+
+Response Remove(Service& service, const Request& request) {
+  const std::string& object = request.captures.at("o");
+  const std::uint64_t removed = service.engine().RemoveObject(CollectionOf(request), object);
+  if (removed == 0) ThrowNoObject(object);
+  return JsonResponse({{"object", object}, {"deleted", removed}});
+}
+
+}  // namespace
+
+void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
+  routes.push_back({.name = "objects.list",
+                    .method = "GET",
+                    .pattern = "/v1/collections/{c}/objects",
+                    .parameters = {"cursor", "limit"},
+                    .handler = [&service](const Request& request, const Parameters& parameters) {
+                      return List(service, request, parameters);
+                    }});
+  routes.push_back({.name = "objects.get",
+                    .method = "GET",
+                    .pattern = "/v1/collections/{c}/objects/{o}",
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      return Get(service, request);
+                    }});
+  routes.push_back({.name = "objects.delete",
+                    .method = "DELETE",
+                    .pattern = "/v1/collections/{c}/objects/{o}",
+                    .scope = Scope::kWrite,
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      return Remove(service, request);
+                    }});
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The web page, built into the program.
+#include "server/routes/routes.h"
+#include "server/web_assets.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr const char* kContentSecurityPolicy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+}  // namespace
+
+void AddPageRoutes(std::vector<Route>& routes) {
+  for (const WebAsset& asset : WebAssets()) {
+    routes.push_back({.name = "page",
+                      .method = "GET",
+                      .pattern = asset.path,
+                      .scope = Scope::kPublic,
+                      .handler =
+                          [asset](const Request&, const Parameters&) {
+                            Response response;
+                            response.content_type = asset.content_type;
+                            response.body.assign(asset.data, asset.bytes);
+                            response.headers = {{"Cache-Control", "no-cache"},
+                                                {"Content-Security-Policy", kContentSecurityPolicy},
+                                                {"Referrer-Policy", "no-referrer"},
+                                                {"X-Frame-Options", "DENY"},
+                                                {"Cross-Origin-Opener-Policy", "same-origin"}};
+                            return response;
+                          },
+                      .needs_index = false});
+  }
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,23 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The handlers, by what they serve. Each function adds its routes to the table.
+#pragma once
+
+#include <vector>
+
+#include "server/http/router.h"
+#include "server/service.h"
+
+namespace pliant::server {
+
+void AddPageRoutes(std::vector<Route>& routes);
+void AddHealthRoutes(Service& service, std::vector<Route>& routes);
+void AddCollectionRoutes(Service& service, std::vector<Route>& routes);
+void AddImageRoutes(Service& service, std::vector<Route>& routes);
+void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
+void AddObjectRoutes(Service& service, std::vector<Route>& routes);
+void AddSearchRoutes(Service& service, std::vector<Route>& routes);
+void AddVocabularyRoutes(Service& service, std::vector<Route>& routes);
+void AddJobRoutes(Service& service, std::vector<Route>& routes);
+
+}  // namespace pliant::server

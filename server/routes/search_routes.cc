@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Which object is this?
+#include <chrono>
+
+#include "index/result_json.h"
+#include "server/problem.h"
+#include "server/routes/common.h"
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::int64_t kLargestOffset = 1'000'000;
+constexpr std::int64_t kLargestLimit = 1'000;
+constexpr double kLargestCoordinate = 1e6;
+// How long the first search after the first uploads waits for the vocabulary.
+constexpr std::chrono::milliseconds kVocabularyWait{15'000};
+
+Region RegionOf(const std::vector<double>& numbers) {
+  const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
+  for (const double number : numbers) {
+    if (number < -kLargestCoordinate || number > kLargestCoordinate) {
+      ThrowInvalid("region", "region lies outside any picture.");
+    }
+  }
+  if (region.width <= 0 || region.height <= 0) {
+    ThrowInvalid("region", "region is x,y,width,height in pixels; width and height must be > 0.");
+  }
+  return region;
+}
+
+SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
+  SearchOptions options;
+  options.collection = CollectionOf(request);
+  options.limit =
+      static_cast<std::size_t>(parameters.Integer("limit", 1, kLargestLimit).value_or(10));
+  options.offset =
+      static_cast<std::size_t>(parameters.Integer("offset", 0, kLargestOffset).value_or(0));
+  options.group_by =
+      parameters
+          .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
+          .value_or(options.group_by);
+  options.rank = parameters
+                     .Choice<RankMethod>("rank", {{"tfidf", RankMethod::kTfIdf},
+                                                  {"histogram", RankMethod::kHistogram}})
+                     .value_or(options.rank);
+  options.verify = parameters
+                       .Choice<Verification>(
+                           "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
+                       .value_or(options.verify);
+  options.min_score = parameters.Number("min_score", 0, 1).value_or(0);
+  options.object = parameters.Text("object");
+  if (const auto numbers = parameters.Numbers("region", 4)) options.region = RegionOf(*numbers);
+  return options;
+}
+
+SearchResult SearchOnPool(Service& service, const Request& request, const Parameters& parameters,
+                          const SearchOptions& options) {
+  const std::optional<std::string> image_id = parameters.Text("image_id");
+  const bool has_picture = request.has_body && request.content_type != "application/json" &&
+                           !(image_id && request.is_multipart() && request.parts.size() == 1);
+  if (image_id && has_picture) {
+    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
+  }
+  const UploadedImage image = image_id ? UploadedImage{} : ImageOf(request);
+  SearchResult result;
+  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
+    SearchOptions with_cores = options;
+    with_cores.threads = cores;
+    result = image_id ? service.engine().SearchStored(*image_id, with_cores)
+                      : service.engine().Search(image.bytes, with_cores);
+  });
+  return result;
+}
+
+// Waits for the first vocabulary where one is on its way. Throws ProblemError "no_vocabulary".
+void AwaitVocabulary(Service& service, const std::string& collection) {
+  AutoTrainer* trainer = service.auto_trainer();
+  if (trainer == nullptr) {
+    throw ProblemError(
+        "no_vocabulary",
+        "There is no vocabulary yet, and --auto-train is off. POST to /v1/collections/" +
+            collection + "/vocabularies to train one.");
+  }
+  const std::optional<JobStatus> job = trainer->TrainIfDue(collection);
+  if (!job) {
+    throw ProblemError("no_vocabulary",
+                       "There is nothing to find yet: the collection has no pictures. POST some to "
+                       "/v1/collections/" +
+                           collection + "/images.");
+  }
+  if (!service.jobs->WaitFor(job->id, kVocabularyWait)) {
+    throw ProblemError("no_vocabulary", "The first vocabulary is being trained, see /v1/jobs/" +
+                                            job->id + ". Search again when that is done.")
+        .RetryAfter(5);
+  }
+}
+
+Response Search(Service& service, const Request& request, const Parameters& parameters) {
+  const auto start = std::chrono::steady_clock::now();
+  const SearchOptions options = OptionsOf(request, parameters);
+  SearchResult result;
+  try {
+    result = SearchOnPool(service, request, parameters, options);
+  } catch (const Error& error) {
+    if (error.reason() != "no_vocabulary") throw;
+    AwaitVocabulary(service, options.collection);
+    result = SearchOnPool(service, request, parameters, options);
+  }
+  service.metrics.OnSearch(result.timings);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+  return JsonTextResponse(SearchResultJson(result, took.count()));
+}
+
+}  // namespace
+
+void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
+  routes.push_back({.name = "search",
+                    .method = "POST",
+                    .pattern = "/v1/collections/{c}/search",
+                    .body = BodyKind::kImageOrJson,
+                    .parameters = {"image_id", "limit", "offset", "group_by", "rank", "verify",
+                                   "region", "min_score", "object"},
+                    .handler = [&service](const Request& request, const Parameters& parameters) {
+                      return Search(service, request, parameters);
+                    }});
+}
+
+}  // namespace pliant::server

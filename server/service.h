@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What the routes work with, and the whole server put together.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "index/engine.h"
+#include "server/auto_trainer.h"
+#include "server/http/router.h"
+#include "server/jobs.h"
+#include "server/metrics.h"
+#include "server/options.h"
+#include "server/thumbnails.h"
+#include "server/worker_pool.h"
+
+namespace pliant::server {
+
+// Everything the handlers share. Made before the index is loaded; engine() only after Open().
+class Service {
+ public:
+  explicit Service(const ServerOptions& options);
+  ~Service();
+
+  // Loads the index. Throws what Engine's constructor throws.
+  void Open();
+
+  Engine& engine() { return *engine_; }
+  bool ready() const { return ready_; }
+  AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
+
+  const ServerOptions options;
+  WorkerPool pool;
+  ThumbnailCache thumbnails;
+  Metrics metrics;
+  // Jobs use the engine, so they end first: see ~Service.
+  std::unique_ptr<JobQueue> jobs;
+
+ private:
+  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<AutoTrainer> auto_trainer_;
+  std::atomic<bool> ready_{false};
+};
+
+// The route table. `service` must outlive it.
+std::vector<Route> MakeRoutes(Service& service);
+
+// Runs until SIGTERM or SIGINT. Returns the exit status: 0 stopped cleanly, 1 failed (also when
+// requests had to be cut off at the end).
+int RunServer(const ServerOptions& options);
+
+}  // namespace pliant::server

@@ -1,0 +1,95 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The cores, shared out: describing and ranking run here, never on the threads that serve
+// connections, so that however many clients there are the processor is not oversubscribed.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace pliant::server {
+
+struct WorkerPoolOptions {
+  int cores = 0;          // to use in all; 0 = those of the machine
+  int queue_length = 64;  // tasks of one lane that may wait; more are refused
+  std::chrono::milliseconds queue_timeout{30'000};  // longest wait for a turn
+};
+
+// Thread-safe.
+class WorkerPool {
+ public:
+  // Searches go first, but at most kSearchesInARow of them while uploads wait.
+  enum class Lane { kSearch, kUpload };
+  static constexpr int kSearchesInARow = 4;
+
+  explicit WorkerPool(WorkerPoolOptions options);
+  ~WorkerPool();  // waits for what runs, and until all have left Run(); what waits gets "stopping"
+  WorkerPool(const WorkerPool&) = delete;
+  WorkerPool& operator=(const WorkerPool&) = delete;
+
+  // Runs `task(cores)` and waits for its end; `cores` is how many it may use: all that are free
+  // when nothing else waits, fewer when something does. Throws what the task throws, and
+  // ProblemError "busy" (with Retry-After) when the lane's queue is full or no turn came in time,
+  // "stopping" during the end.
+  void Run(Lane lane, const std::function<void(int cores)>& task);
+
+  // Takes cores away from the tasks for as long as the lease lives, leaving at least one to them.
+  class Lease {
+   public:
+    Lease(WorkerPool& pool, int cores) : pool_(pool), cores_(cores) {}
+    ~Lease();
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    int cores() const { return cores_; }
+
+   private:
+    WorkerPool& pool_;
+    int cores_;
+  };
+  std::unique_ptr<Lease> BorrowCores(int wanted);
+
+  int cores() const { return cores_; }
+
+  struct Load {
+    std::size_t waiting_searches = 0;
+    std::size_t waiting_uploads = 0;
+    int busy_cores = 0;
+  };
+  Load load() const;
+
+ private:
+  struct Task;
+  using Queue = std::deque<std::shared_ptr<Task>>;
+
+  void Await(std::unique_lock<std::mutex>& lock, Lane lane, const std::shared_ptr<Task>& task);
+  void Work();
+  std::shared_ptr<Task> TakeNext();  // mutex_ held, a queue is not empty
+  int ShareOfFreeCores() const;      // mutex_ held
+  int RetryAfterSeconds() const;     // mutex_ held
+  Queue& queue(Lane lane) { return lane == Lane::kSearch ? searches_ : uploads_; }
+
+  const WorkerPoolOptions options_;
+  const int cores_;
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable work_changed_;
+  std::condition_variable task_changed_;
+  Queue searches_;
+  Queue uploads_;
+  int free_cores_;
+  int lent_cores_ = 0;     // to leases, also while they still wait for them
+  int claimed_cores_ = 0;  // of these, not handed over yet: tasks leave them alone
+  int searches_in_a_row_ = 0;
+  double mean_task_s_ = 0.5;  // running mean, for Retry-After
+  int callers_ = 0;           // inside Run()
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace pliant::server

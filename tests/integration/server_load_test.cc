@@ -1,0 +1,230 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Many clients at once, full queues, and ends that come at a bad moment.
+#include <atomic>
+#include <barrier>
+#include <csignal>
+#include <mutex>
+#include <random>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/server_process.h"
+
+namespace pliant {
+namespace {
+
+constexpr const char* kImages = "/v1/collections/default/images";
+constexpr const char* kSearch = "/v1/collections/default/search";
+
+class ServerLoadTest : public testing::Test {
+ protected:
+  std::filesystem::path database() const { return folder_.path() / "test.db"; }
+
+  TemporaryFolder folder_;
+};
+
+std::string ImagePath(int number) { return std::string(kImages) + "/p" + std::to_string(number); }
+
+// The number behind "name " in the metrics.
+double Metric(httplib::Client& client, const std::string& name) {
+  const std::string text = client.Get("/metrics")->body;
+  const std::size_t at = text.find("\n" + name + " ");
+  return at == std::string::npos ? -1 : std::stod(text.substr(at + name.size() + 2));
+}
+
+TEST_F(ServerLoadTest, EightClientsMixEverything) {
+  const ServerProcess server(database());
+  constexpr int kClients = 8;
+  constexpr int kRounds = 12;
+  std::vector<std::string> pictures;
+  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i));
+  std::mutex mutex;
+  std::map<int, bool> expected;  // picture number -> there; each client has its own numbers
+  std::vector<std::thread> clients;
+  for (int c = 0; c < kClients; ++c) {
+    clients.emplace_back([&, c] {
+      auto client = server.Client();
+      std::mt19937 random(c);
+      for (int round = 0; round < kRounds; ++round) {
+        const int number = c * 100 + static_cast<int>(random() % 3);
+        const auto& picture = pictures[random() % pictures.size()];
+        switch (random() % 4) {
+          case 0:
+          case 1: {
+            const auto answer = client.Put(ImagePath(number) + "?object=o" + std::to_string(c),
+                                           picture, "image/png");
+            ASSERT_TRUE(answer);
+            ASSERT_TRUE(answer->status == 201 || answer->status == 200) << answer->body;
+            const std::lock_guard lock(mutex);
+            expected[number] = true;
+            break;
+          }
+          case 2: {
+            const auto answer = client.Delete(ImagePath(number));
+            ASSERT_TRUE(answer);
+            const std::lock_guard lock(mutex);
+            ASSERT_EQ(answer->status, expected[number] ? 204 : 404) << answer->body;
+            expected[number] = false;
+            break;
+          }
+          default: {
+            const auto answer = client.Post(kSearch, picture, "image/png");
+            ASSERT_TRUE(answer);
+            // 409: nobody has uploaded anything yet.
+            ASSERT_TRUE(answer->status == 200 || answer->status == 409) << answer->body;
+          }
+        }
+      }
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  auto client = server.Client();
+  for (const auto& [number, there] : expected) {
+    EXPECT_EQ(client.Get(ImagePath(number))->status, there ? 200 : 404) << number;
+  }
+}
+
+TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
+  const ServerProcess server(database(), {"--cores", "1", "--queue-length", "1", "--max-side",
+                                          "4096", "--auto-train", "false"});
+  constexpr int kClients = 12;
+  std::vector<std::string> pictures;
+  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1280, 960));
+  std::barrier start(kClients);
+  std::atomic<int> busy{0};
+  std::vector<std::thread> clients;
+  for (int c = 0; c < kClients; ++c) {
+    clients.emplace_back([&, c] {
+      auto client = server.Client();
+      start.arrive_and_wait();
+      for (int attempt = 0; attempt < 200; ++attempt) {
+        const auto answer = client.Put(ImagePath(c), pictures[c], "image/png");
+        ASSERT_TRUE(answer);
+        if (answer->status == 201) return;
+        ASSERT_EQ(answer->status, 503) << answer->body;
+        EXPECT_EQ(Json::parse(answer->body)["code"], "busy");
+        EXPECT_GE(std::stoi(answer->get_header_value("Retry-After")), 1);
+        ++busy;
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      }
+      FAIL() << "never got a turn";
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  EXPECT_GT(busy, 0);
+}
+
+TEST_F(ServerLoadTest, TooManyConnectionsAreToldSo) {
+  const ServerProcess server(
+      database(), {"--http-threads", "1", "--connection-queue", "1", "--header-timeout", "3"});
+  // One connection holds the thread, one waits; the third is refused at once.
+  const std::string half = "GET /livez HTTP/1.1\r\n";
+  std::vector<std::thread> holding;
+  for (int i = 0; i < 2; ++i) {
+    holding.emplace_back([&] { server.Talk(half, std::chrono::milliseconds(8'000)); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  }
+  const std::string answer = server.Talk("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_THAT(answer, testing::StartsWith("HTTP/1.1 503 "));
+  EXPECT_THAT(answer, testing::HasSubstr("Retry-After: "));
+  EXPECT_THAT(answer, testing::HasSubstr("X-Request-Id: "));
+  for (std::thread& thread : holding) thread.join();
+  auto client = server.Client();
+  EXPECT_EQ(client.Get("/livez")->status, 200);
+}
+
+TEST_F(ServerLoadTest, SigtermFinishesWhatRuns) {
+  ServerProcess server(database(), {"--cores", "1", "--max-side", "4096", "--auto-train", "false"});
+  constexpr int kClients = 4;
+  std::vector<std::string> pictures;
+  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1600, 1200));
+  std::vector<std::thread> clients;
+  std::atomic<int> created{0};
+  for (int c = 0; c < kClients; ++c) {
+    clients.emplace_back([&, c] {
+      auto client = server.Client();
+      const auto answer = client.Put(ImagePath(c), pictures[c], "image/png");
+      ASSERT_TRUE(answer) << httplib::to_string(answer.error());
+      EXPECT_EQ(answer->status, 201) << answer->body;
+      ++created;
+    });
+  }
+  auto client = server.Client();
+  while (Metric(client, "pliant_busy_cores") +
+             Metric(client, "pliant_queue_length{lane=\"upload\"}") + created <
+         kClients) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  EXPECT_LT(created, kClients) << "the server was not busy: nothing was tested";
+  EXPECT_EQ(server.Stop().code, 0) << server.Log();
+  for (std::thread& thread : clients) thread.join();
+  EXPECT_EQ(created, kClients);
+  EXPECT_FALSE(client.Get("/livez"));
+
+  const ServerProcess again(database());
+  auto later = again.Client();
+  for (int c = 0; c < kClients; ++c) EXPECT_EQ(later.Get(ImagePath(c))->status, 200);
+}
+
+TEST_F(ServerLoadTest, ShutdownDeadlineCutsOffAndSaysSo) {
+  ServerProcess server(database(), {"--shutdown-timeout", "1", "--body-timeout", "600"});
+  std::string answer;
+  std::thread slow([&] {
+    answer = server.Talk("POST " + std::string(kImages) +
+                             " HTTP/1.1\r\nHost: x\r\nContent-Type: image/png\r\n"
+                             "Content-Length: 1000\r\n\r\nxx",
+                         std::chrono::milliseconds(60'000));
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  EXPECT_EQ(server.Stop().code, 1);
+  EXPECT_THAT(server.Log(), testing::HasSubstr("1 requests were cut off"));
+  slow.join();
+}
+
+TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
+  std::vector<int> acknowledged;
+  std::vector<int> deleted;
+  std::vector<std::string> pictures;
+  for (int i = 0; i < 4; ++i) pictures.push_back(TestPicture(i));
+  constexpr unsigned kSeed = 5;
+  std::mt19937 random(kSeed);
+  int next = 0;
+  for (int round = 0; round < 4; ++round) {
+    ServerProcess server(database());
+    std::thread killer([&, delay = 150 + random() % 500] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(delay));
+      server.Signal(SIGKILL);
+    });
+    auto client = server.Client();
+    while (true) {
+      const int number = next++;
+      const auto answer = client.Put(ImagePath(number) + "?object=o" + std::to_string(number),
+                                     pictures[number % pictures.size()], "image/png");
+      if (!answer) break;
+      ASSERT_EQ(answer->status, 201) << answer->body;
+      acknowledged.push_back(number);
+      if (number % 5 != 0) continue;
+      const auto removed = client.Delete(ImagePath(number));
+      if (!removed) {
+        acknowledged.pop_back();  // sent but not acknowledged: may be there or not
+        break;
+      }
+      acknowledged.pop_back();
+      deleted.push_back(number);
+    }
+    killer.join();
+    EXPECT_EQ(server.Wait().signal, SIGKILL);
+  }
+  EXPECT_GT(acknowledged.size(), 3U) << "seed " << kSeed;
+  const ServerProcess server(database());
+  auto client = server.Client();
+  for (const int number : acknowledged) EXPECT_EQ(client.Get(ImagePath(number))->status, 200);
+  for (const int number : deleted) EXPECT_EQ(client.Get(ImagePath(number))->status, 404);
+  EXPECT_EQ(client.Post(kSearch, TestPicture(1, 1), "image/png")->status, 200);
+}
+
+}  // namespace
+}  // namespace pliant

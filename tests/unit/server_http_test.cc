@@ -1,0 +1,221 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Router, parameters and JSON helpers, without a socket.
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/http/parameters.h"
+#include "server/http/router.h"
+#include "server/json.h"
+#include "server/problem.h"
+
+namespace pliant::server {
+namespace {
+
+// The problem that `work` ends in; status 0 = none.
+template <typename Work>
+Problem ProblemOf(Work work) {
+  try {
+    work();
+  } catch (const ProblemError& error) {
+    return error.problem();
+  }
+  return {.status = 0};
+}
+
+Response Empty(const Request&, const Parameters&) { return {}; }
+
+Router TestRouter() {
+  return Router({{.name = "a", .method = "GET", .pattern = "/x", .handler = Empty},
+                 {.name = "b", .method = "POST", .pattern = "/x", .handler = Empty},
+                 {.name = "c", .method = "GET", .pattern = "/x/{id}", .handler = Empty},
+                 {.name = "d", .method = "DELETE", .pattern = "/x/{id}/y/{z}", .handler = Empty}});
+}
+
+Request RequestFor(const std::string& method, const std::string& path) {
+  Request request;
+  request.method = method;
+  request.segments = SplitPath(path);
+  return request;
+}
+
+TEST(Router, ResolvesAndCaptures) {
+  const Router router = TestRouter();
+  Request request = RequestFor("DELETE", "/x/a%2Fb/y/%C3%BC");
+  EXPECT_EQ(router.Resolve(request).name, "d");
+  EXPECT_EQ(request.captures, (std::map<std::string, std::string>{{"id", "a/b"}, {"z", "ü"}}));
+  Request get = RequestFor("GET", "/x");
+  EXPECT_EQ(router.Resolve(get).name, "a");
+}
+
+TEST(Router, SaysWhatIsWrong) {
+  const Router router = TestRouter();
+  const auto resolve = [&](const std::string& method, const std::string& path) {
+    Request request = RequestFor(method, path);
+    router.Resolve(request);
+  };
+  for (const std::string path : {"/", "/y", "/x/", "/x/1/y", "/x/1/y/", "/x/1/y/2/"}) {
+    EXPECT_EQ(ProblemOf([&] { resolve("GET", path); }).code, "route_not_found") << path;
+  }
+  const Problem problem = ProblemOf([&] { resolve("PUT", "/x"); });
+  EXPECT_EQ(problem.status, 405);
+  EXPECT_EQ(problem.allow, "GET, HEAD, POST");
+  EXPECT_THROW(Router({{.name = "a", .method = "GET", .pattern = "/x", .handler = Empty},
+                       {.name = "b", .method = "GET", .pattern = "/x", .handler = Empty}}),
+               std::logic_error);
+}
+
+TEST(Router, PathsRoundTrip) {
+  std::mt19937 random(3);
+  for (int i = 0; i < 200; ++i) {
+    std::string text;
+    for (std::size_t n = random() % 20 + 1; n > 0; --n) text += static_cast<char>(random() % 128);
+    EXPECT_EQ(SplitPath("/" + EncodeSegment(text)), std::vector<std::string>{text});
+  }
+  for (const std::string path : {"", "x", "/%", "/%1", "/%g1", "/%ff", "/%c0%80"}) {
+    EXPECT_EQ(ProblemOf([&] { SplitPath(path); }).code, "bad_request") << path;
+  }
+}
+
+class ParametersTest : public testing::Test {
+ protected:
+  Parameters Make() { return {route_, request_}; }
+
+  Route route_{.name = "t",
+               .method = "POST",
+               .pattern = "/t",
+               .parameters = {"n", "x", "list", "kind", "meta"},
+               .handler = Empty};
+  Request request_;
+};
+
+TEST_F(ParametersTest, ReadsQueryFormAndJsonAlike) {
+  request_.query = {{"n", "5"}};
+  EXPECT_EQ(Make().Integer("n", 1, 9), 5);
+  request_.query.clear();
+  request_.content_type = "multipart/form-data";
+  request_.parts = {{"image", "", "", "picture"}, {"n", "", "", "6"}};
+  EXPECT_EQ(Make().Integer("n", 1, 9), 6);
+  request_.parts.clear();
+  request_.content_type = "application/json";
+  request_.body = R"({"n": 7, "list": [1, 2.5], "kind": "b", "meta": {"a": {"b": 1}}, "x": null})";
+  const Parameters json = Make();
+  EXPECT_EQ(json.Integer("n", 1, 9), 7);
+  EXPECT_EQ(json.Numbers("list", 2), (std::vector<double>{1, 2.5}));
+  EXPECT_EQ((json.Choice<int>("kind", {{"a", 1}, {"b", 2}})), 2);
+  EXPECT_EQ(json.JsonObject("meta"), R"({"a":{"b":1}})");
+  EXPECT_FALSE(json.has("x"));
+  EXPECT_EQ(json.Number("x", 0, 1), std::nullopt);
+}
+
+TEST_F(ParametersTest, NamesWhatIsWrong) {
+  const auto code_for = [&](const std::string& value, auto read) {
+    request_.query = {{"n", value}};
+    const Problem problem = ProblemOf([&] { read(Make()); });
+    return problem.parameter == "n" ? problem.code : "parameter not named: " + problem.parameter;
+  };
+  const auto integer = [](const Parameters& p) { p.Integer("n", 1, 9); };
+  for (const char* value : {"", "0", "10", "5x", " 5", "5 ", "+5", "5.0", "99999999999999999999"}) {
+    EXPECT_EQ(code_for(value, integer), "invalid_parameter") << value;
+  }
+  const auto number = [](const Parameters& p) { p.Number("n", 0, 1); };
+  for (const char* value : {"", "-0.1", "1.1", "nan", "inf", "0,5"}) {
+    EXPECT_EQ(code_for(value, number), "invalid_parameter") << value;
+  }
+  const auto numbers = [](const Parameters& p) { p.Numbers("n", 2); };
+  for (const char* value : {"", "1", "1,", ",1", "1,2,3", "1,nan", "1;2"}) {
+    EXPECT_EQ(code_for(value, numbers), "invalid_parameter") << value;
+  }
+  EXPECT_EQ(code_for("[]", [](const Parameters& p) { p.JsonObject("n"); }), "invalid_json");
+  EXPECT_EQ(code_for("", [](const Parameters& p) { p.RequiredText("n"); }), "missing_parameter");
+  EXPECT_EQ(code_for("\xff", integer), "invalid_parameter");
+  request_.query = {{"n", "1"}, {"n", "1"}};
+  EXPECT_EQ(ProblemOf([&] { Make(); }).code, "duplicate_parameter");
+  request_.query = {{"q", "1"}};
+  EXPECT_EQ(ProblemOf([&] { Make(); }).code, "unknown_parameter");
+}
+
+TEST(Json, RefusesDepthAndNonObjects) {
+  const auto nested = [](int depth) {
+    return "{\"a\":" + std::string(depth - 1, '[') + std::string(depth - 1, ']') + "}";
+  };
+  EXPECT_EQ(ParseJsonObject(nested(kMaxJsonDepth), "it").size(), 1U);
+  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(nested(kMaxJsonDepth + 1), "it"); }).code,
+            "invalid_json");
+  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(nested(1'000'000), "it"); }).code, "invalid_json");
+  for (const std::string text : {"", "1", "[]", "{", "{}x"}) {
+    EXPECT_EQ(ProblemOf([&] { ParseJsonObject(text, "it"); }).code, "invalid_json") << text;
+  }
+  EXPECT_EQ(ToText(Json("\xff")), "\"\xef\xbf\xbd\"");
+}
+
+TEST(Json, Base64) {
+  // RFC 4648, section 10
+  EXPECT_EQ(Base64("", 0), "");
+  EXPECT_EQ(Base64("f", 1), "Zg==");
+  EXPECT_EQ(Base64("fo", 2), "Zm8=");
+  EXPECT_EQ(Base64("foo", 3), "Zm9v");
+  EXPECT_EQ(Base64("foobar", 6), "Zm9vYmFy");
+  std::mt19937 random(4);
+  for (int i = 0; i < 200; ++i) {
+    std::string bytes;
+    for (std::size_t n = random() % 20; n > 0; --n) bytes += static_cast<char>(random());
+    std::string decoded;
+    EXPECT_TRUE(Base64UrlDecode(Base64UrlEncode(bytes), &decoded));
+    EXPECT_EQ(decoded, bytes);
+  }
+  std::string ignored;
+  for (const char* text : {"a", "ab=", "a+b/", "Zh", "\xff"}) {
+    EXPECT_FALSE(Base64UrlDecode(text, &ignored)) << text;
+  }
+}
+
+TEST(Json, Time) {
+  EXPECT_EQ(FormatTime(0), "1970-01-01T00:00:00.000Z");
+  EXPECT_EQ(FormatTime(1769860800123), "2026-01-31T12:00:00.123Z");
+  EXPECT_EQ(FormatTime(-1), "1969-12-31T23:59:59.999Z");
+}
+
+TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
+  const std::vector<std::pair<ErrorCode, int>> statuses = {{ErrorCode::kInvalidArgument, 400},
+                                                           {ErrorCode::kNotFound, 404},
+                                                           {ErrorCode::kConflict, 409},
+                                                           {ErrorCode::kCorrupt, 500},
+                                                           {ErrorCode::kUnsupportedMediaType, 415},
+                                                           {ErrorCode::kTooLarge, 413},
+                                                           {ErrorCode::kUnprocessable, 422},
+                                                           {ErrorCode::kUnavailable, 503},
+                                                           {ErrorCode::kNoSpace, 507},
+                                                           {ErrorCode::kCancelled, 503},
+                                                           {ErrorCode::kInternal, 500}};
+  for (const auto& [code, status] : statuses) {
+    Problem problem;
+    try {
+      throw Error(code, "some_reason", "secret /path");
+    } catch (...) {
+      problem = CurrentProblem();
+    }
+    EXPECT_EQ(problem.status, status);
+    const Response response = ProblemResponse(problem, "id");
+    const bool tells = response.body.find("secret") != std::string::npos;
+    EXPECT_EQ(tells, status < 500) << response.body;
+    if (status < 500) {
+      EXPECT_EQ(problem.code, "some_reason");
+    } else {
+      EXPECT_THAT(problem.internal, testing::HasSubstr("secret"));
+    }
+    EXPECT_EQ(problem.retry_after_s > 0, status == 503);
+  }
+  EXPECT_EQ(ProblemError("no_such_code", "x").problem().status, 500);
+  try {
+    throw Error(ErrorCode::kInvalidArgument, "min_score_invalid", "min_score must be 0 to 1");
+  } catch (...) {
+    EXPECT_EQ(CurrentProblem().code, "invalid_parameter");
+    EXPECT_EQ(CurrentProblem().parameter, "min_score");
+  }
+}
+
+}  // namespace
+}  // namespace pliant::server

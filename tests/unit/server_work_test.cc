@@ -1,0 +1,223 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Worker pool, jobs and the thumbnail cache.
+#include <atomic>
+#include <future>
+#include <latch>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/jobs.h"
+#include "server/thumbnails.h"
+#include "server/worker_pool.h"
+
+namespace pliant::server {
+namespace {
+
+using Lane = WorkerPool::Lane;
+using std::chrono::milliseconds;
+
+std::string CodeOf(std::future<void>& future) {
+  try {
+    future.get();
+  } catch (const ProblemError& error) {
+    return error.problem().code;
+  }
+  return "";
+}
+
+// Runs `work` on the pool from a thread of its own, as a request would.
+std::future<void> Submit(WorkerPool& pool, Lane lane, std::function<void(int)> work) {
+  return std::async(std::launch::async, [&pool, lane, work] { pool.Run(lane, work); });
+}
+
+void AwaitWaiting(const WorkerPool& pool, std::size_t count) {
+  while (pool.load().waiting_searches + pool.load().waiting_uploads < count) {
+    std::this_thread::sleep_for(milliseconds(1));
+  }
+}
+
+TEST(WorkerPool, GivesResultsAndExceptions) {
+  WorkerPool pool({.cores = 2});
+  int value = 0;
+  pool.Run(Lane::kSearch, [&](int cores) { value = cores; });
+  EXPECT_EQ(value, 2) << "a task alone gets all cores";
+  EXPECT_THROW(pool.Run(Lane::kUpload, [](int) { throw std::runtime_error("x"); }),
+               std::runtime_error);
+  pool.Run(Lane::kUpload, [&](int) { value = 7; });
+  EXPECT_EQ(value, 7);
+}
+
+TEST(WorkerPool, NeverUsesMoreCoresThanItHas) {
+  constexpr int kCores = 4;
+  WorkerPool pool({.cores = kCores, .queue_length = 1000});
+  std::atomic<int> used{0};
+  std::atomic<int> most{0};
+  std::vector<std::future<void>> tasks;
+  const auto work = [&](int cores) {
+    const int now = used += cores;
+    int seen = most;
+    while (now > seen && !most.compare_exchange_weak(seen, now)) {
+    }
+    std::this_thread::sleep_for(milliseconds(1));
+    used -= cores;
+  };
+  for (int i = 0; i < 100; ++i) {
+    tasks.push_back(Submit(pool, i % 2 == 0 ? Lane::kSearch : Lane::kUpload, work));
+    if (i % 20 == 0) {
+      const auto lease = pool.BorrowCores(2);
+      work(lease->cores());
+    }
+  }
+  for (auto& task : tasks) task.get();
+  EXPECT_LE(most, kCores);
+  EXPECT_EQ(pool.load().busy_cores, 0);
+}
+
+TEST(WorkerPool, LeavesOneCoreToTheTasks) {
+  WorkerPool pool({.cores = 2});
+  const auto lease = pool.BorrowCores(5);
+  EXPECT_EQ(lease->cores(), 1);
+  EXPECT_EQ(pool.BorrowCores(1)->cores(), 0);
+  int cores = 0;
+  pool.Run(Lane::kSearch, [&](int given) { cores = given; });
+  EXPECT_EQ(cores, 1);
+  WorkerPool single({.cores = 1});
+  EXPECT_EQ(single.BorrowCores(1)->cores(), 0);
+}
+
+TEST(WorkerPool, RefusesWhenTheLaneIsFull) {
+  WorkerPool pool({.cores = 1, .queue_length = 1});
+  std::latch open(1);
+  auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
+  while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
+  auto waiting = Submit(pool, Lane::kUpload, [](int) {});
+  AwaitWaiting(pool, 1);
+  auto refused = Submit(pool, Lane::kUpload, [](int) { FAIL(); });
+  EXPECT_EQ(CodeOf(refused), "busy");
+  auto other_lane = Submit(pool, Lane::kSearch, [](int) {});
+  AwaitWaiting(pool, 2);
+  open.count_down();
+  running.get();
+  waiting.get();
+  other_lane.get();
+}
+
+TEST(WorkerPool, GivesUpWaiting) {
+  WorkerPool pool({.cores = 1, .queue_timeout = milliseconds(20)});
+  std::latch open(1);
+  auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
+  while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
+  bool ran = false;
+  auto late = Submit(pool, Lane::kSearch, [&](int) { ran = true; });
+  EXPECT_EQ(CodeOf(late), "busy");
+  open.count_down();
+  running.get();
+  pool.Run(Lane::kSearch, [](int) {});
+  EXPECT_FALSE(ran);
+}
+
+TEST(WorkerPool, SearchesGoFirstButUploadsGetTheirTurn) {
+  WorkerPool pool({.cores = 1});
+  std::latch open(1);
+  auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
+  while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
+  std::string order;
+  std::vector<std::future<void>> tasks;
+  for (int i = 0; i < 2; ++i) {
+    tasks.push_back(Submit(pool, Lane::kUpload, [&](int) { order += 'u'; }));
+  }
+  for (int i = 0; i < 6; ++i) {
+    tasks.push_back(Submit(pool, Lane::kSearch, [&](int) { order += 's'; }));
+  }
+  AwaitWaiting(pool, 8);
+  open.count_down();
+  running.get();
+  for (auto& task : tasks) task.get();
+  EXPECT_EQ(order, "ssssussu");
+}
+
+TEST(WorkerPool, EndDropsWhatWaitsAndWaitsForWhatRuns) {
+  auto pool = std::make_unique<WorkerPool>(WorkerPoolOptions{.cores = 1});
+  std::latch open(1);
+  auto running = Submit(*pool, Lane::kUpload, [&](int) { open.wait(); });
+  while (pool->load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
+  auto waiting = Submit(*pool, Lane::kUpload, [](int) { FAIL(); });
+  AwaitWaiting(*pool, 1);
+  auto ending = std::async(std::launch::async, [&] { pool.reset(); });
+  EXPECT_EQ(CodeOf(waiting), "stopping");
+  EXPECT_EQ(ending.wait_for(milliseconds(10)), std::future_status::timeout);
+  open.count_down();
+  EXPECT_EQ(CodeOf(running), "");
+  ending.get();
+}
+
+TEST(JobQueue, RunsReportsAndRemembers) {
+  JobQueue jobs;
+  const JobStatus added = jobs.Add("train", "default", [](const JobContext& context) {
+    context.Report(3, 4);
+    return std::string("/result");
+  });
+  EXPECT_TRUE(jobs.WaitFor(added.id, milliseconds(5000)));
+  const JobStatus done = jobs.Get(added.id);
+  EXPECT_EQ(done.state, JobState::kDone);
+  EXPECT_EQ(done.result, "/result");
+  EXPECT_EQ(done.done, done.total);
+  EXPECT_EQ(jobs.List().size(), 1U);
+  EXPECT_FALSE(jobs.Active("train", "default"));
+  EXPECT_THROW(jobs.Get("nothing"), ProblemError);
+}
+
+TEST(JobQueue, FailsAndCancels) {
+  JobQueue jobs;
+  const auto until_stopped = [](const JobContext& context) -> std::string {
+    while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
+    throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
+  };
+  const JobStatus running = jobs.Add("train", "a", until_stopped);
+  const JobStatus queued = jobs.Add("train", "b", until_stopped);
+  EXPECT_EQ(jobs.Active("train", "b")->id, queued.id);
+  EXPECT_FALSE(jobs.WaitFor(running.id, milliseconds(5)));
+  EXPECT_EQ(jobs.Cancel(queued.id).state, JobState::kCancelled);
+  jobs.Cancel(running.id);
+  EXPECT_TRUE(jobs.WaitFor(running.id, milliseconds(5000)));
+  EXPECT_EQ(jobs.Get(running.id).state, JobState::kCancelled);
+  const JobStatus failing = jobs.Add("train", "a", [](const JobContext&) -> std::string {
+    throw Error(ErrorCode::kConflict, "no_pictures", "none");
+  });
+  EXPECT_TRUE(jobs.WaitFor(failing.id, milliseconds(5000)));
+  EXPECT_EQ(jobs.Get(failing.id).state, JobState::kFailed);
+  EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_pictures");
+}
+
+TEST(JobQueue, EndCancelsWhatRuns) {
+  std::atomic<bool> stopped{false};
+  {
+    JobQueue jobs;
+    std::latch started(1);
+    jobs.Add("train", "a", [&](const JobContext& context) -> std::string {
+      started.count_down();
+      while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
+      stopped = true;
+      throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
+    });
+    started.wait();
+  }
+  EXPECT_TRUE(stopped);
+}
+
+TEST(ThumbnailCache, ForgetsTheLeastRecentlyUsed) {
+  ThumbnailCache cache(10);
+  const auto four = std::make_shared<const std::string>("1234");
+  cache.Insert("a", four);
+  cache.Insert("b", four);
+  EXPECT_NE(cache.Find("a"), nullptr);
+  cache.Insert("c", four);
+  EXPECT_NE(cache.Find("a"), nullptr);
+  EXPECT_EQ(cache.Find("b"), nullptr);
+  EXPECT_NE(cache.Find("c"), nullptr);
+}
+
+}  // namespace
+}  // namespace pliant::server
