@@ -6,7 +6,9 @@ from unittest import mock
 
 import torch
 
-from descriptor.training import fused_norm
+from torch.nn import functional as F
+
+from descriptor.training import fast_linear, fused_norm
 
 
 class FusedNormTest(unittest.TestCase):
@@ -50,6 +52,20 @@ class FusedNormTest(unittest.TestCase):
         with torch.no_grad():
             slope = (value(x + step * direction) - value(x - step * direction)) / (2 * step)
         self.assertAlmostEqual(slope.item(), (x.grad * direction).sum().item(), delta=0.05)
+
+
+class FastLinearTest(unittest.TestCase):
+    def test_agrees_with_torch_in_value_and_gradients(self):
+        results = []
+        for product in (F.linear, fast_linear.linear):
+            torch.manual_seed(13)
+            leaves = [torch.randn(5, 33), torch.randn(7, 33), torch.randn(7)]
+            x, weight, bias = (leaf.requires_grad_() for leaf in leaves)
+            y = product(x, weight, bias)
+            (y * torch.randn(5, 7)).sum().backward()
+            results.append([y.detach(), x.grad, weight.grad, bias.grad])
+        for expected, found in zip(*results):
+            torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-5)
 
 
 if __name__ == "__main__":
