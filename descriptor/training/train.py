@@ -21,7 +21,7 @@ from .model import Deal, load_model
 from .presets import PRESETS, preset
 from .schedule import parse_deadline
 from .trainer import Run, Trainer
-from .validation import development_pairs
+from .validation import MatchingPair, development_pairs
 
 
 def starting_model(init: Path | None, init_warp: Path | None, seed: int) -> Deal:
@@ -74,13 +74,17 @@ def main() -> None:
             model.hardnet = fresh.hardnet
     data = SceneSet(arguments.scenes)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
-    pairs = [] if arguments.dev is None else development_pairs(
-        arguments.dev, recipe.validation_pairs, recipe.validation_keypoints)
+
+    def development() -> list[MatchingPair]:
+        if arguments.dev is None:
+            return []
+        return development_pairs(arguments.dev, recipe.validation_pairs, recipe.validation_keypoints)
+
     run = Run(arguments.run, stage, recipe, arguments.seed,
               None if arguments.until is None else parse_deadline(arguments.until), arguments.seconds,
               (("preset", arguments.preset), ("scenes", str(len(data))), ("seed", str(arguments.seed)),
                ("torch", torch.__version__), ("machine", f"{platform.machine()} {device}")))
-    finished = Trainer(run, model, data, pairs, device).train()
+    finished = Trainer(run, model, data, development, device).train()
     print("finished" if finished else "stopped; the same command continues", flush=True)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Callable
 
 import torch
 
@@ -38,12 +39,14 @@ class Run:
 
 
 class Trainer:
-    def __init__(self, run: Run, model: Deal, data: SceneSet, pairs: list[MatchingPair],
+    def __init__(self, run: Run, model: Deal, data: SceneSet, development: Callable[[], list[MatchingPair]],
                  device: torch.device):
-        self.run, self.model, self.data, self.pairs, self.device = run, model, data, pairs, device
+        """development is called before the first validation only; an empty list means none."""
+        self.run, self.model, self.data, self.device = run, model, data, device
+        self.development, self.pairs = development, None
         configure_model(model, run.stage, run.preset, device)
         self.optimizer = make_optimizer(model, run.stage)
-        self.step, self.seconds, self.best = 0, 0.0, -1.0
+        self.step, self.seconds, self.best, self.validated = 0, 0.0, -1.0, 0.0
         self.schedule = Schedule(run.stage.steps, run.deadline, time.time())
         run.directory.mkdir(parents=True, exist_ok=True)
         self._resume()
@@ -61,13 +64,13 @@ class Trainer:
         self.model.load_state_dict(state["model"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.seconds, self.best = state["step"], state["seconds"], state["best"]
-        self.schedule.started = state["started"]
+        self.schedule.started, self.validated = state["started"], state.get("validated", self.seconds)
 
     def _checkpoint(self) -> None:
         write_checkpoint(self.run.directory, {
             "stage": self.run.stage.name, "model": self.model.state_dict(),
             "optimizer": self.optimizer.state_dict(), "step": self.step, "seconds": self.seconds,
-            "best": self.best, "started": self.schedule.started})
+            "best": self.best, "validated": self.validated, "started": self.schedule.started})
         self._export("last.safetensors")
 
     def _export(self, name: str) -> None:
@@ -76,6 +79,9 @@ class Trainer:
         save_model(self.run.directory / name, self.model, info)
 
     def _validate(self) -> None:
+        if self.pairs is None:
+            self.pairs = self.development()
+        self.validated = self.seconds
         if not self.pairs:
             return
         describe = deal_describer(self.model, RADIUS_PER_SIZE, self.run.stage.uses_warp, self.device)
@@ -99,7 +105,7 @@ class Trainer:
     def train(self) -> bool:
         """Runs until the stage is done (True) or stop_after_seconds have passed (False)."""
         start = time.monotonic()
-        marks = {"checkpoint": start, "validation": start, "log": start}
+        marks = {"checkpoint": start, "log": start}
         collected: list[dict[str, float]] = []
         before, preset = self.seconds, self.run.preset
         source = batches(self.data, self.run.stage.batch, self.run.seed, self.step, preset.workers)
@@ -118,9 +124,9 @@ class Trainer:
             if self.step % _LOG_EVERY == 0 or self.schedule.done(self.step):
                 self._write_log(collected, progress, now - marks["log"])
                 collected, marks["log"] = [], now
-            if now - marks["validation"] > preset.validation_seconds:
+            if self.seconds - self.validated > preset.validation_seconds:
                 self._validate()
-                marks["validation"] = marks["log"] = time.monotonic()
+                marks["log"] = time.monotonic()
             if now - marks["checkpoint"] > preset.checkpoint_seconds:
                 self._checkpoint()
                 marks["checkpoint"] = time.monotonic()

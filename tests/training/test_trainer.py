@@ -35,7 +35,7 @@ class TrainerTest(unittest.TestCase):
             stage = dataclasses.replace(stage, steps=steps)
         network = model or starting_model(init, None, seed=3)
         run = trainer.Run(self.root / name, stage, recipe, seed=3)
-        work = trainer.Trainer(run, network, self.data, self.pairs, self.device)
+        work = trainer.Trainer(run, network, self.data, lambda: self.pairs, self.device)
         return work
 
     def test_resumed_run_equals_the_uninterrupted_one(self):
