@@ -16,11 +16,15 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from . import tensor_file
+from . import dog, tensor_file
 from .scenes import NO_CHART, Scene, SurfacePoints
+
+try:
+    import cv2
+except ImportError:  # a bare training machine
+    cv2 = None
 
 CACHE_VERSION = "3"
 MAX_KEYPOINTS = 1024
@@ -45,11 +49,15 @@ class SceneFeatures:
 def detect(picture: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool = True) -> np.ndarray:
     """[N, 6] x, y, size, angle, response, octave; response descending, then y, x, size, angle.
 
-    With one_per_place, repeats of a key point with another orientation are dropped.
+    With one_per_place, repeats of a key point with another orientation are dropped. Without OpenCV
+    there are no orientations (angle -1) and no octaves.
     """
-    found = cv2.SIFT_create(2 * count).detect(picture, None)
-    table = np.array([[k.pt[0], k.pt[1], k.size, k.angle, k.response, k.octave] for k in found],
-                     np.float32).reshape(-1, 6)
+    if cv2 is None:
+        rows = [[x, y, size, -1, response, 0] for x, y, size, response in dog.detect(picture)]
+    else:
+        found = cv2.SIFT_create(2 * count).detect(picture, None)
+        rows = [[k.pt[0], k.pt[1], k.size, k.angle, k.response, k.octave] for k in found]
+    table = np.array(rows, np.float32).reshape(-1, 6)
     order = np.lexsort((table[:, 3], table[:, 2], table[:, 0], table[:, 1], -table[:, 4]))
     table = table[order]
     if one_per_place and len(table):
@@ -122,7 +130,8 @@ def load_features(scene: Scene, write_cache: bool = True) -> SceneFeatures:
 
 
 def _prepare(path: Path) -> int:
-    cv2.setNumThreads(1)
+    if cv2 is not None:
+        cv2.setNumThreads(1)
     return sum(len(rows) for rows in load_features(Scene(path)).pairs.values())
 
 

@@ -17,11 +17,20 @@ import torch
 from . import runtime
 from .backbone import gabor_start
 from .batches import SceneSet
+from .checkpoint import read_checkpoint
 from .model import Deal, load_model
 from .presets import PRESETS, preset
 from .schedule import parse_deadline
 from .trainer import Run, Trainer
 from .validation import MatchingPair, development_pairs
+
+
+def resumed_model(run: Path) -> Deal | None:
+    """A network of the shape of the run folder's checkpoint (which the trainer then loads)."""
+    state = read_checkpoint(run, torch.device("cpu"))
+    if state is None:
+        return None
+    return Deal(tuple(len(state["model"][f"localization.fc{i}.weight"]) for i in (1, 2, 3)))
 
 
 def starting_model(init: Path | None, init_warp: Path | None, seed: int) -> Deal:
@@ -48,8 +57,6 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--run", type=Path, required=True, help="run folder of this stage")
     parser.add_argument("--init", type=Path, help="weights to start from")
     parser.add_argument("--init-warp", type=Path, help="backbone and localisation network to start from")
-    parser.add_argument("--fresh-warp", action="store_true", help="keep only the HardNet of --init")
-    parser.add_argument("--fresh-hardnet", action="store_true", help="keep only the warp of --init")
     parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
     parser.add_argument("--until", help="HH:MM UTC: schedule by the clock instead of by steps")
     parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
@@ -65,13 +72,7 @@ def main() -> None:
     stage = recipe.stage(arguments.stage)
     if arguments.steps is not None:
         stage = dataclasses.replace(stage, steps=arguments.steps)
-    model = starting_model(arguments.init, arguments.init_warp, arguments.seed)
-    if arguments.fresh_warp or arguments.fresh_hardnet:
-        fresh = starting_model(None, None, arguments.seed)
-        if arguments.fresh_warp:
-            model.backbone, model.localization = fresh.backbone, fresh.localization
-        else:
-            model.hardnet = fresh.hardnet
+    model = resumed_model(arguments.run) or starting_model(arguments.init, arguments.init_warp, arguments.seed)
     data = SceneSet(arguments.scenes)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
 
-import cv2
 import numpy as np
 import torch
 
@@ -107,6 +106,8 @@ def evaluate(describe: Describe, pairs: list[MatchingPair]) -> dict[str, float]:
 
 
 def sift_describer(root: bool) -> Describe:
+    import cv2  # only here: a bare training machine validates without the baselines
+
     def describe(picture: np.ndarray, table: np.ndarray) -> np.ndarray:
         keypoints = [cv2.KeyPoint(*map(float, row[:5]), int(row[5])) for row in table]
         kept, descriptors = cv2.SIFT_create().compute(picture, keypoints)

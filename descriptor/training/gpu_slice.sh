@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+# One slice of training on a rented machine that is bare and has no network: builds the simulator if
+# it is not there, makes scenes if there are none, continues every unfinished stage from its
+# checkpoint, and leaves the state for the next slice in $OUT (few files below 16 MB; when all is done
+# also last.safetensors).
+#
+#   PACK=textures.safetensors OUT=out [STATE=state] [SECONDS_LEFT=540] [SCENES=3000] [PRESET=gpu] \
+#   [STAGES="hardnet warp joint"] descriptor/training/gpu_slice.sh
+#
+# PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
+# is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
+set -euo pipefail
+: "${PACK:?}" "${OUT:?}"
+SECONDS_LEFT=${SECONDS_LEFT:-540} SCENES=${SCENES:-3000} PRESET=${PRESET:-gpu}
+STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work}
+SIZE=${SIZE:-480x360} VIEWS=${VIEWS:-5}
+started=$(date +%s)
+left() { echo $((SECONDS_LEFT - $(date +%s) + started)); }
+mkdir -p "$OUT" "$WORK/scenes"
+
+if [ ! -x "$WORK/simulate" ]; then
+  eigen=${EIGEN:-/usr/include/eigen3}
+  sources=$(ls descriptor/simulation/*.cc | grep -v -e _main.cc -e simulate)
+  printf '%s\n' $sources descriptor/simulation/scenes_main.cc |
+    xargs -P "$(nproc)" -I{} sh -c '${CXX:-c++} -std=c++20 -O3 -march=native -I. -I"$1" -c "$2" \
+      -o "$3/$(basename "$2" .cc).o"' build "$eigen" {} "$WORK"
+  ${CXX:-c++} "$WORK"/*.o -o "$WORK/simulate" -pthread
+fi
+
+# At most half of the slice goes into scenes; what is missing is made by the next one.
+timeout "$(($(left) / 2))" "$WORK/simulate" --textures "$PACK" --out "$WORK/scenes" --scenes "$SCENES" \
+  --views "$VIEWS" --width "${SIZE%x*}" --height "${SIZE#*x}" --seed 1 --jobs "$(nproc)" || true
+OMP_NUM_THREADS=1 timeout "$(($(left) * 3 / 4))" "$PYTHON" -W ignore -m descriptor.training.features "$WORK/scenes" --jobs "$(nproc)"
+
+"$PYTHON" -m descriptor.training.state unpack "${STATE:-$OUT}" "$WORK/runs"
+init=""
+for stage in $STAGES; do
+  run=$WORK/runs/$stage
+  if [ ! -e "$run/finished" ] && [ "$(left)" -gt 15 ]; then
+    mkdir -p "$run"
+    warp=""
+    [ "$stage" != joint ] || [ ! -e "$WORK/runs/warp/last.safetensors" ] ||
+      warp="--init-warp $WORK/runs/warp/last.safetensors"
+    "$PYTHON" -W ignore -m descriptor.training.train --preset "$PRESET" --stage "$stage" --scenes "$WORK/scenes" \
+      --run "$run" --seconds "$(($(left) - 10))" --threads "$(nproc)" $init $warp | tee -a "$run/console.log"
+    if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; fi
+  fi
+  [ -e "$run/finished" ] || break
+  if [ "$stage" = hardnet ]; then init="--init $run/last.safetensors"; fi
+done
+"$PYTHON" -m descriptor.training.state pack "$WORK/runs" "$OUT"
+if [ -e "$WORK/runs/joint/finished" ]; then cp "$WORK/runs/joint/last.safetensors" "$OUT/"; fi
+echo "slice done after $(($(date +%s) - started)) s; $(ls "$WORK/scenes"/*.safetensors | wc -l) scenes;" \
+  "finished: $(cd "$WORK/runs" && ls -d */finished 2>/dev/null | tr '\n' ' ')"
