@@ -43,6 +43,8 @@ def pack(runs: Path, out: Path, piece_bytes: int = PIECE_BYTES) -> list[Path]:
         for path in _travelling(runs):
             archive.add(path, path.relative_to(runs).as_posix())
     data = buffer.getvalue()
+    for stale in out.glob("state.[0-9][0-9][0-9]"):
+        stale.unlink()
     written = []
     for number, start in enumerate(range(0, len(data), piece_bytes)):
         written.append(out / f"state.{number:03d}")

@@ -35,7 +35,8 @@ class StateTest(unittest.TestCase):
         for name, data in found.items():
             self.assertEqual(data, (self.runs / name).read_bytes())
         self.begin("joint")
-        state.pack(self.runs, self.out)
+        written = state.pack(self.runs, self.out)
+        self.assertEqual(set(written), set(self.out.iterdir()))  # no piece of the state before
         self.assertEqual(set(self.restored()), {"hardnet/log.csv", "warp/log.csv", "joint/log.csv",
                                                 "joint/checkpoint.pt"})
 
