@@ -98,7 +98,7 @@ enum class RankMethod {
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
 enum class GroupBy { kObject, kImage };
-enum class Verification { kNone, kTps };
+enum class Verification { kNone, kTps };  // kTps: one smooth warp, a thin-plate spline
 
 struct Region {
   double x = 0, y = 0, width = 0, height = 0;  // pixels of the original upright query picture
@@ -114,7 +114,10 @@ struct SearchOptions {
   std::size_t offset = 0;
   RankMethod rank = RankMethod::kTfIdf;
   GroupBy group_by = GroupBy::kObject;
+  // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
+  // (index/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kNone;
+  std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
   std::optional<Region> region;  // only key points inside count
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
@@ -125,7 +128,7 @@ struct Hit {
   std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
   std::string object;
   std::string image_id;        // the best picture of the object
-  double score = 0;            // 0..1, see RankMethod
+  double score = 0;            // 0..1, see RankMethod; when verified, CombineScores
   int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
   std::string metadata = "{}";

@@ -13,6 +13,7 @@
 #include "index/connection.h"
 #include "index/engine.h"
 #include "index/index_state.h"
+#include "index/rerank.h"
 #include "index/sqlite_error.h"
 #include "index/write_queue.h"
 
@@ -72,6 +73,10 @@ class Engine::Impl {
   AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
   SearchResult SearchFeatures(Features features, const SearchOptions& options,
                               const ExtractionTimings& timings);
+  std::vector<VerifiedPicture> VerifyBest(const Features& query, const SearchOptions& options,
+                                          std::vector<RankedPicture> ranking);
+  void AddHits(const std::vector<VerifiedPicture>& best, const SearchOptions& options,
+               SearchResult* result);
   // Gives words of `vocabulary` to all pictures that lack them. `work` hears of the share done.
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
                        const std::stop_token& stop, const std::function<void(double)>& progress);
@@ -87,7 +92,7 @@ class Engine::Impl {
   std::unique_ptr<WriteQueue> writer_;
   std::unique_ptr<ConnectionPool> readers_;
   std::unique_ptr<IndexState> state_;
-  std::mutex training_mutex_;           // one training at a time
+  std::mutex training_mutex_;  // one training at a time
 };
 
 }  // namespace pliant

@@ -1,13 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: search.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "descriptor/error.h"
 #include "index/blob_codec.h"
 #include "index/engine_impl.h"
 #include "index/ranking.h"
+#include "index/rerank.h"
 
 namespace pliant {
 namespace {
@@ -27,9 +30,6 @@ void Validate(const SearchOptions& options) {
     ThrowInvalid("min_score", "must be 0 to 1");
   }
   if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
-  if (options.verify != Verification::kNone) {
-    ThrowInvalid("verify", "can only be `none` in this version");
-  }
   if (!options.region) return;
   const Region& r = *options.region;
   for (const double value : {r.x, r.y, r.width, r.height}) {
@@ -119,25 +119,72 @@ SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions
     if (wanted == 0 && !options.object->empty()) return result;
     rank.accept = [wanted](Key, Key object) { return object == wanted; };
   }
-  const Ranking ranking = Rank(*view.snapshot, bow, rank);
+  const bool verify = options.verify == Verification::kTps;
+  if (verify) {  // all pictures, since verification may lift any of them above min_score
+    rank.group_by = GroupBy::kImage;
+    rank.keep = 0;
+    rank.min_score = 0;
+  }
+  Ranking ranking = Rank(*view.snapshot, bow, rank);
   result.total = ranking.total;
   result.timings.rank_ms = MsSince(start);
 
+  std::vector<VerifiedPicture> best;
+  if (verify) {
+    start = Clock::now();
+    best = VerifyBest(features, options, std::move(ranking.best));
+    result.total = best.size();
+    result.timings.verify_ms = MsSince(start);
+  } else {
+    for (RankedPicture& picture : ranking.best) best.push_back({std::move(picture), 0, {}});
+  }
+  AddHits(best, options, &result);
+  return result;
+}
+
+std::vector<VerifiedPicture> Engine::Impl::VerifyBest(const Features& query,
+                                                      const SearchOptions& options,
+                                                      std::vector<RankedPicture> ranking) {
+  std::size_t depth = options.verify_depth;
+  if (depth == 0) {
+    depth = std::max(DefaultVerifyDepth(ranking.size()), options.offset + options.limit);
+  }
+  const auto load = [&](Key key) {
+    return Read([&](Connection& db) -> std::optional<Features> {
+      if (!FindPictureByKey(db, key)) return std::nullopt;  // removed since the snapshot
+      Features features = DecodeFeatures(ReadFeaturesBlob(db, key));
+      features.model_id = query.model_id;
+      return features;
+    });
+  };
+  auto pictures = Rerank(query, std::move(ranking), depth, options.threads, load);
+  std::erase_if(pictures,
+                [&](const VerifiedPicture& p) { return p.picture.score < options.min_score; });
+  if (options.group_by == GroupBy::kObject) KeepBestOfObjects(&pictures);
+  return pictures;
+}
+
+// The page of hits that `options` ask for.
+void Engine::Impl::AddHits(const std::vector<VerifiedPicture>& best, const SearchOptions& options,
+                           SearchResult* result) {
+  const std::size_t end =
+      options.limit == 0 ? best.size() : std::min(best.size(), options.offset + options.limit);
   Read([&](Connection& db) {
-    for (std::size_t i = options.offset; i < ranking.best.size(); ++i) {
-      const auto picture = FindPictureByKey(db, ranking.best[i].key);
+    for (std::size_t i = options.offset; i < end; ++i) {
+      const auto picture = FindPictureByKey(db, best[i].picture.key);
       if (!picture) continue;  // removed since the snapshot
       Hit hit;
       hit.rank = i + 1;
       hit.object = picture->record.object;
       hit.image_id = picture->record.id;
-      hit.score = ranking.best[i].score;
+      hit.score = best[i].picture.score;
+      hit.inliers = best[i].inliers;
+      for (const Vec2 p : best[i].outline) hit.polygon.push_back({p.x, p.y});
       hit.metadata = picture->record.metadata;
-      result.hits.push_back(std::move(hit));
+      result->hits.push_back(std::move(hit));
     }
     return 0;
   });
-  return result;
 }
 
 }  // namespace pliant

@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/rerank.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+#include <utility>
+
+#include "descriptor/parallel.h"
+
+namespace pliant {
+
+std::size_t DefaultVerifyDepth(std::size_t pictures) {
+  constexpr std::size_t kLeast = 100;
+  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(pictures))));
+}
+
+std::vector<VerifiedPicture> Rerank(
+    const Features& query, std::vector<RankedPicture> ranking, std::size_t depth, int threads,
+    const std::function<std::optional<Features>(std::int64_t key)>& load) {
+  std::vector<VerifiedPicture> pictures;
+  pictures.reserve(ranking.size());
+  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), 0, {}});
+  const Verifier verifier(query);
+  ParallelFor(std::min(depth, pictures.size()), threads, [&](std::size_t i) {
+    VerifiedPicture& candidate = pictures[i];
+    const auto features = load(candidate.picture.key);
+    if (!features) return;
+    VerificationResult result = verifier.Verify(*features);
+    candidate.inliers = static_cast<int>(result.inliers.size());
+    candidate.outline = std::move(result.outline);
+    candidate.picture.score = CombineScores(candidate.picture.score, candidate.inliers);
+  });
+  std::sort(pictures.begin(), pictures.end(),
+            [](const VerifiedPicture& a, const VerifiedPicture& b) {
+              if (a.picture.score != b.picture.score) return a.picture.score > b.picture.score;
+              return a.picture.id < b.picture.id;
+            });
+  return pictures;
+}
+
+void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures) {
+  std::unordered_set<std::int64_t> seen;
+  std::erase_if(*pictures, [&](const VerifiedPicture& p) {
+    return p.picture.object != 0 && !seen.insert(p.picture.object).second;
+  });
+}
+
+}  // namespace pliant

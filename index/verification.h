@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Is the object of a data-base picture really in the query picture, however it is bent? Mutual
+// nearest neighbours that pass the ratio test must agree with one smooth warp.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "descriptor/distance.h"
+#include "descriptor/features.h"
+#include "descriptor/tps.h"
+#include "descriptor/tps_ransac.h"
+
+namespace pliant {
+
+struct VerificationOptions {
+  // Of a reference descriptor's distances to its two nearest in the query (Lowe 2004).
+  float max_ratio = 0.9F;
+  // How far a match may lie from where the warp puts it, as a share of the query picture's longer
+  // side (0.01 of 640 pixels: 6.4 pixels).
+  double tolerance = 0.01;
+  TpsRansacOptions ransac = {};  // tolerance_px is set from `tolerance`
+  int threads = 1;               // for the matching of one pair; 0 = all cores
+};
+
+struct MatchedPair {
+  std::uint32_t query = 0;  // key-point numbers
+  std::uint32_t reference = 0;
+};
+
+struct VerificationResult {
+  int matches = 0;                                       // tentative: mutual, within the ratio
+  std::vector<MatchedPair> inliers;                      // those that agree with the warp
+  double inlier_fraction = 0;                            // inliers / matches; 0 without matches
+  TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
+  std::optional<ThinPlateSpline> warp;  // reference picture -> query picture, in pixels
+  // Outline of the object in the query picture, in order, not closed: the frame of the reference
+  // picture through the warp, or the convex hull of the inliers where the frame does not map
+  // sanely. Empty without a warp.
+  std::vector<Vec2> outline;
+
+  bool verified() const { return warp.has_value(); }
+};
+
+// A query prepared for verification against many candidates. Immutable and thread-safe: give each
+// thread candidates of its own, with options.threads 1. `query` must outlive it.
+class Verifier {
+ public:
+  // Throws kInvalidArgument for options out of range or descriptors that are malformed or not
+  // finite.
+  explicit Verifier(const Features& query, const VerificationOptions& options = {});
+
+  // Throws kConflict "model_mismatch" when the features come from different models, and what the
+  // constructor throws for the reference. Nothing found is no error. Deterministic for
+  // options.ransac.seed.
+  VerificationResult Verify(const Features& reference) const;
+
+ private:
+  const Features& query_;
+  VerificationOptions options_;
+  PackedDescriptors packed_;
+};
+
+// The final score of a hit. Inliers lift the ranking's score towards 1, and never lower it:
+//   score + (1 - score) e / (e + 10),  e = max(0, inliers - 4).
+// Hits without inliers keep their score and so their order; 14 inliers go half of the way to 1.
+double CombineScores(double ranking_score, int inliers);
+
+}  // namespace pliant

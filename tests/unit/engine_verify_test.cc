@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Search with verification, through the engine.
+#include <algorithm>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include "index/engine.h"
+#include "tests/unit/index_test_pictures.h"
+
+namespace pliant {
+namespace {
+
+using testing::OtherViewPng;
+using testing::RandomPng;
+using testing::TemporaryFolder;
+
+class EngineVerifyTest : public ::testing::TestWithParam<const char*> {
+ protected:
+  static constexpr int kObjects = 8;
+
+  EngineVerifyTest() : engine_(Options()) {
+    for (int i = 1; i <= kObjects; ++i) {
+      Add(RandomPng(static_cast<std::uint64_t>(i)), i, "a");
+    }
+    TrainOptions train;
+    train.words = 8;  // few words: the ranking alone knows little
+    train.sample = 2000;
+    engine_.TrainVocabulary(train);
+  }
+  EngineOptions Options() {
+    EngineOptions options;
+    options.database = folder_ / "a.db";
+    options.descriptor = GetParam();
+    return options;
+  }
+  void Add(const std::vector<std::uint8_t>& bytes, int object, const std::string& suffix) {
+    AddRequest request;
+    request.bytes = bytes;
+    request.object = "o" + std::to_string(object);
+    request.id = "p" + std::to_string(object) + suffix;
+    engine_.Add(request);
+  }
+  SearchResult Search(int object, Verification verify, std::size_t depth = 0) {
+    SearchOptions options;
+    options.limit = 0;
+    options.verify = verify;
+    options.verify_depth = depth;
+    return engine_.Search(OtherViewPng(static_cast<std::uint64_t>(object)), options);
+  }
+
+  TemporaryFolder folder_;
+  Engine engine_;
+};
+
+TEST_P(EngineVerifyTest, TheRightObjectComesFirstWithItsOutline) {
+  for (int object = 1; object <= kObjects; ++object) {
+    const SearchResult plain = Search(object, Verification::kNone);
+    const SearchResult verified = Search(object, Verification::kTps);
+    ASSERT_FALSE(verified.hits.empty());
+    const Hit& best = verified.hits[0];
+    EXPECT_EQ(best.object, "o" + std::to_string(object));
+    EXPECT_GE(best.inliers, 15);
+    // The scene is shifted by (5, 3).
+    ASSERT_GE(best.polygon.size(), 3U);
+    const auto left = std::min_element(best.polygon.begin(), best.polygon.end(),
+                                       [](Point a, Point b) { return a.x + a.y < b.x + b.y; });
+    EXPECT_NEAR(left->x, 5, 12);
+    EXPECT_NEAR(left->y, 3, 12);
+    // No score falls, and others are not lifted.
+    EXPECT_EQ(plain.total, verified.total);
+    std::map<std::string, double> before;
+    for (const Hit& hit : plain.hits) before[hit.object] = hit.score;
+    for (const Hit& hit : verified.hits) {
+      EXPECT_GE(hit.score, before[hit.object]) << hit.object;
+      EXPECT_LE(hit.score, 1);
+      if (hit.object == best.object) continue;
+      EXPECT_LE(hit.inliers, 6) << hit.object;
+      EXPECT_LT(hit.score, best.score) << hit.object;
+    }
+  }
+}
+
+TEST_P(EngineVerifyTest, BeyondTheDepthNothingIsVerified) {
+  const SearchResult all = Search(1, Verification::kTps);
+  const SearchResult one = Search(1, Verification::kTps, 1);
+  int verified = 0;
+  for (const Hit& hit : one.hits) verified += hit.inliers > 0 ? 1 : 0;
+  EXPECT_LE(verified, 1);
+  EXPECT_EQ(one.total, all.total);
+}
+
+TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
+  Add(OtherViewPng(3), 3, "b");
+  SearchOptions options;
+  options.verify = Verification::kTps;
+  options.group_by = GroupBy::kImage;
+  options.limit = 0;
+  const auto picture = RandomPng(3);
+  const SearchResult images = engine_.Search(picture, options);
+  ASSERT_GE(images.hits.size(), 2U);
+  EXPECT_EQ(images.hits[0].image_id, "p3a");
+  EXPECT_NEAR(images.hits[0].score, 1, 1e-6);
+  EXPECT_EQ(images.hits[1].image_id, "p3b");
+  options.group_by = GroupBy::kObject;
+  const SearchResult objects = engine_.Search(picture, options);
+  EXPECT_EQ(objects.total + 1, images.total);
+  EXPECT_EQ(objects.hits[0].image_id, "p3a");
+  EXPECT_NE(objects.hits[1].object, "o3");
+  options.offset = 1;
+  options.limit = 2;
+  const SearchResult page = engine_.Search(picture, options);
+  ASSERT_EQ(page.hits.size(), 2U);
+  EXPECT_EQ(page.hits[0].rank, 2U);
+  EXPECT_EQ(page.hits[0].image_id, objects.hits[1].image_id);
+  EXPECT_EQ(page.total, objects.total);
+  options.offset = 0;
+  options.limit = 0;
+  options.min_score = objects.hits[0].score - 1e-9;
+  EXPECT_EQ(engine_.Search(picture, options).total, 1U);
+  // By id: the same answer, and the same again.
+  options.min_score = 0;
+  for (const int threads : {1, 2, 3}) {
+    options.threads = threads;
+    const SearchResult by_id = engine_.SearchStored("p3a", options);
+    ASSERT_EQ(by_id.hits.size(), objects.hits.size());
+    for (std::size_t i = 0; i < objects.hits.size(); ++i) {
+      EXPECT_EQ(by_id.hits[i].image_id, objects.hits[i].image_id);
+      EXPECT_EQ(by_id.hits[i].inliers, objects.hits[i].inliers);
+      EXPECT_EQ(by_id.hits[i].score, objects.hits[i].score);
+    }
+  }
+}
+
+TEST_P(EngineVerifyTest, OnlyTheRegionIsMatched) {
+  SearchOptions options;
+  options.verify = Verification::kTps;
+  options.limit = 1;
+  const SearchResult whole = engine_.Search(OtherViewPng(2), options);
+  options.region = Region{0, 0, 90, 120};
+  const SearchResult part = engine_.Search(OtherViewPng(2), options);
+  ASSERT_EQ(part.hits.size(), 1U);
+  EXPECT_EQ(part.hits[0].object, "o2");
+  EXPECT_GT(part.hits[0].inliers, 0);
+  EXPECT_LT(part.hits[0].inliers, whole.hits[0].inliers);
+}
+
+INSTANTIATE_TEST_SUITE_P(Descriptors, EngineVerifyTest, ::testing::Values("rootsift", "orb"));
+
+}  // namespace
+}  // namespace pliant

@@ -1,0 +1,172 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/verification.h"
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "descriptor/error.h"
+#include "index/outline.h"
+#include "tests/unit/random_descriptors.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kWidth = 640;
+constexpr int kHeight = 480;
+
+Vec2 Bend(Vec2 p) {
+  return {0.6 * p.x + 12 * std::sin(p.y / 60) + 100, 0.6 * p.y + 10 * std::cos(p.x / 70) + 60};
+}
+
+// A picture of random key points with random descriptors.
+Features Picture(std::size_t n, bool binary, std::uint64_t seed) {
+  std::mt19937_64 generator(seed);
+  std::uniform_real_distribution<float> unit(0, 1);
+  Features f;
+  f.width = kWidth;
+  f.height = kHeight;
+  f.model_id = "test:1";
+  for (std::size_t i = 0; i < n; ++i) {
+    Keypoint k;
+    k.x = unit(generator) * (kWidth - 1);
+    k.y = unit(generator) * (kHeight - 1);
+    k.size = 4 + 8 * unit(generator);
+    f.keypoints.push_back(k);
+  }
+  f.descriptors = binary ? testing::RandomBits(n, 32, seed) : testing::RandomFloats(n, 64, seed);
+  return f;
+}
+
+// The first `shared` key points of `reference`, bent, with slightly changed descriptors, among
+// those of another picture.
+Features BentView(const Features& reference, std::size_t shared, std::uint64_t seed) {
+  const bool binary = reference.descriptors.kind == DescriptorKind::kBinary;
+  Features f = Picture(reference.keypoints.size(), binary, seed);
+  std::mt19937_64 generator(seed);
+  std::normal_distribution<float> noise(0, 0.2F);
+  const int dim = reference.descriptors.dim;
+  for (std::size_t i = 0; i < shared; ++i) {
+    const std::size_t at = f.keypoints.size() - 1 - i;
+    const Vec2 q = Bend({reference.keypoints[i].x, reference.keypoints[i].y});
+    f.keypoints[at].x = static_cast<float>(q.x);
+    f.keypoints[at].y = static_cast<float>(q.y);
+    f.keypoints[at].size = reference.keypoints[i].size * 0.6F;
+    for (int p = 0; p < dim; ++p) {
+      if (binary) {
+        f.descriptors.bytes[at * dim + p] = reference.descriptors.bytes[i * dim + p] ^ (p % 9 == 0);
+      } else {
+        f.descriptors.floats[at * dim + p] =
+            reference.descriptors.floats[i * dim + p] + noise(generator);
+      }
+    }
+  }
+  return f;
+}
+
+class VerificationKinds : public ::testing::TestWithParam<bool> {};
+
+TEST_P(VerificationKinds, FindsTheBentObjectAndItsOutline) {
+  const auto reference = Picture(400, GetParam(), 1);
+  const auto query = BentView(reference, 120, 2);
+  const auto result = Verifier(query).Verify(reference);
+  ASSERT_TRUE(result.verified()) << ToString(result.failure);
+  EXPECT_GE(result.inliers.size(), 110U);
+  EXPECT_LE(result.inliers.size(), 122U);
+  int wrong = 0;
+  for (const auto& pair : result.inliers) {
+    wrong += pair.query != query.keypoints.size() - 1 - pair.reference ? 1 : 0;
+  }
+  EXPECT_LE(wrong, 1);
+  EXPECT_GE(result.matches, static_cast<int>(result.inliers.size()));
+  EXPECT_NEAR(result.inlier_fraction, static_cast<double>(result.inliers.size()) / result.matches,
+              1e-12);
+  ASSERT_EQ(result.outline.size(), 32U);
+  EXPECT_FALSE(CrossesItself(result.outline));
+  const Vec2 corner = Bend({0, 0});
+  EXPECT_LT(std::hypot(result.outline[0].x - corner.x, result.outline[0].y - corner.y), 12);
+}
+
+TEST_P(VerificationKinds, DifferentPicturesDoNotAgree) {
+  int verified = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const auto query = Picture(500, GetParam(), 100 + seed);
+    const auto result = Verifier(query, {.max_ratio = 1}).Verify(Picture(500, GetParam(), seed));
+    EXPECT_LE(result.inliers.size(), 7U);
+    verified += result.verified() ? 1 : 0;
+  }
+  EXPECT_LE(verified, 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, VerificationKinds, ::testing::Bool(),
+                         [](const auto& test) { return test.param ? "binary" : "floats"; });
+
+TEST(Verification, ThePictureItself) {
+  const auto picture = Picture(300, false, 5);
+  const auto result = Verifier(picture).Verify(picture);
+  EXPECT_EQ(result.inliers.size(), 300U);
+  EXPECT_NEAR(result.outline[0].x, 0, 0.01);
+  EXPECT_NEAR(result.outline[8].x, kWidth - 1, 0.01);
+}
+
+TEST(Verification, FewOrNoKeypoints) {
+  const auto picture = Picture(100, false, 1);
+  Features empty;
+  empty.width = kWidth;
+  empty.height = kHeight;
+  empty.model_id = "test:1";
+  EXPECT_FALSE(Verifier(picture).Verify(empty).verified());
+  EXPECT_FALSE(Verifier(empty).Verify(picture).verified());
+  EXPECT_FALSE(Verifier(empty).Verify(empty).verified());
+  const auto three = Picture(3, false, 1);
+  const auto result = Verifier(three).Verify(three);
+  EXPECT_EQ(result.failure, TpsRansacFailure::kTooFew);
+  EXPECT_EQ(result.matches, 3);
+}
+
+TEST(Verification, RefusesWhatDoesNotFit) {
+  const auto picture = Picture(20, false, 1);
+  auto other = picture;
+  other.model_id = "test:2";
+  EXPECT_THROW(Verifier(picture).Verify(other), Error);
+  EXPECT_THROW(Verifier(picture, {.tolerance = 0}), Error);
+  EXPECT_THROW(Verifier(picture, {.max_ratio = 2}).Verify(picture), Error);
+  other = picture;
+  other.keypoints.pop_back();
+  EXPECT_THROW(Verifier(picture).Verify(other), Error);
+  EXPECT_THROW(Verifier{other}, Error);
+  other = picture;
+  other.descriptors.floats[5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(Verifier(picture).Verify(other), Error);
+}
+
+TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
+  for (const double score : {0.0, 0.2, 0.9, 1.0}) {
+    double before = score;
+    for (int inliers = 0; inliers < 500; ++inliers) {
+      const double combined = CombineScores(score, inliers);
+      EXPECT_GE(combined, before);
+      EXPECT_LE(combined, 1.0);
+      before = combined;
+    }
+    EXPECT_EQ(CombineScores(score, 4), score);
+    EXPECT_DOUBLE_EQ(CombineScores(score, 14), (score + 1) / 2);
+  }
+}
+
+TEST(Outline, HullAndCrossing) {
+  const auto hull = ConvexHull({{0, 0}, {4, 0}, {4, 4}, {0, 4}, {2, 2}, {2, 0}, {4, 4}});
+  ASSERT_EQ(hull.size(), 4U);
+  EXPECT_EQ(hull[0], (Vec2{0, 0}));
+  EXPECT_EQ(hull[2], (Vec2{4, 4}));
+  EXPECT_EQ(ConvexHull({{1, 1}, {1, 1}}).size(), 1U);
+  EXPECT_EQ(ConvexHull({{0, 0}, {1, 1}, {2, 2}}).size(), 2U);
+  EXPECT_FALSE(CrossesItself(hull));
+  EXPECT_TRUE(CrossesItself(std::vector<Vec2>{{0, 0}, {4, 4}, {4, 0}, {0, 4}}));
+}
+
+}  // namespace
+}  // namespace pliant
