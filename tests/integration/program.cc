@@ -83,9 +83,13 @@ ProgramResult Program::Wait() {
   ProgramResult result;
   result.status =
       WIFEXITED(wait_status_) ? WEXITSTATUS(wait_status_) : 128 + WTERMSIG(wait_status_);
-  result.out = ReadText(folder_ / "out");
-  result.err = ReadText(folder_ / "err");
+  result.out = Out();
+  result.err = Err();
   return result;
 }
+
+std::string Program::Out() const { return ReadText(folder_ / "out"); }
+
+std::string Program::Err() const { return ReadText(folder_ / "err"); }
 
 }  // namespace pliant::testing

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Runs the real `pliant` program.
+// Runs the real programs.
 #pragma once
 
 #include <csignal>
@@ -40,6 +40,10 @@ class Program {
   void Signal(int number) const;
   bool IsRunning();  // false once it has ended
   ProgramResult Wait();
+
+  // What it has written so far.
+  std::string Out() const;
+  std::string Err() const;
 
  private:
   TemporaryFolder folder_;

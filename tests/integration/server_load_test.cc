@@ -13,13 +13,13 @@
 
 #include "tests/integration/server_process.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
 constexpr const char* kImages = "/v1/collections/default/images";
 constexpr const char* kSearch = "/v1/collections/default/search";
 
-class ServerLoadTest : public testing::Test {
+class ServerLoadTest : public ::testing::Test {
  protected:
   std::filesystem::path database() const { return folder_.path() / "test.db"; }
 
@@ -90,9 +90,9 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
 TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
   const ServerProcess server(database(), {"--cores", "1", "--queue-length", "1", "--max-side",
                                           "4096", "--auto-train", "false"});
-  constexpr int kClients = 12;
+  constexpr int kClients = 8;
   std::vector<std::string> pictures;
-  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1280, 960));
+  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1024, 768));
   std::barrier start(kClients);
   std::atomic<int> busy{0};
   std::vector<std::thread> clients;
@@ -119,18 +119,18 @@ TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
 
 TEST_F(ServerLoadTest, TooManyConnectionsAreToldSo) {
   const ServerProcess server(
-      database(), {"--http-threads", "1", "--connection-queue", "1", "--header-timeout", "3"});
+      database(), {"--http-threads", "1", "--connection-queue", "1", "--header-timeout", "1"});
   // One connection holds the thread, one waits; the third is refused at once.
   const std::string half = "GET /livez HTTP/1.1\r\n";
   std::vector<std::thread> holding;
   for (int i = 0; i < 2; ++i) {
     holding.emplace_back([&] { server.Talk(half, std::chrono::milliseconds(8'000)); });
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
   }
   const std::string answer = server.Talk("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n");
-  EXPECT_THAT(answer, testing::StartsWith("HTTP/1.1 503 "));
-  EXPECT_THAT(answer, testing::HasSubstr("Retry-After: "));
-  EXPECT_THAT(answer, testing::HasSubstr("X-Request-Id: "));
+  EXPECT_THAT(answer, ::testing::StartsWith("HTTP/1.1 503 "));
+  EXPECT_THAT(answer, ::testing::HasSubstr("Retry-After: "));
+  EXPECT_THAT(answer, ::testing::HasSubstr("X-Request-Id: "));
   for (std::thread& thread : holding) thread.join();
   auto client = server.Client();
   EXPECT_EQ(client.Get("/livez")->status, 200);
@@ -159,7 +159,7 @@ TEST_F(ServerLoadTest, SigtermFinishesWhatRuns) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   EXPECT_LT(created, kClients) << "the server was not busy: nothing was tested";
-  EXPECT_EQ(server.Stop().code, 0) << server.Log();
+  EXPECT_EQ(server.Stop(), 0) << server.Log();
   for (std::thread& thread : clients) thread.join();
   EXPECT_EQ(created, kClients);
   EXPECT_FALSE(client.Get("/livez"));
@@ -179,8 +179,8 @@ TEST_F(ServerLoadTest, ShutdownDeadlineCutsOffAndSaysSo) {
                          std::chrono::milliseconds(60'000));
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  EXPECT_EQ(server.Stop().code, 1);
-  EXPECT_THAT(server.Log(), testing::HasSubstr("1 requests were cut off"));
+  EXPECT_EQ(server.Stop(), 1);
+  EXPECT_THAT(server.Log(), ::testing::HasSubstr("1 requests were cut off"));
   slow.join();
 }
 
@@ -216,7 +216,7 @@ TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
       deleted.push_back(number);
     }
     killer.join();
-    EXPECT_EQ(server.Wait().signal, SIGKILL);
+    EXPECT_EQ(server.Wait(), 128 + SIGKILL);
   }
   EXPECT_GT(acknowledged.size(), 3U) << "seed " << kSeed;
   const ServerProcess server(database());
@@ -227,4 +227,4 @@ TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

@@ -1,44 +1,24 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A real pliant-server with a real database, for tests: started on a free port, talked to over
-// loopback, stopped by signals.
+// A real pliant-server with a real database: started on a free port, talked to over loopback,
+// stopped by signals.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include <httplib.h>
 #include <nlohmann/json.hpp>
-#include <sys/types.h>
 
-namespace pliant {
+#include "tests/integration/program.h"
+namespace pliant::testing {
 
 using Json = nlohmann::json;
 
-// A folder that is removed at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
-struct ExitStatus {
-  int code = -1;  // -1: ended by a signal
-  int signal = 0;
-};
-
-// Runs to its end and returns how; both outputs go to `output`.
-ExitStatus RunProgram(const std::vector<std::string>& command, std::string* output);
+std::filesystem::path ServerPath();
 
 class ServerProcess {
  public:
@@ -46,29 +26,25 @@ class ServerProcess {
   // by RootSIFT, which is fast; `flags` come after and may say otherwise.
   explicit ServerProcess(const std::filesystem::path& database,
                          const std::vector<std::string>& flags = {});
-  ~ServerProcess();  // kill -9 when it still runs
-  ServerProcess(const ServerProcess&) = delete;
-  ServerProcess& operator=(const ServerProcess&) = delete;
 
   int port() const { return port_; }
   httplib::Client Client() const;
 
-  void Signal(int number) const;
-  ExitStatus Wait();
-  ExitStatus Stop();  // SIGTERM and Wait
+  void Signal(int number) const { program_.Signal(number); }
+  // The exit status, or 128 + the signal that ended it.
+  int Wait() { return program_.Wait().status; }
+  int Stop();  // SIGTERM and Wait
 
-  std::string Log() const;
+  std::string Log() const { return program_.Err(); }
 
-  // Sends the bytes, half-closes nothing, and returns what comes back until the server closes or
-  // nothing came for `patience`.
+  // Sends the bytes and returns what comes back until the server closes or nothing came for
+  // `patience`. With `drip`, one more byte follows every 100 ms until then.
   std::string Talk(const std::string& bytes,
-                   std::chrono::milliseconds patience = std::chrono::milliseconds(3'000)) const;
+                   std::chrono::milliseconds patience = std::chrono::milliseconds(3'000),
+                   bool drip = false) const;
 
  private:
-  void AwaitListening(int stdout_fd);
-
-  std::filesystem::path log_;
-  pid_t pid_ = -1;
+  Program program_;
   int port_ = 0;
 };
 
@@ -76,4 +52,4 @@ class ServerProcess {
 // it, so that two views of one object are different bytes with the same texture.
 std::string TestPicture(std::uint64_t object_seed, int view = 0, int width = 320, int height = 240);
 
-}  // namespace pliant
+}  // namespace pliant::testing

@@ -10,7 +10,7 @@
 
 #include "tests/integration/server_process.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
 constexpr const char* kImages = "/v1/collections/default/images";
@@ -35,7 +35,7 @@ std::vector<std::string> ImageIds(const Json& hits) {
   return ids;
 }
 
-class ServerTest : public testing::Test {
+class ServerTest : public ::testing::Test {
  protected:
   void Start(const std::vector<std::string>& flags = {}) {
     server_ = std::make_unique<ServerProcess>(folder_.path() / "test.db", flags);
@@ -84,10 +84,10 @@ TEST_F(ServerTest, UploadSearchDeleteRestart) {
   ASSERT_EQ(client.Delete(kImages + ("/" + ids[3]))->status, 204);
   EXPECT_EQ(client.Get(kImages + ("/" + ids[3]))->status, 404);
   EXPECT_EQ(client.Delete(kImages + ("/" + ids[3]))->status, 404);
-  const auto gone = testing::Not(testing::Contains(ids[3]));
+  const auto gone = ::testing::Not(::testing::Contains(ids[3]));
   EXPECT_THAT(ImageIds(SearchFor(client, TestPicture(3, 1), "?limit=100")["hits"]), gone);
 
-  EXPECT_EQ(server_->Stop().code, 0) << server_->Log();
+  EXPECT_EQ(server_->Stop(), 0) << server_->Log();
   Start();
   auto again = server_->Client();
   EXPECT_EQ(again.Get(kImages + ("/" + ids[3]))->status, 404);
@@ -141,9 +141,9 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   const std::string unchanged =
       server_->Talk("GET " + path + "/content HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" +
                     "If-None-Match: " + content->get_header_value("ETag") + "\r\n\r\n");
-  EXPECT_THAT(unchanged, testing::StartsWith("HTTP/1.1 304 "));
-  EXPECT_THAT(unchanged, testing::EndsWith("\r\n\r\n"));
-  EXPECT_THAT(unchanged, testing::Not(testing::HasSubstr("Content-Length")));
+  EXPECT_THAT(unchanged, ::testing::StartsWith("HTTP/1.1 304 "));
+  EXPECT_THAT(unchanged, ::testing::EndsWith("\r\n\r\n"));
+  EXPECT_THAT(unchanged, ::testing::Not(::testing::HasSubstr("Content-Length")));
   const auto head = client.Head(path + "/content");
   EXPECT_EQ(head->status, 200);
   EXPECT_EQ(head->get_header_value("Content-Length"), std::to_string(picture.size()));
@@ -303,12 +303,12 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   auto client = server_->Client();
   const auto page = client.Get("/");
   ASSERT_EQ(page->status, 200);
-  EXPECT_THAT(page->get_header_value("Content-Type"), testing::StartsWith("text/html"));
+  EXPECT_THAT(page->get_header_value("Content-Type"), ::testing::StartsWith("text/html"));
   EXPECT_THAT(page->get_header_value("Content-Security-Policy"),
-              testing::HasSubstr("default-src 'none'"));
+              ::testing::HasSubstr("default-src 'none'"));
   // The page needs nothing from elsewhere (the icon's XML name space is a name, not a place).
   EXPECT_THAT(std::regex_replace(page->body, std::regex("http://www.w3.org/2000/svg"), ""),
-              testing::Not(testing::HasSubstr("://")));
+              ::testing::Not(::testing::HasSubstr("://")));
   for (const std::string asset : {"app.css", "app.js", "api.js", "results.js"}) {
     const auto answer = client.Get("/assets/" + asset);
     EXPECT_EQ(answer->status, 200) << asset;
@@ -318,10 +318,10 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   EXPECT_EQ(client.Get("/readyz")->status, 200);
   client.Get("/v1/nothing");
   const std::string metrics = client.Get("/metrics")->body;
-  EXPECT_THAT(metrics, testing::HasSubstr("pliant_images 0"));
-  EXPECT_THAT(metrics, testing::HasSubstr(R"(route="livez")"));
-  EXPECT_THAT(metrics, testing::HasSubstr("pliant_http_request_seconds_bucket"));
-  EXPECT_THAT(metrics, testing::Not(testing::HasSubstr("nothing")));  // no series by clients
+  EXPECT_THAT(metrics, ::testing::HasSubstr("pliant_images 0"));
+  EXPECT_THAT(metrics, ::testing::HasSubstr(R"(route="livez")"));
+  EXPECT_THAT(metrics, ::testing::HasSubstr("pliant_http_request_seconds_bucket"));
+  EXPECT_THAT(metrics, ::testing::Not(::testing::HasSubstr("nothing")));  // no series by clients
 }
 
 TEST_F(ServerTest, RequestIdsAndLog) {
@@ -330,13 +330,13 @@ TEST_F(ServerTest, RequestIdsAndLog) {
   const auto mine = client.Get("/livez", httplib::Headers{{"X-Request-Id", "abc-1"}});
   EXPECT_EQ(mine->get_header_value("X-Request-Id"), "abc-1");
   const auto bad = client.Get("/livez", httplib::Headers{{"X-Request-Id", "a b%0d%0aX: y"}});
-  EXPECT_THAT(bad->get_header_value("X-Request-Id"), testing::MatchesRegex("[0-9a-f]{16}"));
+  EXPECT_THAT(bad->get_header_value("X-Request-Id"), ::testing::MatchesRegex("[0-9a-f]{16}"));
   client.Get("/v1/collections/default/images?object=secret");
-  EXPECT_EQ(server_->Stop().code, 0);
-  EXPECT_THAT(server_->Log(), testing::HasSubstr("GET /livez 200 livez"));
-  EXPECT_THAT(server_->Log(), testing::HasSubstr("id=abc-1"));
-  EXPECT_THAT(server_->Log(), testing::Not(testing::HasSubstr("secret")));
+  EXPECT_EQ(server_->Stop(), 0);
+  EXPECT_THAT(server_->Log(), ::testing::HasSubstr("GET /livez 200 livez"));
+  EXPECT_THAT(server_->Log(), ::testing::HasSubstr("id=abc-1"));
+  EXPECT_THAT(server_->Log(), ::testing::Not(::testing::HasSubstr("secret")));
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing
