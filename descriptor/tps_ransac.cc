@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t kSampleNeighbours = 8;    // the sample's other two are among these
 constexpr std::size_t kSupportNeighbours = 20;  // who votes for a sample
+constexpr std::size_t kKeptNeighbours = 40;     // looked through before all others are
 constexpr std::size_t kGrowNeighbours = 8;      // whose map predicts a correspondence
 constexpr std::size_t kGrownHypotheses = 6;
 constexpr std::size_t kLeastSupport = 4;  // the sample's three and one more
@@ -30,7 +31,10 @@ struct Hypothesis {
   std::vector<std::uint32_t> support;
 };
 
-double Distance(Vec2 a, Vec2 b) { return std::hypot(a.x - b.x, a.y - b.y); }
+double SquaredDistance(Vec2 a, Vec2 b) {
+  return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
+}
+double Distance(Vec2 a, Vec2 b) { return std::sqrt(SquaredDistance(a, b)); }
 
 class Ransac {
  public:
@@ -63,16 +67,19 @@ class Ransac {
   // For each correspondence the others in order of distance in the reference, the nearest few.
   void FindNeighbours() {
     const std::size_t n = input_.size();
-    const std::size_t keep = std::min(kSupportNeighbours, n - 1);
+    const std::size_t keep = std::min(kKeptNeighbours, n - 1);
     neighbours_.resize(n);
-    std::vector<std::pair<double, std::uint32_t>> others;
+    std::vector<std::pair<float, std::uint32_t>> others;
     for (std::uint32_t i = 0; i < n; ++i) {
       others.clear();
       for (std::uint32_t j = 0; j < n; ++j) {
-        if (j != i) others.emplace_back(Distance(input_[i].reference, input_[j].reference), j);
+        if (j == i) continue;
+        others.emplace_back(
+            static_cast<float>(SquaredDistance(input_[i].reference, input_[j].reference)), j);
       }
-      std::partial_sort(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(keep),
-                        others.end());
+      const auto end = others.begin() + static_cast<std::ptrdiff_t>(keep);
+      if (keep < others.size()) std::nth_element(others.begin(), end, others.end());
+      std::sort(others.begin(), end);
       for (std::size_t k = 0; k < keep; ++k) neighbours_[i].push_back(others[k].second);
     }
   }
@@ -118,7 +125,9 @@ class Ransac {
       const auto map = MapOf(sample);
       if (!map || !SizeAgrees(i, map->determinant())) continue;
       std::vector<std::uint32_t> support = {i};
-      for (const std::uint32_t j : neighbours_[i]) {
+      const std::span voters(neighbours_[i].data(),
+                             std::min(kSupportNeighbours, neighbours_[i].size()));
+      for (const std::uint32_t j : voters) {
         if (Agrees(*map, j, input_[i].reference)) support.push_back(j);
       }
       if (support.size() > found[i].support.size()) found[i] = {i, std::move(support)};
@@ -138,7 +147,7 @@ class Ransac {
     for (int round = 0; round < 20; ++round) {
       std::vector<char> next(input_.size(), 0);
       for (std::uint32_t i = 0; i < input_.size(); ++i) {
-        next[i] = static_cast<char>(IsPredicted(i, members, in[i] != 0));
+        next[i] = static_cast<char>(IsPredicted(i, members, in));
       }
       if (next == in) break;
       // The first rounds only add: a small start has too few members to judge each other.
@@ -153,25 +162,39 @@ class Ransac {
     return members;
   }
 
+  // Whether the map of the nearest members predicts correspondence i.
   bool IsPredicted(std::uint32_t i, const std::vector<std::uint32_t>& members,
-                   bool is_member) const {
+                   const std::vector<char>& in) const {
+    std::uint32_t rows[kGrowNeighbours];
+    std::size_t count = 0;
+    for (const std::uint32_t j : neighbours_[i]) {
+      if (in[j] == 0) continue;
+      rows[count++] = j;
+      if (count == kGrowNeighbours) break;
+    }
+    if (count < kGrowNeighbours) count = NearestMembers(i, members, rows);
+    if (count < 3) return in[i] != 0;
+    const auto map = MapOf({rows, count});
+    return map && Agrees(*map, i, input_[rows[0]].reference);
+  }
+
+  // The members nearest to i, nearest first, by looking at all.
+  std::size_t NearestMembers(std::uint32_t i, const std::vector<std::uint32_t>& members,
+                             std::uint32_t* rows) const {
     std::pair<double, std::uint32_t> nearest[kGrowNeighbours];
     std::size_t count = 0;
     for (const std::uint32_t m : members) {
       if (m == i) continue;
       const std::pair<double, std::uint32_t> entry(
-          Distance(input_[i].reference, input_[m].reference), m);
+          SquaredDistance(input_[i].reference, input_[m].reference), m);
       if (count == kGrowNeighbours && entry >= nearest[count - 1]) continue;
       if (count < kGrowNeighbours) ++count;
       std::size_t at = count - 1;
       for (; at > 0 && entry < nearest[at - 1]; --at) nearest[at] = nearest[at - 1];
       nearest[at] = entry;
     }
-    if (count < 3) return is_member;
-    std::uint32_t rows[kGrowNeighbours];
     for (std::size_t k = 0; k < count; ++k) rows[k] = nearest[k].second;
-    const auto map = MapOf({rows, count});
-    return map && Agrees(*map, i, input_[rows[0]].reference);
+    return count;
   }
 
   // Fits the spline to the members, weighted by how well they fit, and asks it who belongs; folds
