@@ -1,0 +1,18 @@
+// The smallest program that uses an installed Pliant: DEAL descriptors of the picture it is given.
+#include <fstream>
+#include <iostream>
+#include <iterator>
+
+#include "descriptor/descriptor.h"
+#include "index/engine.h"
+
+int main(int, char** argv) {
+  std::ifstream file(argv[1], std::ios::binary);
+  const std::vector<std::uint8_t> bytes(std::istreambuf_iterator<char>(file), {});
+  const pliant::FeatureExtractor extractor(pliant::MakeDescriptor("deal"), {});
+  const pliant::Features features = extractor.Extract(bytes, 1);
+  pliant::Engine engine({.database = argv[2]});
+  engine.Add({.object = "first", .bytes = bytes});
+  std::cout << features.descriptors.rows << " descriptors, " << engine.Stats().images
+            << " picture\n";
+}

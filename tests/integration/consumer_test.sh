@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+# consumer_test.sh SOURCE_DIR BUILD_DIR: installs Pliant into an empty prefix, builds the ten-line
+# consumer against the installed package alone, and runs it with the installed weights.
+set -euo pipefail
+source_dir=$1
+build_dir=$2
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+cmake --install "$build_dir" --prefix "$work/prefix" >"$work/install.log"
+cmake -S "$source_dir/tests/integration/consumer" -B "$work/build" -G Ninja \
+  -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Release >"$work/configure.log"
+if grep -rqF "$source_dir" "$work/prefix/lib"*/*/cmake/Pliant "$work/prefix/lib/cmake/Pliant" 2>/dev/null; then
+  echo "the installed package mentions the source tree" >&2
+  exit 1
+fi
+cmake --build "$work/build"
+env PLIANT_MODEL="$work/prefix/share/pliant/deal.safetensors" \
+  "$work/build/consumer" "$source_dir/tests/data/golden_163x117.png" "$work/one.db" | tee "$work/said"
+grep -qE '^[1-9][0-9]* descriptors, 1 picture$' "$work/said"
+"$work/prefix/bin/pliant" --version

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is needed, builds with warnings as errors and runs every test of the default set.
+# Arguments go to ctest, for example: bash tests/run.sh -R image
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+step() { printf '\n== %s (%(%H:%M:%S)T)\n' "$1" -1; }
+
+step "Packages"
+bash docker/install-packages.sh build test
+step "Configure"
+cmake --preset ci
+step "Build"
+cmake --build --preset ci
+step "Test"
+ctest --preset ci --label-exclude slow "$@"

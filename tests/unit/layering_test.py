@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""The house's walls: a folder includes only what stands below it, a third-party library stays in
+the folders that own it, and the public headers of a folder show none of them."""
+import pathlib
+import re
+import subprocess
+import sys
+
+LAYERS = ["descriptor", "vocab", "index", "server"]  # bottom to top
+INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+# Library header prefix -> folders that may include it.
+OWNERS = {
+    "opencv2/": {"descriptor"},
+    "dnnl": {"descriptor"},
+    "torch/": set(),
+    "SQLiteCpp/": {"index"},
+    "sqlite3": {"index"},
+    "httplib": {"server"},
+    "prometheus/": {"server"},
+}
+# The simulator's core must build where there is only a compiler and Eigen.
+SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/", "nlohmann/")
+
+
+def sources(root):
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.h", "*.cc", "*.inl"],
+        cwd=root, capture_output=True, text=True)
+    if listed.returncode == 0:
+        return [root / line for line in listed.stdout.splitlines() if (root / line).is_file()]
+    return [p for layer in LAYERS for p in (root / layer).rglob("*") if p.suffix in {".h", ".cc"}]
+
+
+def problems(root):
+    found = []
+    for path in sources(root):
+        relative = path.relative_to(root)
+        layer = relative.parts[0]
+        if layer not in LAYERS:
+            continue
+        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+            target = header.split("/")[0]
+            if target in LAYERS and LAYERS.index(target) > LAYERS.index(layer):
+                found.append(f"{relative} includes {header}: {target} stands above {layer}")
+            for prefix, owners in OWNERS.items():
+                if header.startswith(prefix) and layer not in owners:
+                    found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")
+    installed = (root / "cmake" / "PliantInstall.cmake").read_text(encoding="utf-8")
+    for public in re.findall(r"\b(?:descriptor|vocab|index)/\w+\.h\b", installed):
+        path = root / public
+        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+            if "/" in header and header not in installed:
+                found.append(f"public header {public} includes {header}, which is not installed")
+    return found
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    checked = sources(root)
+    if not checked:
+        sys.exit(f"no sources found below {root}")
+    found = problems(root)
+    print("\n".join(found))
+    print(f"{len(checked)} files, {len(found)} problems")
+    sys.exit(1 if found else 0)
+
+
+if __name__ == "__main__":
+    main()
