@@ -98,7 +98,11 @@ enum class RankMethod {
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
 enum class GroupBy { kObject, kImage };
-enum class Verification { kNone, kTps };  // kTps: one smooth warp, a thin-plate spline
+enum class Verification {
+  kAuto,  // kTps for tf-idf; kNone for the paper's histogram, whose protocol has none
+  kNone,
+  kTps,  // one smooth warp, a thin-plate spline
+};
 
 struct Region {
   double x = 0, y = 0, width = 0, height = 0;  // pixels of the original upright query picture
@@ -116,7 +120,7 @@ struct SearchOptions {
   GroupBy group_by = GroupBy::kObject;
   // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
   // (index/verification.h, CombineScores), so the order changes but no score falls.
-  Verification verify = Verification::kNone;
+  Verification verify = Verification::kAuto;
   std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
   std::optional<Region> region;  // only key points inside count
   double min_score = 0;

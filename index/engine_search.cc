@@ -38,6 +38,11 @@ void Validate(const SearchOptions& options) {
   if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
 }
 
+bool Verifies(const SearchOptions& options) {
+  if (options.verify == Verification::kAuto) return options.rank == RankMethod::kTfIdf;
+  return options.verify == Verification::kTps;
+}
+
 bool Contains(const Region& region, const Keypoint& k) {
   return k.x >= region.x && k.x < region.x + region.width && k.y >= region.y &&
          k.y < region.y + region.height;
@@ -119,7 +124,7 @@ SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions
     if (wanted == 0 && !options.object->empty()) return result;
     rank.accept = [wanted](Key, Key object) { return object == wanted; };
   }
-  const bool verify = options.verify == Verification::kTps;
+  const bool verify = Verifies(options);
   if (verify) {  // all pictures, since verification may lift any of them above min_score
     rank.group_by = GroupBy::kImage;
     rank.keep = 0;

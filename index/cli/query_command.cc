@@ -96,9 +96,10 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                         "(default: tfidf)",
                         {{"tfidf", RankMethod::kTfIdf}, {"histogram", RankMethod::kHistogram}},
                         "tfidf|histogram");
-  AddChoice<Verification>(*app, "--verify", search.verify,
-                          "check the best hits for a consistent deformation (default: none)",
-                          {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
+  AddChoice<Verification>(
+      *app, "--verify", search.verify,
+      "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
+      {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
   app->add_option("--region", options->region,
                   "only this rectangle of the query picture counts: X,Y,W,H in its pixels")
       ->delimiter(',')
