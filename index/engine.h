@@ -34,7 +34,7 @@ struct EngineOptions {
   ExtractionOptions extraction;
   bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
-  bool keep_originals = false;  // store the uploaded bytes too, for GET .../content
+  bool keep_originals = true;  // store the uploaded bytes too, for GET .../content
   // Used instead of `descriptor` when set; engines can share one this way.
   std::shared_ptr<const Descriptor> custom_descriptor;
   // false: the descriptor is made by the first call that describes a picture, so that weights are

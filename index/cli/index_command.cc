@@ -151,7 +151,8 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  app->add_flag("--keep-originals", options->engine.keep_originals, "store the files' bytes too");
+  app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
+                "store the files themselves too, for the web page (default: yes)");
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
