@@ -208,9 +208,28 @@ void IndexSegment::Accumulate(std::uint32_t word, float weight, float* sums) con
 }
 
 void IndexSegment::AccumulateSquares(std::uint32_t word, double weight, double* sums) const {
-  for (const Posting& posting : PostingsOf(word)) {
-    const double value = weight * posting.count;
-    sums[posting.picture] += value * value;
+  const double squared_weight = weight * weight;
+  const std::uint32_t begin = offsets_[word];
+  const std::uint32_t end = offsets_[word + 1];
+  const bool dense = word < dense_rows_.size() && dense_rows_[word] != kNoRow;
+  if (dense && begin != end) {  // counts above 255 lie in two places
+    for (const Posting& posting : PostingsOf(word)) {
+      sums[posting.picture] += squared_weight * posting.count * posting.count;
+    }
+    return;
+  }
+  if (dense) {
+    const std::uint8_t* counts = dense_.data() + dense_rows_[word] * size();
+    for (std::size_t p = 0; p < size(); ++p) {
+      sums[p] += squared_weight * (static_cast<int>(counts[p]) * counts[p]);
+    }
+    return;
+  }
+  for (std::uint32_t i = begin; i < end;) {
+    const std::uint16_t picture = pictures_[i];
+    double count = 0;
+    for (; i < end && pictures_[i] == picture; ++i) count += counts_[i];
+    sums[picture] += squared_weight * count * count;
   }
 }
 

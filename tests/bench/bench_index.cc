@@ -1,0 +1,181 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The inverted index at 10 000 and 100 000 synthetic pictures of 700 words each: ranking (median_ms
+// a query), memory (bytes_per_picture), adding one picture, loading from the database.
+// Arguments: pictures, size of the vocabulary. Words are drawn uniformly: the worst case for lists.
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <random>
+
+#include <benchmark/benchmark.h>
+#include <unistd.h>
+
+#include "index/catalogue_vocabularies.h"
+#include "index/database.h"
+#include "index/hex.h"
+#include "index/index_state.h"
+#include "index/ranking.h"
+
+namespace pliant {
+namespace {
+
+constexpr std::uint32_t kWordsAPicture = 700;
+constexpr std::int64_t kPicturesAnObject = 10;
+
+Bow RandomBow(std::mt19937_64& random, std::size_t vocabulary) {
+  std::vector<std::uint32_t> words(kWordsAPicture);
+  for (std::uint32_t& word : words) word = static_cast<std::uint32_t>(random() % vocabulary);
+  return MakeBow(std::move(words));
+}
+
+IndexedPicture RandomPicture(std::mt19937_64& random, std::int64_t key, std::size_t vocabulary) {
+  std::uint8_t id[16];
+  for (std::uint8_t& byte : id) byte = static_cast<std::uint8_t>(random());
+  return {key, 1 + key / kPicturesAnObject, ToHex(id), RandomBow(random, vocabulary)};
+}
+
+// Made once for all benchmarks of the same size.
+InvertedIndex& IndexOf(std::int64_t pictures, std::size_t vocabulary) {
+  static std::pair<std::int64_t, std::size_t> made;
+  static std::unique_ptr<InvertedIndex> index;  // one at a time is in memory
+  if (index && made == std::pair(pictures, vocabulary)) return *index;
+  index = std::make_unique<InvertedIndex>(vocabulary);
+  made = {pictures, vocabulary};
+  std::mt19937_64 random(1);
+  std::vector<IndexedPicture> chunk;
+  for (std::int64_t key = 1; key <= pictures; ++key) {
+    chunk.push_back(RandomPicture(random, key, vocabulary));
+    if (chunk.size() == 10'000 || key == pictures) index->Append(std::exchange(chunk, {}));
+  }
+  index->Refresh();
+  return *index;
+}
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void RankQueries(benchmark::State& state, RankMethod method, GroupBy group_by) {
+  const auto vocabulary = static_cast<std::size_t>(state.range(1));
+  const auto snapshot = IndexOf(state.range(0), vocabulary).snapshot();
+  RankOptions options{method, group_by, 10, 0, {}, static_cast<int>(state.range(2))};
+  std::mt19937_64 random(2);
+  std::vector<double> times;
+  for (auto _ : state) {
+    const Bow query = RandomBow(random, vocabulary);
+    const auto start = std::chrono::steady_clock::now();
+    benchmark::DoNotOptimize(Rank(*snapshot, query, options));
+    const double ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    times.push_back(ms);
+    state.SetIterationTime(ms / 1000);
+  }
+  state.counters["median_ms"] = Median(times);
+  state.counters["best_ms"] = *std::min_element(times.begin(), times.end());
+  state.counters["bytes_per_picture"] =
+      static_cast<double>(snapshot->memory_bytes()) / static_cast<double>(state.range(0));
+}
+
+void BM_RankTfIdf(benchmark::State& state) {
+  RankQueries(state, RankMethod::kTfIdf, GroupBy::kImage);
+}
+void BM_RankTfIdfByObject(benchmark::State& state) {
+  RankQueries(state, RankMethod::kTfIdf, GroupBy::kObject);
+}
+void BM_RankHistogram(benchmark::State& state) {
+  RankQueries(state, RankMethod::kHistogram, GroupBy::kImage);
+}
+
+void Sizes(benchmark::internal::Benchmark* bench) {
+  for (const std::int64_t vocabulary : {1000, 10'000, 65'536}) {
+    for (const std::int64_t pictures : {10'000, 100'000}) {
+      for (const std::int64_t threads : {1, 2}) bench->Args({pictures, vocabulary, threads});
+    }
+  }
+  bench->ArgNames({"pictures", "words", "threads"})->UseManualTime()->Iterations(30);
+  bench->Unit(benchmark::kMillisecond);
+}
+
+void BM_AddOne(benchmark::State& state) {
+  const auto vocabulary = static_cast<std::size_t>(state.range(1));
+  InvertedIndex& index = IndexOf(state.range(0), vocabulary);
+  std::mt19937_64 random(3);
+  std::int64_t key = 1'000'000;
+  std::vector<double> times;
+  for (auto _ : state) {
+    std::vector<IndexedPicture> one;
+    one.push_back(RandomPicture(random, ++key, vocabulary));
+    const auto start = std::chrono::steady_clock::now();
+    index.Apply(std::move(one), {});
+    times.push_back(
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+            .count());
+    state.SetIterationTime(times.back() / 1000);
+  }
+  state.counters["median_ms"] = Median(times);
+  state.counters["worst_ms"] = *std::max_element(times.begin(), times.end());
+}
+
+std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary_size) {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("pliant-bench-" + std::to_string(::getpid()) + ".db");
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
+  CreateDatabase(path, {"bench", DescriptorKind::kBinary, 8, "bench:1"});
+  Connection db(path, Connection::Mode::kReadWrite, 1000);
+  SQLite::Transaction transaction(db.database());
+  const CollectionRow collection = RequireCollection(db, kDefaultCollection);
+  Vocabulary vocabulary{Descriptors::Binary(vocabulary_size, 8), "bench:1", {}};
+  const Key words = InsertVocabulary(db, collection.key, collection.model, vocabulary);
+  MarkVocabularyReady(db, words);
+  SetActiveVocabulary(db, collection.key, words);
+  std::mt19937_64 random(1);
+  PictureRow row;
+  row.record.sha256 = std::string(64, 'a');
+  for (std::int64_t i = 1; i <= pictures; ++i) {
+    const IndexedPicture picture = RandomPicture(random, i, vocabulary_size);
+    row.record.id = picture.id;
+    InsertPictureWords(db, words, InsertPicture(db, collection.key, row), picture.bow);
+  }
+  transaction.commit();
+  return path;
+}
+
+void BM_Load(benchmark::State& state) {
+  const auto path = MakeDatabase(state.range(0), static_cast<std::size_t>(state.range(1)));
+  for (auto _ : state) {
+    IndexState index(std::make_unique<Connection>(path, Connection::Mode::kReadOnly, 1000));
+    index.CatchUp();
+    benchmark::DoNotOptimize(index.memory_bytes());
+  }
+  state.counters["database_bytes_per_picture"] =
+      static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(state.range(0));
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
+}
+
+BENCHMARK(BM_RankTfIdf)->Apply(Sizes);
+BENCHMARK(BM_RankTfIdfByObject)->Apply(Sizes);
+BENCHMARK(BM_RankHistogram)->Args({100'000, 10, 2})->Apply(Sizes);
+BENCHMARK(BM_AddOne)
+    ->ArgNames({"pictures", "words"})
+    ->Args({100'000, 1000})
+    ->Args({100'000, 65'536})
+    ->UseManualTime()
+    ->Iterations(500)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Load)
+    ->ArgNames({"pictures", "words"})
+    ->Args({10'000, 1000})
+    ->Args({100'000, 1000})
+    ->Args({100'000, 65'536})
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace pliant
+
+BENCHMARK_MAIN();
