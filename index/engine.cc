@@ -57,11 +57,11 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
     if (options_.load_descriptor) extractor();
     state_ = std::make_unique<IndexState>(
         std::make_unique<Connection>(file, Connection::Mode::kReadOnly, options_.busy_timeout_ms));
-    state_->CatchUp();
+    if (options_.load_index) state_->CatchUp();
     if (!options_.read_only) {
       writer_ = std::make_unique<WriteQueue>(
           std::make_unique<Connection>(file, mode, options_.busy_timeout_ms),
-          [this] { state_->CatchUp(); });
+          [this] { state_->CatchUpIfLoaded(); });
     }
   });
 }

@@ -40,6 +40,8 @@ struct EngineOptions {
   // false: the descriptor is made by the first call that describes a picture, so that weights are
   // neither needed nor checked before.
   bool load_descriptor = true;
+  // false: the inverted index is loaded by the first call that needs it.
+  bool load_index = true;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
 };
 

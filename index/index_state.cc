@@ -26,6 +26,11 @@ void IndexState::CatchUp() {
   CatchUpLocked();
 }
 
+void IndexState::CatchUpIfLoaded() {
+  const std::lock_guard lock(update_mutex_);
+  if (!reload_) CatchUpLocked();
+}
+
 void IndexState::CatchUpLocked() {
   const std::int64_t version = watch_->Scalar("PRAGMA data_version");
   if (version == data_version_) return;

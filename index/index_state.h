@@ -34,6 +34,7 @@ class IndexState {
   // new pictures are those with greater keys, removed ones are in the table `removals`, another
   // active vocabulary is loaded anew. Thread-safe; throws what the database throws and kCorrupt.
   void CatchUp();
+  void CatchUpIfLoaded();  // nothing before the first CatchUp
 
   // kNotFound for an unknown collection. Thread-safe.
   CollectionView Find(const std::string& collection) const;

@@ -97,6 +97,8 @@ CREATE TABLE removals (
 );
 CREATE TRIGGER picture_removed AFTER DELETE ON pictures BEGIN
   INSERT INTO removals (picture) VALUES (old.key);
+  -- A reader that missed more than these loads everything anew.
+  DELETE FROM removals WHERE seq <= (SELECT max(seq) FROM removals) - 10000;
 END;
 )sql";
 

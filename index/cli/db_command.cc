@@ -30,6 +30,7 @@ Engine OpenEngine(Options& options, Access access) {
   options.engine.descriptor.clear();
   options.engine.create = false;
   options.engine.load_descriptor = false;
+  options.engine.load_index = false;
   options.engine.read_only = access == Access::kRead;
   return Engine(options.engine);
 }

@@ -29,6 +29,7 @@ Engine OpenEngine(Options& options, bool read_only) {
   options.engine.descriptor.clear();
   options.engine.create = false;
   options.engine.load_descriptor = false;
+  options.engine.load_index = false;
   options.engine.read_only = read_only;
   return Engine(options.engine);
 }

@@ -528,6 +528,11 @@ TEST_F(EngineTest, WhatAnotherProcessDoesIsSeen) {
   EXPECT_EQ(server.Search(RandomPng(9), ByImage()).hits[0].image_id, "new");
   tool.Remove("default", "p1");
   EXPECT_THAT(Ids(server.Search(RandomPng(1), ByImage())), Not(::testing::Contains("p1")));
+  tool.Remove("default", "p4");
+  // Removals that are too old are forgotten; whoever missed them must still not show the picture.
+  SQLite::Database((folder_ / "a.db").string(), SQLite::OPEN_READWRITE)
+      .exec("DELETE FROM removals");
+  EXPECT_THAT(Ids(server.Search(RandomPng(4), ByImage())), Not(::testing::Contains("p4")));
   Add(tool, RandomPng(10), "new", "p2");  // replaced
   EXPECT_EQ(server.Search(RandomPng(10), ByImage()).hits[0].image_id, "p2");
   tool.UseVocabulary("default", Train(tool, 25, 5).id);
