@@ -102,7 +102,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
       EXPECT_EQ(found["hits"][0]["object"], "o" + std::to_string(i));
     }
   }
-  const Json found = Query(3, {"--top", "2", "--group-by", "image"});
+  const Json found = Query(3, {"--top", "2", "--group-by", "image", "--verify", "none"});
   EXPECT_EQ(found["hits"].size(), 2u);
   EXPECT_EQ(found["vocabulary"], 1);
   EXPECT_GT(found["took_ms"], 0.0);
@@ -118,12 +118,16 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_LE(unverified["score"], hit["score"]);
   EXPECT_EQ(hit["metadata"], Json::object());
   EXPECT_GT(hit["score"], found["hits"][1]["score"]);
+  const Json verified = Query(3)["hits"][0];
+  EXPECT_GT(verified["inliers"], 10);
+  EXPECT_GE(verified["polygon"].size(), 3u);
+  EXPECT_GE(verified["score"], hit["score"]);
   EXPECT_LT(Query(3, {"--region", "0,0,80,120"})["keypoints"], found["keypoints"]);
   EXPECT_EQ(Query(3, {"--object", "o4"})["hits"][0]["object"], "o4");
 
   const ProgramResult text = RunProgram({"query", (folder_ / "query.png").string(), "--db", db_});
   EXPECT_EQ(text.status, 0);
-  EXPECT_THAT(text.out, StartsWith("rank   score  object"));
+  EXPECT_THAT(text.out, StartsWith("rank   score  inliers  object"));
   EXPECT_THAT(text.out, HasSubstr("view.png"));
 }
 
