@@ -102,7 +102,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
       EXPECT_EQ(found["hits"][0]["object"], "o" + std::to_string(i));
     }
   }
-  const Json found = Query(3, {"--top", "2", "--group-by", "image", "--verify", "none"});
+  const Json found = Query(3, {"--top", "2", "--group-by", "image"});
   EXPECT_EQ(found["hits"].size(), 2u);
   EXPECT_EQ(found["vocabulary"], 1);
   EXPECT_GT(found["took_ms"], 0.0);
@@ -118,10 +118,6 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_LE(unverified["score"], hit["score"]);
   EXPECT_EQ(hit["metadata"], Json::object());
   EXPECT_GT(hit["score"], found["hits"][1]["score"]);
-  const Json verified = Query(3)["hits"][0];
-  EXPECT_GT(verified["inliers"], 10);
-  EXPECT_GE(verified["polygon"].size(), 3u);
-  EXPECT_GE(verified["score"], hit["score"]);
   EXPECT_LT(Query(3, {"--region", "0,0,80,120"})["keypoints"], found["keypoints"]);
   EXPECT_EQ(Query(3, {"--object", "o4"})["hits"][0]["object"], "o4");
 
