@@ -226,7 +226,8 @@ WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options) {
 void CheckExposure(const ServerOptions& options) {
   if (options.allow_open_access) return;
   const std::string host = MakeHttpOptions(options).host;
-  if (AllLoopback(host)) return;
+  // RFC 6761, 6.3: this name is loopback whatever the resolver says.
+  if (host == "localhost" || AllLoopback(host)) return;
   throw Error(ErrorCode::kInvalidArgument, "open_access",
               "--listen " + options.listen +
                   " is open to other machines, and there are no API keys: anyone who reaches the "
