@@ -13,11 +13,15 @@ namespace pliant::simulation {
 namespace {
 
 using Eigen::Vector3f;
+using Eigen::Vector4f;
 
 constexpr float kFrame = 1.0F / 60.0F;
 constexpr float kMaxSpeed = 12.0F;  // units / s; keeps a bad collision from throwing cloth away
 
 std::size_t At(int index) { return static_cast<std::size_t>(index); }
+
+Vector3f In3(const Vector4f& v) { return v.head<3>(); }
+Vector4f In4(const Vector3f& v) { return {v.x(), v.y(), v.z(), 0.0F}; }
 
 }  // namespace
 
@@ -41,9 +45,11 @@ Vector3f Wind::At(const Vector3f& position, float time) const {
 }
 
 Cloth::Cloth(const Body& body, const std::vector<Vector3f>& start, ClothOptions options)
-    : body_(body), options_(std::move(options)), positions_(start), previous_(start) {
+    : body_(body), options_(std::move(options)) {
   const std::size_t count = start.size();
-  velocities_.assign(count, Vector3f::Zero());
+  for (const Vector3f& position : start) positions_.push_back(In4(position));
+  previous_ = positions_;
+  velocities_.assign(count, Vector4f::Zero());
   normals_.assign(count, Vector3f(0.0F, 0.0F, -1.0F));
   air_.assign(count, Vector3f::Zero());
   inverse_mass_.assign(count, 1.0F);
@@ -74,8 +80,8 @@ void Cloth::UpdateNormals() {
         const std::array corners{chart.At(column, row), chart.At(column + 1, row),
                                  chart.At(column, row + 1), chart.At(column + 1, row + 1)};
         if (std::ranges::min(corners) < 0) continue;
-        const Vector3f across = positions_[At(corners[3])] - positions_[At(corners[0])];
-        const Vector3f down = positions_[At(corners[2])] - positions_[At(corners[1])];
+        const Vector3f across = In3(positions_[At(corners[3])] - positions_[At(corners[0])]);
+        const Vector3f down = In3(positions_[At(corners[2])] - positions_[At(corners[1])]);
         const Vector3f normal = down.cross(across);
         for (const int corner : corners) normals_[At(corner)] += normal;
       }
@@ -86,7 +92,7 @@ void Cloth::UpdateNormals() {
 
 void Cloth::UpdateAir() {
   for (std::size_t i = 0; i < positions_.size(); ++i) {
-    air_[i] = options_.wind.At(positions_[i], time_s_);
+    air_[i] = options_.wind.At(In3(positions_[i]), time_s_);
   }
 }
 
@@ -98,7 +104,7 @@ void Cloth::Run(int frames) {
     const float dt = kFrame / static_cast<float>(options_.substeps);
     for (int i = 0; i < options_.substeps; ++i) Substep(dt);
   }
-  for (const Vector3f& position : positions_) {
+  for (const Vector4f& position : positions_) {
     if (!position.allFinite()) {
       throw Error(ErrorCode::kInternal, "simulation_diverged", "the cloth simulation diverged");
     }
@@ -108,7 +114,7 @@ void Cloth::Run(int frames) {
 void Cloth::MovePins(float dt) {
   for (const Pin& pin : options_.pins) {
     if (time_s_ < pin.until_s) {
-      positions_[At(pin.particle)] += pin.velocity * dt;
+      positions_[At(pin.particle)] += In4(pin.velocity) * dt;
     } else if (pin.release) {
       inverse_mass_[At(pin.particle)] = 1.0F;
     }
@@ -121,9 +127,9 @@ void Cloth::Substep(float dt) {
   const float keep = std::exp(-options_.damping * dt);
   for (std::size_t i = 0; i < positions_.size(); ++i) {
     if (inverse_mass_[i] == 0.0F) continue;
-    const float blow = normals_[i].dot(air_[i] - velocities_[i]);
+    const float blow = normals_[i].dot(air_[i] - In3(velocities_[i]));
     const Vector3f push = normals_[i] * (options_.drag * blow + options_.pressure);
-    velocities_[i] = (velocities_[i] + (options_.gravity + push) * dt) * keep;
+    velocities_[i] = (velocities_[i] + In4(options_.gravity + push) * dt) * keep;
     const float speed = velocities_[i].norm();
     if (speed > kMaxSpeed) velocities_[i] *= kMaxSpeed / speed;
     positions_[i] += velocities_[i] * dt;
@@ -147,9 +153,9 @@ void Cloth::SolveEdges(const std::vector<Edge>& edges, float alpha) {
   for (const Edge& edge : edges) {
     const float mass_a = inverse_mass_[At(edge.a)];
     const float mass_b = inverse_mass_[At(edge.b)];
-    Vector3f& a = positions_[At(edge.a)];
-    Vector3f& b = positions_[At(edge.b)];
-    const Vector3f d = b - a;
+    Vector4f& a = positions_[At(edge.a)];
+    Vector4f& b = positions_[At(edge.b)];
+    const Vector4f d = b - a;
     const float length = std::sqrt(d.squaredNorm()) + 1e-9F;
     const float scale = (length - edge.rest) / (length * (mass_a + mass_b + alpha + 1e-9F));
     a += d * (scale * mass_a);
@@ -159,47 +165,50 @@ void Cloth::SolveEdges(const std::vector<Edge>& edges, float alpha) {
 
 void Cloth::SolveAttachments() {
   for (const Attachment& attachment : attachments_) {
-    Vector3f& position = positions_[At(attachment.particle)];
-    const Vector3f offset = position - positions_[At(attachment.pin)];
+    Vector4f& position = positions_[At(attachment.particle)];
+    const Vector4f offset = position - positions_[At(attachment.pin)];
     const float squared = offset.squaredNorm();
     if (squared <= attachment.reach * attachment.reach) continue;
     position -= offset * (1.0F - attachment.reach / std::sqrt(squared));
   }
 }
 
-// Pairs of particles that are close in space but not on the cloth, through a uniform grid whose
-// cells are sorted by key.
+// Pairs of particles that are close in space but not on the cloth, through a hashed uniform grid:
+// particles sorted by bucket, buckets found by their first entry.
 void Cloth::FindContacts() {
   contacts_.clear();
+  constexpr std::uint32_t kBuckets = 1U << 13U;
   const float cell = 1.5F * contact_distance_;
-  const auto key = [cell](const Vector3f& position, int dx, int dy, int dz) {
-    const auto axis = [cell](float x, int d) {
-      return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x / cell)) + d +
-                                        (1 << 20)) &
-             0x1FFFFFU;
-    };
-    return (axis(position.x(), dx) << 42U) | (axis(position.y(), dy) << 21U) |
-           axis(position.z(), dz);
+  const auto bucket = [](const Eigen::Vector3i& at) {
+    return ((static_cast<std::uint32_t>(at.x()) * 73856093U) ^
+            (static_cast<std::uint32_t>(at.y()) * 19349663U) ^
+            (static_cast<std::uint32_t>(at.z()) * 83492791U)) %
+           kBuckets;
   };
-  std::vector<std::pair<std::uint64_t, int>> cells;
-  cells.reserve(positions_.size());
+  const auto cell_of = [cell](const Vector4f& position) -> Eigen::Vector3i {
+    return (position.head<3>() / cell).array().floor().cast<int>();
+  };
+  std::vector<int> first(kBuckets + 1, 0);
+  for (const Vector4f& position : positions_) ++first[bucket(cell_of(position)) + 1];
+  for (std::size_t i = 0; i < kBuckets; ++i) first[i + 1] += first[i];
+  std::vector<int> members(positions_.size());
+  std::vector<int> filled = first;
   for (std::size_t i = 0; i < positions_.size(); ++i) {
-    cells.emplace_back(key(positions_[i], 0, 0, 0), static_cast<int>(i));
+    members[At(filled[bucket(cell_of(positions_[i]))]++)] = static_cast<int>(i);
   }
-  std::ranges::sort(cells);
   const float apart_on_cloth = 2.5F * body_.spacing;
-  const float near = cell * cell;
-  for (const auto& [own, a] : cells) {
-    const Vector3f& position = positions_[At(a)];
+  for (std::size_t a = 0; a < positions_.size(); ++a) {
+    const Eigen::Vector3i own = cell_of(positions_[a]);
     for (int neighbour = 0; neighbour < 27; ++neighbour) {
-      const std::uint64_t wanted =
-          key(position, neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
-      auto it = std::ranges::lower_bound(cells, std::pair(wanted, a + 1));
-      for (; it != cells.end() && it->first == wanted; ++it) {
-        const int b = it->second;
-        if ((positions_[At(b)] - position).squaredNorm() > near) continue;
-        if ((body_.rest[At(b)] - body_.rest[At(a)]).norm() < apart_on_cloth) continue;
-        contacts_.push_back({a, b});
+      const Eigen::Vector3i step(neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
+      const std::uint32_t there = bucket(own + step);
+      for (int k = first[there]; k < first[there + 1]; ++k) {
+        const std::size_t b = At(members[At(k)]);
+        if (b <= a || (positions_[b] - positions_[a]).squaredNorm() > cell * cell) continue;
+        if ((body_.rest[b] - body_.rest[a]).squaredNorm() < apart_on_cloth * apart_on_cloth)
+          continue;
+        if (cell_of(positions_[b]) != own + step) continue;  // another cell of the same bucket
+        contacts_.push_back({static_cast<int>(a), static_cast<int>(b)});
       }
     }
   }
@@ -209,9 +218,9 @@ void Cloth::SolveContacts() {
   for (const Contact& contact : contacts_) {
     const float mass_a = inverse_mass_[At(contact.a)];
     const float mass_b = inverse_mass_[At(contact.b)];
-    Vector3f& a = positions_[At(contact.a)];
-    Vector3f& b = positions_[At(contact.b)];
-    const Vector3f d = b - a;
+    Vector4f& a = positions_[At(contact.a)];
+    Vector4f& b = positions_[At(contact.b)];
+    const Vector4f d = b - a;
     const float squared = d.squaredNorm();
     if (squared >= contact_distance_ * contact_distance_ || mass_a + mass_b == 0.0F) continue;
     const float length = std::sqrt(squared) + 1e-9F;
@@ -228,22 +237,29 @@ void Cloth::SolveSolids() {
     for (std::size_t i = 0; i < positions_.size(); ++i) {
       if (inverse_mass_[i] == 0.0F) continue;
       Vector3f normal;
-      const float depth = options_.thickness - solid.Distance(positions_[i], normal);
+      const float depth = options_.thickness - solid.Distance(In3(positions_[i]), normal);
       if (depth <= 0.0F) continue;
-      positions_[i] += normal * depth;
-      const Vector3f moved = positions_[i] - previous_[i];
+      positions_[i] += In4(normal * depth);
+      const Vector3f moved = In3(positions_[i] - previous_[i]);
       const Vector3f slide = moved - normal * normal.dot(moved);
       const float length = slide.norm();
       if (length < 1e-9F) continue;
-      positions_[i] -= slide * std::min(1.0F, solid.friction * depth / length);
+      positions_[i] -= In4(slide * std::min(1.0F, solid.friction * depth / length));
     }
   }
+}
+
+std::vector<Vector3f> Cloth::positions() const {
+  std::vector<Vector3f> out;
+  out.reserve(positions_.size());
+  for (const Vector4f& position : positions_) out.push_back(In3(position));
+  return out;
 }
 
 void Cloth::Relax(float target, int max_passes) {
   std::ranges::fill(inverse_mass_, 1.0F);
   for (int pass = 0; pass < max_passes; ++pass) {
-    if (pass % 5 == 0 && StretchQuantile(body_, positions_, 0.95F) <= target) return;
+    if (pass % 5 == 0 && StretchQuantile(body_, positions(), 0.95F) <= target) return;
     SolveEdges(body_.structural, 0.0F);
   }
 }

@@ -69,7 +69,7 @@ class Cloth {
   // all pins: for a pose that is to be kept.
   void Relax(float target, int max_passes);
 
-  const std::vector<Eigen::Vector3f>& positions() const { return positions_; }
+  std::vector<Eigen::Vector3f> positions() const;
   float time_s() const { return time_s_; }
 
  private:
@@ -94,7 +94,9 @@ class Cloth {
 
   const Body& body_;
   ClothOptions options_;
-  std::vector<Eigen::Vector3f> positions_, previous_, velocities_, normals_, air_;
+  // The fourth value is zero: a position is one vector register.
+  std::vector<Eigen::Vector4f> positions_, previous_, velocities_;
+  std::vector<Eigen::Vector3f> normals_, air_;
   std::vector<float> inverse_mass_;
   std::vector<Attachment> attachments_;
   std::vector<Contact> contacts_;

@@ -101,8 +101,8 @@ float ShadowMap::Visible(const Vector3f& point) const {
     for (int i = 0; i < kTaps; ++i) {
       const float dx = (2.0F * static_cast<float>(i) / (kTaps - 1) - 1.0F) * spread_;
       const float dy = (2.0F * static_cast<float>(j) / (kTaps - 1) - 1.0F) * spread_;
-      const int x = static_cast<int>(std::lround(at.x() + dx));
-      const int y = static_cast<int>(std::lround(at.y() + dy));
+      const int x = static_cast<int>(std::floor(at.x() + dx + 0.5F));
+      const int y = static_cast<int>(std::floor(at.y() + dy + 0.5F));
       if (x < 0 || y < 0 || x >= depth_.width() || y >= depth_.height() ||
           depth_.nearness(x, y) <= near)
         ++lit;

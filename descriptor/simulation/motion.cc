@@ -283,8 +283,8 @@ Motion Wear(const Body& body, Random& random, float strength) {
 
 Pose Finish(const Body& body, Cloth& cloth, const Motion& motion) {
   cloth.Relax(kStretchTarget, kRelaxPasses);
-  return {motion.name, cloth.positions(), motion.cloth.solids,
-          StretchQuantile(body, cloth.positions(), 0.95F)};
+  const std::vector<Vector3f> positions = cloth.positions();
+  return {motion.name, positions, motion.cloth.solids, StretchQuantile(body, positions, 0.95F)};
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ using Eigen::Vector3f;
 
 constexpr int kSamples = 2;          // per pixel and axis
 constexpr float kNearPlane = 0.05F;  // camera units
+constexpr float kMagnified = -0.9F;  // level of detail from which a pixel covers hardly a texel
 
 // Values that are linear over the picture after division by depth: value(x, y) = dx x + dy y +
 // base.
@@ -35,6 +36,7 @@ struct Drawn {
   const Surface* surface = nullptr;
   Array2f low_uv, high_uv;  // of the corners
   bool front = true;
+  bool smooth = false;  // changes so little within a pixel that one sample will do
 };
 
 struct Corner {
@@ -75,17 +77,69 @@ float LevelOfDetail(const Surface& surface, const std::array<int, 3>& triangle,
   return 0.5F * std::log2(std::max(1e-6F, largest));
 }
 
+// A triangle in sample coordinates.
+struct Projected {
+  std::array<Array2f, 3> at;
+  std::array<float, 3> near{};
+  float area = 0.0F;  // positive: its front is seen
+
+  bool IsSeen(const DepthBuffer& buffer, bool closed) const {
+    if (std::ranges::min(near) <= 0.0F || std::abs(area) < 1e-9F || (closed && area < 0.0F))
+      return false;
+    const Array2f low = at[0].min(at[1]).min(at[2]);
+    const Array2f high = at[0].max(at[1]).max(at[2]);
+    return high.x() >= 0.0F && high.y() >= 0.0F && low.x() <= static_cast<float>(buffer.width()) &&
+           low.y() <= static_cast<float>(buffer.height());
+  }
+};
+
+Drawn MakeDrawn(const Surface& surface, const VertexLight& light,
+                const std::array<int, 3>& triangle, const Projected& projected) {
+  const Material& material = surface.material;
+  Drawn drawn;
+  drawn.surface = &surface;
+  drawn.front = projected.area > 0.0F;
+  drawn.lod = LevelOfDetail(surface, triangle, projected.at, projected.area);
+  if (material.weave > 0.0F && material.texture != nullptr) {
+    // Threads that are smaller than two samples would only make moire.
+    const float threads =
+        std::exp2(drawn.lod) * material.threads / static_cast<float>(material.texture->width());
+    drawn.weave = material.weave * std::clamp(1.5F - 3.0F * threads, 0.0F, 1.0F);
+  }
+  drawn.smooth = drawn.weave == 0.0F && (material.texture == nullptr || drawn.lod < kMagnified);
+  std::array<Colour, 3> place, lit, gloss;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto i = static_cast<std::size_t>(triangle[k]);
+    const Array2f& uv = surface.uv[i];
+    drawn.low_uv = k == 0 ? uv : drawn.low_uv.min(uv).eval();
+    drawn.high_uv = k == 0 ? uv : drawn.high_uv.max(uv).eval();
+    place[k] = Colour(1.0F, uv.x(), uv.y(), 0.0F) * projected.near[k];
+    lit[k] = (drawn.front ? light.front[i] : light.back[i]) * projected.near[k];
+    gloss[k] = light.gloss[i] * projected.near[k];
+  }
+  drawn.place = MakePlane(projected.at, place, projected.area);
+  drawn.light = MakePlane(projected.at, lit, projected.area);
+  if (material.gloss > 0.0F) drawn.gloss = MakePlane(projected.at, gloss, projected.area);
+  return drawn;
+}
+
 class Drawing {
  public:
-  Drawing(const Camera& camera)
+  explicit Drawing(const Camera& camera)
       : camera_(camera), depth_(camera.width * kSamples, camera.height * kSamples) {}
 
   void Add(const Surface& surface, const VertexLight& light);
   Frame Resolve(const std::vector<Colour>& backdrop) const;
 
  private:
+  static float SampleOfCentre(int pixel) {
+    return (static_cast<float>(pixel) + 0.5F) * kSamples - 0.5F;
+  }
+  // The triangle that all samples of a pixel show, or -1.
+  std::int32_t OnlyTriangle(int x, int y) const;
   Colour Shade(const Drawn& drawn, float x, float y) const;
   void ResolvePixel(int x, int y, const Colour& behind, Frame& frame) const;
+  void WriteTruth(const Drawn& drawn, int x, int y, Frame& frame) const;
 
   const Camera& camera_;
   DepthBuffer depth_;
@@ -100,59 +154,28 @@ void Drawing::Add(const Surface& surface, const VertexLight& light) {
     // Pixel centres are at integers; sample s of a pixel is at (s + 0.5) / kSamples - 0.5.
     corners[i] = {(camera_.Project(p) + 0.5F) * kSamples - 0.5F, 1.0F / p.z()};
   }
+  const bool cut = surface.outline != nullptr && !surface.outline->empty();
   for (const auto& triangle : surface.triangles) {
-    std::array<Array2f, 3> at;
-    std::array<float, 3> near{};
+    Projected projected;
     for (std::size_t k = 0; k < 3; ++k) {
       const Corner& corner = corners[static_cast<std::size_t>(triangle[k])];
-      at[k] = corner.at;
-      near[k] = corner.inverse_z;
+      projected.at[k] = corner.at;
+      projected.near[k] = corner.inverse_z;
     }
-    if (std::ranges::min(near) <= 0.0F) continue;
-    const Array2f e1 = at[1] - at[0];
-    const Array2f e2 = at[2] - at[0];
-    const float area = e1.x() * e2.y() - e2.x() * e1.y();
-    if (std::abs(area) < 1e-9F || (surface.closed && area < 0.0F)) continue;
-    const Array2f low = at[0].min(at[1]).min(at[2]);
-    const Array2f high = at[0].max(at[1]).max(at[2]);
-    if (high.x() < 0.0F || high.y() < 0.0F || low.x() > static_cast<float>(depth_.width()) ||
-        low.y() > static_cast<float>(depth_.height()))
-      continue;
-    Drawn drawn;
-    drawn.surface = &surface;
-    drawn.front = area > 0.0F;
-    const auto uv = [&](std::size_t k) {
-      return surface.uv[static_cast<std::size_t>(triangle[k])];
-    };
-    drawn.low_uv = uv(0).min(uv(1)).min(uv(2));
-    drawn.high_uv = uv(0).max(uv(1)).max(uv(2));
-    drawn.lod = LevelOfDetail(surface, triangle, at, area);
-    if (surface.material.weave > 0.0F && surface.material.texture != nullptr) {
-      // Threads that are smaller than two samples would only make moire.
-      const float threads = std::exp2(drawn.lod) * surface.material.threads /
-                            static_cast<float>(surface.material.texture->width());
-      drawn.weave = surface.material.weave * std::clamp(1.5F - 3.0F * threads, 0.0F, 1.0F);
-    }
-    std::array<Colour, 3> place, lit, gloss;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto i = static_cast<std::size_t>(triangle[k]);
-      place[k] = Colour(1.0F, surface.uv[i].x(), surface.uv[i].y(), 0.0F) * near[k];
-      lit[k] = (drawn.front ? light.front[i] : light.back[i]) * near[k];
-      gloss[k] = light.gloss[i] * near[k];
-    }
-    drawn.place = MakePlane(at, place, area);
-    drawn.light = MakePlane(at, lit, area);
-    drawn.gloss = MakePlane(at, gloss, area);
+    const Array2f e1 = projected.at[1] - projected.at[0];
+    const Array2f e2 = projected.at[2] - projected.at[0];
+    projected.area = e1.x() * e2.y() - e2.x() * e1.y();
+    if (!projected.IsSeen(depth_, surface.closed)) continue;
     const auto id = static_cast<std::int32_t>(drawn_.size());
-    if (surface.outline != nullptr && !surface.outline->empty()) {
-      depth_.Draw(at, near, id, [&](int x, int y) {
-        const Colour p = drawn.place.At(static_cast<float>(x), static_cast<float>(y));
-        return surface.outline->Contains(p[1] / p[0], p[2] / p[0]);
-      });
-    } else {
-      depth_.Draw(at, near, id);
+    const Drawn& drawn = drawn_.emplace_back(MakeDrawn(surface, light, triangle, projected));
+    if (!cut) {
+      depth_.Draw(projected.at, projected.near, id);
+      continue;
     }
-    drawn_.push_back(drawn);
+    depth_.Draw(projected.at, projected.near, id, [&](int x, int y) {
+      const Colour p = drawn.place.At(static_cast<float>(x), static_cast<float>(y));
+      return surface.outline->Contains(p[1] / p[0], p[2] / p[0]);
+    });
   }
 }
 
@@ -188,9 +211,38 @@ Colour Drawing::Shade(const Drawn& drawn, float x, float y) const {
   return colour;
 }
 
+std::int32_t Drawing::OnlyTriangle(int x, int y) const {
+  const std::int32_t id = depth_.triangle(x * kSamples, y * kSamples);
+  for (int sample = 1; sample < kSamples * kSamples; ++sample) {
+    if (depth_.triangle(x * kSamples + sample % kSamples, y * kSamples + sample / kSamples) != id)
+      return -1;
+  }
+  return id;
+}
+
+// What the pixel's centre sees; the centre may lie just outside a narrow triangle.
+void Drawing::WriteTruth(const Drawn& drawn, int x, int y, Frame& frame) const {
+  const std::size_t at = frame.At(x, y);
+  const Colour place = drawn.place.At(SampleOfCentre(x), SampleOfCentre(y));
+  frame.chart[at] = static_cast<std::uint8_t>(drawn.surface->chart);
+  for (int k = 0; k < 2; ++k) {
+    const float value = std::clamp(place[k + 1] / place[0], drawn.low_uv[k], drawn.high_uv[k]);
+    frame.uv[2 * at + static_cast<std::size_t>(k)] =
+        static_cast<std::uint16_t>(std::lround(value * 65535.0F));
+  }
+}
+
 void Drawing::ResolvePixel(int x, int y, const Colour& behind, Frame& frame) const {
+  const std::size_t at = frame.At(x, y);
+  const std::int32_t only = OnlyTriangle(x, y);
+  if (only >= 0 && drawn_[static_cast<std::size_t>(only)].smooth) {
+    const Drawn& drawn = drawn_[static_cast<std::size_t>(only)];
+    frame.colour[at] = Shade(drawn, SampleOfCentre(x), SampleOfCentre(y));
+    if (drawn.front && drawn.surface->chart >= 0) WriteTruth(drawn, x, y, frame);
+    return;
+  }
   Colour sum = Colour::Zero();
-  std::int32_t nearest = -1;
+  const Drawn* nearest = nullptr;
   float nearness = 0.0F;
   int on_object = 0;
   for (int sample = 0; sample < kSamples * kSamples; ++sample) {
@@ -203,28 +255,16 @@ void Drawing::ResolvePixel(int x, int y, const Colour& behind, Frame& frame) con
     }
     const Drawn& drawn = drawn_[static_cast<std::size_t>(id)];
     sum += Shade(drawn, static_cast<float>(sx), static_cast<float>(sy));
-    if (drawn.front && drawn.surface->chart >= 0) {
-      ++on_object;
-      if (depth_.nearness(sx, sy) > nearness) {
-        nearest = id;
-        nearness = depth_.nearness(sx, sy);
-      }
+    if (!drawn.front || drawn.surface->chart < 0) continue;
+    ++on_object;
+    if (depth_.nearness(sx, sy) > nearness) {
+      nearest = &drawn;
+      nearness = depth_.nearness(sx, sy);
     }
   }
-  const std::size_t at = frame.At(x, y);
   frame.colour[at] = sum / static_cast<float>(kSamples * kSamples);
-  if (on_object * 2 <= kSamples * kSamples) return;
-  // The truth is asked for at the pixel's centre, which may lie just outside a narrow triangle.
-  const Drawn& drawn = drawn_[static_cast<std::size_t>(nearest)];
-  const float centre_x = (static_cast<float>(x) + 0.5F) * kSamples - 0.5F;
-  const float centre_y = (static_cast<float>(y) + 0.5F) * kSamples - 0.5F;
-  const Colour place = drawn.place.At(centre_x, centre_y);
-  frame.chart[at] = static_cast<std::uint8_t>(drawn.surface->chart);
-  for (int k = 0; k < 2; ++k) {
-    const float value = std::clamp(place[k + 1] / place[0], drawn.low_uv[k], drawn.high_uv[k]);
-    frame.uv[2 * at + static_cast<std::size_t>(k)] =
-        static_cast<std::uint16_t>(std::lround(value * 65535.0F));
-  }
+  // More than half of the samples, so that the border of the object is never claimed.
+  if (on_object * 2 > kSamples * kSamples) WriteTruth(*nearest, x, y, frame);
 }
 
 Frame Drawing::Resolve(const std::vector<Colour>& backdrop) const {
