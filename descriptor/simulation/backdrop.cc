@@ -132,7 +132,7 @@ void DrawOccluders(Random& random, const Texture* texture, Frame& frame) {
           colour = texture->Sample(p.x() / static_cast<float>(frame.width),
                                    p.y() / static_cast<float>(frame.height), 1.0F);
         frame.colour[at] += cover * (colour * lit - frame.colour[at]);
-        if (cover > 0.1F && frame.chart[at] != kNoChart) {
+        if (cover > 0.02F && frame.chart[at] != kNoChart) {
           frame.chart[at] = kNoChart;
           frame.uv[2 * at] = 0;
           frame.uv[2 * at + 1] = 0;

@@ -26,11 +26,13 @@ class Wind {
 
  private:
   struct Wave {
-    Eigen::Vector3f direction, wave_vector;
-    float frequency, phase;
+    Eigen::Vector3f direction = Eigen::Vector3f::Zero();
+    Eigen::Vector3f wave_vector = Eigen::Vector3f::Zero();
+    float frequency = 0.0F;
+    float phase = 0.0F;
   };
   Eigen::Vector3f steady_ = Eigen::Vector3f::Zero();
-  std::array<Wave, 3> waves_{};
+  std::array<Wave, 3> waves_;
   float strength_ = 0.0F;
 };
 

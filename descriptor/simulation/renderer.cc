@@ -34,7 +34,7 @@ struct Drawn {
   float lod = 0.0F;
   float weave = 0.0F;  // contrast of the threads at this size
   const Surface* surface = nullptr;
-  Array2f low_uv, high_uv;  // of the corners
+  Array2f low_uv, high_uv;  // of the corners, and half as much again around them
   bool front = true;
   bool smooth = false;  // changes so little within a pixel that one sample will do
 };
@@ -117,6 +117,9 @@ Drawn MakeDrawn(const Surface& surface, const VertexLight& light,
     lit[k] = (drawn.front ? light.front[i] : light.back[i]) * projected.near[k];
     gloss[k] = light.gloss[i] * projected.near[k];
   }
+  const Array2f margin = 0.5F * (drawn.high_uv - drawn.low_uv);
+  drawn.low_uv = (drawn.low_uv - margin).max(0.0F);
+  drawn.high_uv = (drawn.high_uv + margin).min(1.0F);
   drawn.place = MakePlane(projected.at, place, projected.area);
   drawn.light = MakePlane(projected.at, lit, projected.area);
   if (material.gloss > 0.0F) drawn.gloss = MakePlane(projected.at, gloss, projected.area);

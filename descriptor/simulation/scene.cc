@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "descriptor/error.h"
@@ -35,8 +36,15 @@ constexpr std::size_t kOthers = 5;  // pictures besides the object's that a scen
 // The object's picture first, then some others for backgrounds, backs and solids.
 using Cast = std::vector<std::shared_ptr<const Texture>>;
 
-Cast DrawCast(const TextureSource& textures, std::uint64_t index, Random& random) {
-  const auto own = static_cast<std::size_t>(index % textures.size());
+// Which texture scene `index` shows: all of them in turn, but neighbours in the source (often of
+// one kind) far apart, so that the first scenes of a set are as mixed as the whole.
+std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t index) {
+  auto step = static_cast<std::size_t>(0.618 * static_cast<double>(count)) + 1;
+  while (std::gcd(step, count) != 1) ++step;
+  return static_cast<std::size_t>((seed % count + (index % count) * step) % count);
+}
+
+Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random) {
   Cast cast{textures.Get(own)};
   for (std::size_t i = 0; i < kOthers && textures.size() > 1; ++i) {
     const int step = random.Integer(1, static_cast<int>(textures.size()) - 1);
@@ -333,7 +341,8 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
                 "the simulation needs at least one texture");
   }
   Random random(seed, index);
-  Stage stage{DrawCast(textures, index, random), options, {}, {}};
+  const std::size_t own = TextureOfScene(textures.size(), seed, index);
+  Stage stage{DrawCast(textures, own, random), options, {}, {}};
   stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
   Scene scene;
   scene.preset = options.preset;

@@ -85,8 +85,8 @@ struct Scene {
 };
 
 // Makes scene `index` of the set that `seed` stands for. Depends on nothing else: the same on every
-// thread. The object of scene i has texture i modulo the number of textures; backgrounds and backs
-// are other textures. Throws Error kInvalidArgument (options; "textures_missing" for none).
+// thread. Successive scenes show all textures in turn; backgrounds and backs are other textures.
+// Throws Error kInvalidArgument (options; "textures_missing" for none).
 Scene MakeScene(const TextureSource& textures, const SceneOptions& options, std::uint64_t seed,
                 std::uint64_t index);
 

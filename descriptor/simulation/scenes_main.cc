@@ -15,6 +15,7 @@
 
 #include "descriptor/error.h"
 #include "descriptor/simulation/parallel.h"
+#include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"
 
@@ -24,9 +25,12 @@ namespace sim = pliant::simulation;
 namespace fs = std::filesystem;
 
 constexpr const char* kUsage =
-    "usage: pliant-simulate-scenes --textures DIR|PACK --out DIR [--preset pairs] [--scenes N]\n"
+    "usage: pliant-simulate-scenes --textures DIR|PACK|procedural --out DIR [--preset pairs] "
+    "[--scenes N]\n"
     "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
     "         [--occluders 0..1] [--seed S] [--jobs N]\n";
+
+constexpr int kProceduralTextures = 96;
 
 class Arguments {
  public:
@@ -85,7 +89,9 @@ int Run(Arguments arguments) {
   if (scenes < 1 || jobs < 1) Arguments::Fail("--scenes and --jobs must be at least 1");
   sim::Validate(options);
   std::vector<sim::SkippedFile> skipped;
-  const sim::TextureSource source = sim::LoadTextures(textures, sim::DecodePnm, jobs, skipped);
+  const sim::TextureSource source =
+      textures == "procedural" ? sim::ProceduralTextures(kProceduralTextures, seed)
+                               : sim::LoadTextures(textures, sim::DecodePnm, jobs, skipped);
   for (const auto& [file, reason] : skipped)
     std::fprintf(stderr, "skipped %s: %s\n", file.c_str(), reason.c_str());
   std::error_code failed;

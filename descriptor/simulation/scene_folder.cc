@@ -1,0 +1,145 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/simulation/scene_folder.h"
+
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <span>
+#include <system_error>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "descriptor/error.h"
+#include "descriptor/simulation/scene_file.h"
+#include "descriptor/simulation/tensor_file.h"
+
+namespace pliant::simulation {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kPlainJpegQuality = 92;
+
+[[noreturn]] void FailToWrite(const fs::path& path) {
+  throw Error(ErrorCode::kNoSpace, "file_unwritable",
+              "cannot write " + path.string() + "; is the folder writable and the disk not full?");
+}
+
+void WriteBytes(const fs::path& path, std::span<const std::uint8_t> bytes) {
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (!file) FailToWrite(path);
+}
+
+// A folder that gets its real name when everything in it has been written.
+class NewFolder {
+ public:
+  explicit NewFolder(fs::path target)
+      : target_(std::move(target)),
+        part_(target_.parent_path() / ("." + target_.filename().string() + ".part")) {
+    std::error_code failed;
+    fs::remove_all(part_, failed);
+    if (!fs::create_directories(part_, failed) || failed) FailToWrite(part_);
+  }
+  NewFolder(const NewFolder&) = delete;
+  NewFolder& operator=(const NewFolder&) = delete;
+  ~NewFolder() {
+    std::error_code ignored;
+    if (!published_) fs::remove_all(part_, ignored);
+  }
+  fs::path operator/(const std::string& name) const { return part_ / name; }
+  void Publish() {
+    std::error_code failed;
+    fs::rename(part_, target_, failed);
+    if (failed) FailToWrite(target_);
+    published_ = true;
+  }
+
+ private:
+  fs::path target_, part_;
+  bool published_ = false;
+};
+
+int DigitsOf(const Scene& scene) { return scene.views.size() > 100 ? 3 : 2; }
+
+// Red = u, green = v, blue = chart + 1; 0 in blue = not the object's front.
+std::vector<std::uint8_t> EncodeTruth(const View& view) {
+  cv::Mat truth(view.image.height, view.image.width, CV_16UC3, cv::Scalar::all(0));
+  for (std::size_t i = 0; i < view.chart.size(); ++i) {
+    if (view.chart[i] == kNoChart) continue;
+    auto& pixel = truth.at<cv::Vec3w>(static_cast<int>(i));
+    pixel = cv::Vec3w(static_cast<std::uint16_t>(view.chart[i] + 1), view.uv[2 * i + 1],
+                      view.uv[2 * i]);  // BGR
+  }
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(".png", truth, bytes)) {
+    throw Error(ErrorCode::kInternal, "png_failed", "cannot encode a 16-bit PNG");
+  }
+  return bytes;
+}
+
+std::string SceneJson(const Scene& scene) {
+  std::string out = "{\n  \"format\": \"pliant-scene-folder 1\",\n  \"preset\": " +
+                    JsonQuote(ToString(scene.preset)) +
+                    ",\n  \"kind\": " + JsonQuote(ToString(scene.kind)) +
+                    ",\n  \"seed\": " + std::to_string(scene.seed) +
+                    ",\n  \"scene\": " + std::to_string(scene.index) + ",\n  \"charts\": [";
+  for (std::size_t c = 0; c < scene.textures.size(); ++c) {
+    out.append(c > 0 ? ", " : "").append("{\"texture\": ").append(JsonQuote(scene.textures[c]));
+    out.append(", \"width\": ")
+        .append(std::to_string(scene.chart_sizes[c].x()))
+        .append(", \"height\": ")
+        .append(std::to_string(scene.chart_sizes[c].y()))
+        .append("}");
+  }
+  out += "],\n  \"views\": [\n";
+  for (std::size_t v = 0; v < scene.views.size(); ++v) {
+    out.append("    {\"image\": ")
+        .append(JsonQuote(NumberedName("view", v, DigitsOf(scene)) + ".png"));
+    out.append(", \"parameters\": ")
+        .append(ViewJson(scene.views[v]))
+        .append(v + 1 < scene.views.size() ? "},\n" : "}\n");
+  }
+  return out + "  ]\n}\n";
+}
+
+}  // namespace
+
+std::string NumberedName(std::string_view stem, std::uint64_t number, int digits) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "_%0*llu", digits,
+                static_cast<unsigned long long>(number));
+  return std::string(stem) + text.data();
+}
+
+void WriteSceneFolder(const fs::path& folder, const Scene& scene) {
+  NewFolder target(folder);
+  for (std::size_t v = 0; v < scene.views.size(); ++v) {
+    const std::string name = NumberedName("view", v, DigitsOf(scene));
+    WriteBytes(target / (name + ".png"), EncodePng(scene.views[v].image));
+    WriteBytes(target / (name + ".uv.png"), EncodeTruth(scene.views[v]));
+  }
+  const std::string json = SceneJson(scene);
+  WriteBytes(target / "scene.json",
+             {reinterpret_cast<const std::uint8_t*>(json.data()), json.size()});
+  target.Publish();
+}
+
+void WriteObjectFolder(const fs::path& folder, const Scene& scene, bool with_reference) {
+  NewFolder target(folder);
+  for (std::size_t v = 0; v < scene.views.size(); ++v) {
+    if (v == 0 && !with_reference) continue;
+    const View& view = scene.views[v];
+    const std::string name = v == 0 ? "ref.jpg" : NumberedName("view", v, DigitsOf(scene)) + ".jpg";
+    WriteBytes(target / name,
+               EncodeJpeg(view.image, view.photo.jpeg_quality > 0 ? view.photo.jpeg_quality
+                                                                  : kPlainJpegQuality));
+  }
+  target.Publish();
+}
+
+}  // namespace pliant::simulation

@@ -1,0 +1,176 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/simulation/simulate.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <mutex>
+#include <system_error>
+#include <thread>
+
+#include "descriptor/error.h"
+#include "descriptor/image.h"
+#include "descriptor/simulation/parallel.h"
+#include "descriptor/simulation/procedural.h"
+#include "descriptor/simulation/scene.h"
+#include "descriptor/simulation/scene_file.h"
+#include "descriptor/simulation/scene_folder.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kProceduralTextures = 96;
+constexpr int kTextureSide = 768;
+
+void Require(bool condition, const std::string& message) {
+  if (!condition) throw Error(ErrorCode::kInvalidArgument, "option_out_of_range", message);
+}
+
+bool WritesTensors(const SimulateOptions& options, simulation::Preset preset) {
+  Require(options.format == "auto" || options.format == "tensors" || options.format == "folders",
+          "format must be auto, tensors or folders, not '" + options.format + "'");
+  if (options.format == "auto") return preset == simulation::Preset::kPairs;
+  return options.format == "tensors";
+}
+
+simulation::SceneOptions ToSceneOptions(const SimulateOptions& options) {
+  simulation::SceneOptions scene;
+  scene.preset = simulation::ParsePreset(options.preset);
+  scene.views = options.views;
+  scene.width = options.width;
+  scene.height = options.height;
+  scene.channels = options.colour || scene.preset == simulation::Preset::kObjects ? 3 : 1;
+  scene.strength = static_cast<float>(options.strength);
+  scene.occluders = static_cast<float>(options.occluders);
+  simulation::Validate(scene);
+  Require(options.scenes >= 1, "the number of scenes must be at least 1");
+  Require(options.first >= 0, "the first scene's number must not be negative");
+  Require(options.distractors >= 0, "the number of distractors must not be negative");
+  Require(options.distractors == 0 || scene.preset == simulation::Preset::kObjects,
+          "distractors go with the preset objects only");
+  Require(options.jobs >= 0, "the number of jobs must not be negative (0 = one a core)");
+  Require(!options.textures.empty(), "a folder of textures is needed (or the word procedural)");
+  Require(!options.out.empty(), "an output folder is needed");
+  return scene;
+}
+
+Image DecodeTexture(std::span<const std::uint8_t> bytes) {
+  DecodeOptions decode;
+  decode.max_side_px = kTextureSide;
+  decode.colour = true;
+  return DecodeImage(bytes, decode).image;
+}
+
+simulation::TextureSource OpenTextures(const SimulateOptions& options, int jobs,
+                                       SimulateReport& report) {
+  if (options.textures == "procedural")
+    return simulation::ProceduralTextures(kProceduralTextures, options.seed);
+  std::vector<simulation::SkippedFile> skipped;
+  simulation::TextureSource source =
+      simulation::LoadTextures(options.textures, DecodeTexture, jobs, skipped);
+  for (const auto& [file, reason] : skipped) report.skipped.push_back({file, reason});
+  return source;
+}
+
+// One run: which scenes, where they go, and what has been made so far.
+class Run {
+ public:
+  Run(const SimulateOptions& options, const simulation::SceneOptions& scene,
+      const simulation::TextureSource& textures, SimulateReport& report)
+      : options_(options),
+        scene_(scene),
+        textures_(textures),
+        report_(report),
+        tensors_(WritesTensors(options, scene.preset)) {}
+
+  void Make(std::int64_t i) {
+    const std::int64_t number = options_.first + i;
+    const bool distractor = i >= options_.scenes;
+    const fs::path path = fs::path(options_.out) / Name(number, distractor);
+    const bool exists = fs::exists(path);
+    simulation::Scene scene;
+    if (!exists) {
+      scene = simulation::MakeScene(textures_, scene_, options_.seed,
+                                    static_cast<std::uint64_t>(number));
+      Write(path, scene, distractor);
+    }
+    Count(scene, exists);
+  }
+  void Finish() {
+    if (report_.pictures > 0)
+      report_.mean_stretch = stretch_ / static_cast<double>(report_.pictures);
+  }
+
+ private:
+  std::string Name(std::int64_t number, bool distractor) const {
+    const auto index = static_cast<std::uint64_t>(number);
+    if (tensors_) return simulation::SceneFileName(index);
+    if (scene_.preset != simulation::Preset::kObjects)
+      return simulation::NumberedName("scene", index, 6);
+    return simulation::NumberedName(distractor ? "distractor" : "object", index + 1, 4);
+  }
+  void Write(const fs::path& path, const simulation::Scene& scene, bool distractor) const {
+    if (tensors_) {
+      simulation::WriteSceneFile(path, scene);
+    } else if (scene_.preset == simulation::Preset::kObjects) {
+      simulation::WriteObjectFolder(path, scene, !distractor);
+    } else {
+      simulation::WriteSceneFolder(path, scene);
+    }
+  }
+  void Count(const simulation::Scene& scene, bool exists) {
+    const std::lock_guard lock(mutex_);
+    ++(exists ? report_.unchanged : report_.scenes);
+    report_.pictures += static_cast<std::int64_t>(scene.views.size());
+    for (const simulation::View& view : scene.views) {
+      stretch_ += static_cast<double>(view.stretch_p95);
+      report_.worst_stretch =
+          std::max(report_.worst_stretch, static_cast<double>(view.stretch_p95));
+    }
+    if (!options_.progress) return;
+    if (!options_.progress(report_.scenes + report_.unchanged,
+                           options_.scenes + options_.distractors)) {
+      throw Error(ErrorCode::kCancelled, "simulation_stopped",
+                  "stopped on request; the scenes that were written are complete");
+    }
+  }
+
+  const SimulateOptions& options_;
+  const simulation::SceneOptions& scene_;
+  const simulation::TextureSource& textures_;
+  std::mutex mutex_;  // guards report_ and stretch_
+  SimulateReport& report_;
+  double stretch_ = 0.0;
+  bool tensors_;
+};
+
+}  // namespace
+
+SimulateReport Simulate(const SimulateOptions& options) {
+  const simulation::SceneOptions scene = ToSceneOptions(options);
+  (void)WritesTensors(options, scene.preset);  // refuses an unknown format before anything is read
+  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int jobs = options.jobs > 0 ? options.jobs : cores;
+  SimulateReport report;
+  const simulation::TextureSource textures = OpenTextures(options, jobs, report);
+  report.textures = static_cast<std::int64_t>(textures.size());
+  std::error_code failed;
+  fs::create_directories(options.out, failed);
+  if (failed) {
+    throw Error(ErrorCode::kNoSpace, "file_unwritable",
+                "cannot make the output folder " + options.out + ": " + failed.message());
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  Run run(options, scene, textures, report);
+  simulation::ParallelFor(static_cast<std::size_t>(options.scenes + options.distractors), jobs,
+                          [&run](std::size_t i) { run.Make(static_cast<std::int64_t>(i)); });
+  run.Finish();
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return report;
+}
+
+}  // namespace pliant

@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Makes sets of simulated scenes on disk; what `pliant simulate` calls.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace pliant {
+
+struct SimulateOptions {
+  // A folder of pictures of any type that Pliant reads (searched in depth), a safetensors pack, or
+  // "procedural" for pictures that are painted on the spot.
+  std::string textures;
+  std::string out;               // folder, made when it is not there
+  std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar
+  std::string format = "auto";   // tensors, folders; auto: tensors for pairs, else folders
+  std::int64_t scenes = 100;
+  std::int64_t first = 0;        // number of the first scene: a set can be made in parts
+  std::int64_t distractors = 0;  // preset objects: folders with views of further objects, no ref
+  int views = 0;                 // a scene, the reference included; 0 = the preset's own
+  int width = 640;               // of each view, pixels
+  int height = 480;
+  bool colour = false;      // always true for the preset objects
+  double strength = 1.0;    // of deformation, light and noise, (0, 1]
+  double occluders = 0.25;  // probability that a view is partly hidden
+  std::uint64_t seed = 1;
+  int jobs = 0;  // threads; 0 = one a core
+  // Told after each scene (made, wanted), from any thread, never two at once. Returning false
+  // stops; what was written stays.
+  std::function<bool(std::int64_t done, std::int64_t total)> progress;
+};
+
+struct SimulateReport {
+  std::int64_t scenes = 0;     // made now
+  std::int64_t unchanged = 0;  // were there already
+  std::int64_t pictures = 0;   // made now
+  std::int64_t textures = 0;   // usable
+  double seconds = 0.0;
+  // Residual stretch of the cloth (95th percentile over the edges of a view): the mean over all
+  // views, and the worst view.
+  double mean_stretch = 0.0;
+  double worst_stretch = 0.0;
+  struct Skipped {
+    std::string file, reason;
+  };
+  std::vector<Skipped> skipped;  // textures that could not be used
+};
+
+// The same options give the same files to the bit on one machine, whatever `jobs` is. Scenes appear
+// complete or not at all; those that are there are kept, so a stopped run goes on where it was.
+// Throws Error: kInvalidArgument ("option_out_of_range", "preset_unknown", "textures_missing"),
+// kNotFound "textures_not_found", kNoSpace "file_unwritable", kCancelled "simulation_stopped".
+SimulateReport Simulate(const SimulateOptions& options);
+
+}  // namespace pliant
