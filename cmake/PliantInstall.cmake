@@ -6,7 +6,7 @@ include(CMakePackageConfigHelpers)
 set(PLIANT_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Pliant)
 
 install(TARGETS pliant pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-install(TARGETS pliant_descriptor pliant_vocab pliant_index EXPORT PliantTargets
+install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EXPORT PliantTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
@@ -15,6 +15,8 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES descriptor/descriptor.h descriptor/distance.h descriptor/error.h descriptor/features.h descriptor/image.h
               descriptor/keypoints.h descriptor/sha256.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor)
+install(FILES descriptor/simulation/simulate.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor/simulation)
 install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/vocabulary.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/vocab)
 install(FILES index/engine.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)

@@ -6,15 +6,12 @@
 #include <charconv>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <map>
-#include <mutex>
 #include <string>
-#include <thread>
 
 #include "descriptor/error.h"
-#include "descriptor/simulation/parallel.h"
+#include "descriptor/parallel.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"
@@ -83,10 +80,11 @@ int Run(Arguments arguments) {
   const auto scenes = arguments.Number<std::uint64_t>("scenes", 1);
   const auto first = arguments.Number<std::uint64_t>("first", 0);
   const auto seed = arguments.Number<std::uint64_t>("seed", 1);
-  const int jobs = arguments.Number("jobs", static_cast<int>(std::thread::hardware_concurrency()));
+  const int jobs = arguments.Number("jobs", 0);
   arguments.RequireAllUsed();
   if (textures.empty() || out.empty()) Arguments::Fail("--textures and --out are needed");
-  if (scenes < 1 || jobs < 1) Arguments::Fail("--scenes and --jobs must be at least 1");
+  if (scenes < 1) Arguments::Fail("--scenes must be at least 1");
+  if (jobs < 0) Arguments::Fail("--jobs must not be negative (0 = one a core)");
   sim::Validate(options);
   std::vector<sim::SkippedFile> skipped;
   const sim::TextureSource source =
@@ -99,7 +97,7 @@ int Run(Arguments arguments) {
   if (failed) Arguments::Fail("cannot make the folder " + out.string() + ": " + failed.message());
   const auto begin = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> pictures{0};
-  sim::ParallelFor(scenes, jobs, [&](std::size_t i) {
+  pliant::ParallelFor(scenes, jobs, [&](std::size_t i) {
     const fs::path path = out / sim::SceneFileName(first + i);
     if (fs::exists(path)) return;  // resumes
     const sim::Scene scene = sim::MakeScene(source, options, seed, first + i);

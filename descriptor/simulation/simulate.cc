@@ -8,11 +8,10 @@
 #include <filesystem>
 #include <mutex>
 #include <system_error>
-#include <thread>
 
 #include "descriptor/error.h"
 #include "descriptor/image.h"
-#include "descriptor/simulation/parallel.h"
+#include "descriptor/parallel.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"
@@ -65,13 +64,12 @@ Image DecodeTexture(std::span<const std::uint8_t> bytes) {
   return DecodeImage(bytes, decode).image;
 }
 
-simulation::TextureSource OpenTextures(const SimulateOptions& options, int jobs,
-                                       SimulateReport& report) {
+simulation::TextureSource OpenTextures(const SimulateOptions& options, SimulateReport& report) {
   if (options.textures == "procedural")
     return simulation::ProceduralTextures(kProceduralTextures, options.seed);
   std::vector<simulation::SkippedFile> skipped;
   simulation::TextureSource source =
-      simulation::LoadTextures(options.textures, DecodeTexture, jobs, skipped);
+      simulation::LoadTextures(options.textures, DecodeTexture, options.jobs, skipped);
   for (const auto& [file, reason] : skipped) report.skipped.push_back({file, reason});
   return source;
 }
@@ -153,10 +151,8 @@ class Run {
 SimulateReport Simulate(const SimulateOptions& options) {
   const simulation::SceneOptions scene = ToSceneOptions(options);
   (void)WritesTensors(options, scene.preset);  // refuses an unknown format before anything is read
-  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  const int jobs = options.jobs > 0 ? options.jobs : cores;
   SimulateReport report;
-  const simulation::TextureSource textures = OpenTextures(options, jobs, report);
+  const simulation::TextureSource textures = OpenTextures(options, report);
   report.textures = static_cast<std::int64_t>(textures.size());
   std::error_code failed;
   fs::create_directories(options.out, failed);
@@ -166,8 +162,8 @@ SimulateReport Simulate(const SimulateOptions& options) {
   }
   const auto begin = std::chrono::steady_clock::now();
   Run run(options, scene, textures, report);
-  simulation::ParallelFor(static_cast<std::size_t>(options.scenes + options.distractors), jobs,
-                          [&run](std::size_t i) { run.Make(static_cast<std::int64_t>(i)); });
+  ParallelFor(static_cast<std::size_t>(options.scenes + options.distractors), options.jobs,
+              [&run](std::size_t i) { run.Make(static_cast<std::int64_t>(i)); });
   run.Finish();
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return report;

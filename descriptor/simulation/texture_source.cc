@@ -10,7 +10,7 @@
 #include <system_error>
 
 #include "descriptor/error.h"
-#include "descriptor/simulation/parallel.h"
+#include "descriptor/parallel.h"
 #include "descriptor/simulation/tensor_file.h"
 
 namespace pliant::simulation {

@@ -15,5 +15,6 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status);
 void AddVocabCommand(CLI::App& program, ExitStatus& status);
 void AddDbCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);
+void AddSimulateCommand(CLI::App& program, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -245,7 +245,7 @@ TEST(SimulationPhoto, JpegArtefactsAreThoseOfJpeg) {
     // A coefficient half way between two steps may be rounded to either.
     cv::Mat difference;
     cv::absdiff(stored(whole), ours(whole), difference);
-    EXPECT_LT(cv::countNonZero(difference > 2), 0.02 * whole.area()) << quality;
+    EXPECT_LT(cv::countNonZero(difference > 2), 0.04 * whole.area()) << quality;
     EXPECT_LT(cv::norm(stored(whole), ours(whole), cv::NORM_L1) / whole.area(), 0.3) << quality;
     EXPECT_GT(cv::norm(grey(whole), ours(whole), cv::NORM_L1) / whole.area(), 0.5) << quality;
   }

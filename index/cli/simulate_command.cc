@@ -1,0 +1,112 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant simulate --textures DIR --out DIR
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/simulation/simulate.h"
+#include "index/cli/command.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  SimulateOptions simulate;
+  bool json = false;
+};
+
+void PrintReport(const Options& options, const SimulateReport& report) {
+  const double rate =
+      report.seconds > 0.0 ? static_cast<double>(report.pictures) / report.seconds : 0.0;
+  for (const auto& [file, reason] : report.skipped) Message("skipped " + file + ": " + reason);
+  if (options.json) {
+    Json skipped = Json::array();
+    for (const auto& [file, reason] : report.skipped) {
+      skipped.push_back({{"file", file}, {"reason", reason}});
+    }
+    Print(Json{{"scenes", report.scenes},
+               {"unchanged", report.unchanged},
+               {"pictures", report.pictures},
+               {"textures", report.textures},
+               {"skipped", std::move(skipped)},
+               {"mean_stretch_p95", report.mean_stretch},
+               {"worst_stretch_p95", report.worst_stretch},
+               {"pictures_per_second", rate},
+               {"seconds", report.seconds}}
+              .dump());
+    return;
+  }
+  Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.pictures) +
+        " pictures) from " + std::to_string(report.textures) + " textures in " +
+        FormatFixed(report.seconds, 1) + " s, " + FormatFixed(rate, 1) + " pictures/s; " +
+        std::to_string(report.unchanged) + " scenes were there already");
+  if (report.pictures > 0) {
+    Print("residual stretch of the cloth (95th percentile): " +
+          FormatFixed(100.0 * report.mean_stretch, 2) + " % on average, " +
+          FormatFixed(100.0 * report.worst_stretch, 2) + " % at worst");
+  }
+}
+
+ExitStatus Run(Options& options) {
+  const Interrupt interrupt;
+  SimulateReport report;
+  {
+    Progress progress("scenes");
+    options.simulate.progress = [&](std::int64_t done, std::int64_t total) {
+      progress.Count(static_cast<std::uint64_t>(done), static_cast<std::uint64_t>(total));
+      return !interrupt.requested();
+    };
+    report = Simulate(options.simulate);
+  }
+  PrintReport(options, report);
+  return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
+}  // namespace
+
+void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  SimulateOptions& simulate = options->simulate;
+  CLI::App* app = program.add_subcommand(
+      "simulate", "Make pictures of deforming objects with exact correspondence");
+  app->add_option("--textures", simulate.textures,
+                  "folder of pictures, safetensors pack, or the word procedural")
+      ->required()
+      ->type_name("DIR");
+  app->add_option("--out,-o", simulate.out, "folder for the scenes")->required()->type_name("DIR");
+  app->add_option("--preset", simulate.preset,
+                  "pairs, objects, sequence, rotation, scale or planar")
+      ->capture_default_str();
+  app->add_option("--format", simulate.format,
+                  "tensors (for training) or folders; auto: tensors for pairs, else folders")
+      ->capture_default_str();
+  app->add_option("--scenes", simulate.scenes, "scenes, or objects")->capture_default_str();
+  app->add_option("--first", simulate.first, "number of the first scene")->capture_default_str();
+  app->add_option("--distractors", simulate.distractors,
+                  "preset objects: further objects without a reference")
+      ->capture_default_str();
+  app->add_option("--views", simulate.views,
+                  "pictures a scene, the reference included; 0 = the preset's own")
+      ->capture_default_str();
+  app->add_option("--width", simulate.width, "of each picture, pixels")->capture_default_str();
+  app->add_option("--height", simulate.height, "of each picture, pixels")->capture_default_str();
+  app->add_flag("--colour", simulate.colour, "colour pictures instead of grey ones");
+  app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]")
+      ->capture_default_str();
+  app->add_option("--occluders", simulate.occluders,
+                  "probability that something covers a part of a view")
+      ->capture_default_str();
+  app->add_option("--seed", simulate.seed, "same seed, same scenes")->capture_default_str();
+  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one a core")
+      ->capture_default_str();
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli
