@@ -94,7 +94,7 @@ struct Shot {
   Framing framing;
   float facing_u = 0.5F;
   float strength = 1.0F;  // of light, noise
-  bool calm = false;
+  bool clear = false;     // nothing stands in front of the object
 };
 
 std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, Random& random,
@@ -167,7 +167,7 @@ View TakeView(const Stage& stage, Shot shot, Random random) {
   const Vector3f eye = view.camera.Position().normalized();
   view.lighting = DrawLighting(random, eye);
   Frame frame = Render(surfaces, view.lighting, view.camera, backdrop);
-  if (!shot.calm && random.Chance(options.occluders)) {
+  if (!shot.clear && random.Chance(options.occluders)) {
     DrawOccluders(random, AnyOther(stage.cast, random), frame);
   }
   view.grid = ProjectGrids(grids, view.camera);
@@ -221,7 +221,7 @@ View TakeDeformedView(const Stage& stage, Random& random) {
 
 Shot CalmShot(const Stage& stage, Random& random) {
   Shot shot;
-  shot.calm = true;
+  shot.clear = true;
   shot.strength = 0.35F;
   shot.pose = stage.options.preset == Preset::kPlanar
                   ? Pose{"flat", stage.body.rest, {}, 0.0F}
@@ -234,6 +234,7 @@ Shot CalmShot(const Stage& stage, Random& random) {
 void TakeSweep(const Stage& stage, Random& random, Scene& scene) {
   const int count = stage.options.views - 1;
   Shot shot;
+  shot.clear = true;
   shot.strength = 0.6F * stage.options.strength;
   shot.pose = Perform(stage.body, DrawMotion(stage.body, random, 0.5F * stage.options.strength));
   shot.framing = DrawFrontalFraming(random);
