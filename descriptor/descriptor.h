@@ -74,6 +74,10 @@ class FeatureExtractor {
   // Throws what DecodeImage throws. A picture without key points gives features without rows.
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr) const;
 
+  // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
+  Features ExtractFrom(const Image& picture, int threads,
+                       ExtractionTimings* timings = nullptr) const;
+
  private:
   std::shared_ptr<const Descriptor> descriptor_;
   ExtractionOptions options_;

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "descriptor/descriptor.h"
 #include "descriptor/error.h"
@@ -43,6 +45,40 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
                 "FeatureExtractor needs a descriptor");
   }
   options_.decode.colour = false;
+}
+
+Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
+                                       ExtractionTimings* timings) const {
+  if (picture.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "picture_empty", "A picture without pixels was given");
+  }
+  Stopwatch watch;
+  ExtractionTimings passed;
+  Image grey = ToGrey(picture);
+  const int longer = std::max(grey.width, grey.height);
+  const int most = options_.decode.max_side_px;
+  double scale = 1.0;
+  if (most > 0 && longer > most) {
+    scale = static_cast<double>(most) / longer;
+    const auto scaled = [&](int side) {
+      return std::max(1, static_cast<int>(std::lround(side * scale)));
+    };
+    grey = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  }
+  passed.decode_ms = watch.Lap();
+
+  Features features;
+  features.width = picture.width;
+  features.height = picture.height;
+  features.model_id = descriptor_->info().model_id;
+  features.keypoints = DetectKeypoints(grey, options_.keypoints);
+  passed.detect_ms = watch.Lap();
+
+  features.descriptors = descriptor_->Describe(grey, features.keypoints, threads);
+  ScaleToOriginal(features.keypoints, scale);
+  passed.describe_ms = watch.Lap();
+  if (timings != nullptr) *timings = passed;
+  return features;
 }
 
 Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings) const {

@@ -203,6 +203,13 @@ std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality) {
 
 std::vector<std::uint8_t> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
 
+Image ToGrey(const Image& image) {
+  if (image.channels == 1) return image;
+  cv::Mat grey;
+  cv::cvtColor(ViewAsMat(image), grey, cv::COLOR_RGB2GRAY);
+  return CopyFromMat(grey);
+}
+
 Image ResizeImage(const Image& image, int width, int height) {
   if (width < 1 || height < 1 || image.empty()) {
     throw Error(

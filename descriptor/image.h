@@ -67,6 +67,9 @@ std::string MediaType(ImageFormat format);
 std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality = 90);
 std::vector<std::uint8_t> EncodePng(const Image& image);
 
+// The grey values (0.299 R + 0.587 G + 0.114 B) of a colour picture; a copy of a grey one.
+Image ToGrey(const Image& image);
+
 // Area-averaging scale to exactly width x height.
 Image ResizeImage(const Image& image, int width, int height);
 

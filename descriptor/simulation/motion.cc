@@ -17,11 +17,9 @@ constexpr float kPi = std::numbers::pi_v<float>;
 constexpr float kStretchTarget = 0.006F;
 constexpr int kRelaxPasses = 400;
 
-// Wraps the part of a flat sheet beyond a line around a cylinder of `radius` (less `shrink` a
-// radian, so that a roll does not cut itself) up to `max_angle`, then leaves it straight: an
-// isometric map. Positive angles come towards the camera (-z).
-void WrapAround(std::vector<Vector3f>& positions, const Vector2f& across, float offset,
-                float radius, float shrink, float max_angle, float side) {
+// An isometric map.
+void WrapAround(std::vector<Vector3f>& positions, const Wrap& wrap) {
+  const auto& [across, offset, radius, shrink, max_angle, side] = wrap;
   for (Vector3f& p : positions) {
     const float s = across.dot(p.head<2>()) - offset;
     if (s <= 0.0F) continue;
@@ -37,6 +35,12 @@ void WrapAround(std::vector<Vector3f>& positions, const Vector2f& across, float 
     p.head<2>() += across * (along - s);
     p.z() -= side * up;
   }
+}
+
+// Wraps the motion's start and remembers how.
+void WrapStart(Motion& motion, const Wrap& wrap) {
+  WrapAround(motion.start, wrap);
+  motion.wraps.push_back(wrap);
 }
 
 void Shake(std::vector<Vector3f>& positions, Random& random, float amount) {
@@ -169,11 +173,10 @@ Motion FoldOrRoll(const Body& body, Random& random, float strength) {
   const float angle = roll ? random.Uniform(1.0F, 3.0F) * kPi * (0.4F + 0.6F * strength)
                            : random.Uniform(0.4F, 1.0F) * kPi;
   const float shrink = roll ? 0.2F * radius / (2.0F * kPi) : 0.0F;
-  WrapAround(motion.start, across, extent * random.Uniform(-0.1F, 0.75F), radius, shrink, angle,
-             1.0F);
+  WrapStart(motion, {across, extent * random.Uniform(-0.1F, 0.75F), radius, shrink, angle, 1.0F});
   if (random.Chance(0.4F)) {
-    WrapAround(motion.start, -across, extent * random.Uniform(0.2F, 0.8F), radius, shrink,
-               random.Uniform(0.2F, 0.9F) * kPi, random.Chance(0.7F) ? 1.0F : -1.0F);
+    WrapStart(motion, {-across, extent * random.Uniform(0.2F, 0.8F), radius, shrink,
+                       random.Uniform(0.2F, 0.9F) * kPi, random.Chance(0.7F) ? 1.0F : -1.0F});
   }
   Shake(motion.start, random, 0.003F);
   motion.frames = random.Integer(10, 30);
@@ -228,11 +231,11 @@ Motion Bend(const Body& body, Random& random, float strength) {
   motion.start = body.rest;
   const Vector2f across = PlanarDirection(random);
   const float angle = strength * random.Uniform(0.5F, 3.2F);
-  WrapAround(motion.start, across, random.Uniform(-0.35F, 0.1F), random.Uniform(0.12F, 0.5F), 0.0F,
-             angle, random.Chance(0.5F) ? 1.0F : -1.0F);
+  WrapStart(motion, {across, random.Uniform(-0.35F, 0.1F), random.Uniform(0.12F, 0.5F), 0.0F, angle,
+                     random.Chance(0.5F) ? 1.0F : -1.0F});
   if (random.Chance(0.6F)) {
-    WrapAround(motion.start, -across, random.Uniform(-0.1F, 0.3F), random.Uniform(0.12F, 0.5F),
-               0.0F, strength * random.Uniform(0.3F, 2.4F), random.Chance(0.5F) ? 1.0F : -1.0F);
+    WrapStart(motion, {-across, random.Uniform(-0.1F, 0.3F), random.Uniform(0.12F, 0.5F), 0.0F,
+                       strength * random.Uniform(0.3F, 2.4F), random.Chance(0.5F) ? 1.0F : -1.0F});
   }
   Shake(motion.start, random, 0.002F);
   motion.frames = random.Integer(6, 16);
@@ -281,6 +284,23 @@ Motion Wear(const Body& body, Random& random, float strength) {
   return motion;
 }
 
+// The flat body with its wraps done as far as `share`, 0..1.
+Pose PartlyWrapped(const Body& body, const Motion& motion, float share) {
+  Pose pose{motion.name, body.rest, motion.cloth.solids, 0.0F};
+  for (Wrap wrap : motion.wraps) {
+    float reach = 0.0F;  // how much there is to wrap
+    for (const Vector3f& p : pose.positions)
+      reach = std::max(reach, wrap.across.dot(p.head<2>()) - wrap.offset);
+    // A spiral turns a little further than a circle.
+    const float turns = reach / wrap.radius * (wrap.shrink > 0.0F ? 1.15F : 1.0F);
+    wrap.max_angle = std::min(wrap.max_angle, turns);
+    wrap.max_angle *= share * share * (3.0F - 2.0F * share);  // starts and ends slowly
+    WrapAround(pose.positions, wrap);
+  }
+  pose.stretch_p95 = StretchQuantile(body, pose.positions, 0.95F);
+  return pose;
+}
+
 Pose Finish(const Body& body, Cloth& cloth, const Motion& motion) {
   cloth.Relax(kStretchTarget, kRelaxPasses);
   const std::vector<Vector3f> positions = cloth.positions();
@@ -314,8 +334,8 @@ Motion DrawCalmMotion(const Body& body, Random& random) {
   motion.start = body.rest;
   if (body.kind == BodyKind::kSheet) {
     const Vector2f across = PlanarDirection(random);
-    WrapAround(motion.start, across, random.Uniform(-0.3F, 0.2F), random.Uniform(1.0F, 4.0F), 0.0F,
-               0.5F, random.Chance(0.5F) ? 1.0F : -1.0F);
+    WrapStart(motion, {across, random.Uniform(-0.3F, 0.2F), random.Uniform(1.0F, 4.0F), 0.0F, 0.5F,
+                       random.Chance(0.5F) ? 1.0F : -1.0F});
   }
   motion.rigid = body.kind == BodyKind::kSheet || body.kind == BodyKind::kTube;
   motion.frames = 40;
@@ -337,9 +357,14 @@ std::vector<Pose> PerformSequence(const Body& body, const Motion& motion, int co
     poses.assign(static_cast<std::size_t>(count), pose);
     return poses;
   }
+  const int wrapping = motion.wraps.empty() || count == 1 ? 0 : count * 2 / 3;
+  for (int i = 0; i < wrapping; ++i) {
+    poses.push_back(
+        PartlyWrapped(body, motion, static_cast<float>(i) / static_cast<float>(wrapping)));
+  }
   Cloth cloth(body, motion.start, motion.cloth);
   if (count == 1) cloth.Run(motion.frames);
-  for (int i = 0; i < count; ++i) {
+  for (int i = wrapping; i < count; ++i) {
     if (i > 0) cloth.Run(frames_between);
     Cloth snapshot = cloth;
     poses.push_back(Finish(body, snapshot, motion));

@@ -22,10 +22,21 @@ struct Pose {
   float stretch_p95 = 0.0F;  // residual stretch after the solver
 };
 
+// The part of a flat body beyond a line, wrapped around a cylinder.
+struct Wrap {
+  Eigen::Vector2f across = Eigen::Vector2f::UnitX();  // unit normal of the line
+  float offset = 0.0F;                                // of the line from the body's centre
+  float radius = 0.1F;
+  float shrink = 0.0F;     // of the radius a radian, so that a roll does not cut itself
+  float max_angle = 0.0F;  // radians; beyond it the part goes on straight
+  float side = 1.0F;       // 1: towards the camera (-z), -1: away from it
+};
+
 // A plan for the solver: where the body starts and what is done to it.
 struct Motion {
   std::string name;
   std::vector<Eigen::Vector3f> start;
+  std::vector<Wrap> wraps;  // that made `start` of the flat body, in order: a sequence shows them
   ClothOptions cloth;
   int frames = 0;      // of 1/60 s until the pose
   bool rigid = false;  // nothing to simulate: the start is the pose
@@ -40,7 +51,8 @@ Motion DrawCalmMotion(const Body& body, Random& random);
 // Runs the solver. Throws Error kInternal "simulation_diverged".
 Pose Perform(const Body& body, const Motion& motion);
 
-// Runs the solver and keeps `count` poses, `frames_between` frames apart, the first at once.
+// Runs the solver and keeps `count` poses, `frames_between` frames apart, the first at once. The
+// wraps of a motion happen first, over two thirds of the poses.
 std::vector<Pose> PerformSequence(const Body& body, const Motion& motion, int count,
                                   int frames_between);
 

@@ -260,10 +260,11 @@ void TakeSequence(const Stage& stage, Random& random, Scene& scene) {
   const std::vector<Pose> poses = PerformSequence(stage.body, motion, count, 2);
   Framing framing = DrawFrontalFraming(random);
   Framing last = framing;
-  last.roll_deg += random.Uniform(-60.0F, 60.0F);
+  last.roll_deg +=
+      (random.Chance(0.5F) ? 1.0F : -1.0F) * random.Uniform(0.3F, 1.0F) * stage.options.turn_deg;
   last.tilt_deg = random.Uniform(0.0F, 40.0F);
   framing.scale = random.Uniform(0.6F, 0.85F);
-  last.scale = random.Uniform(0.5F, 1.0F);
+  last.scale = random.LogUniform(stage.options.least_scale, 1.0F);
   const Random same = random.Fork();
   for (int i = 0; i < count; ++i) {
     const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
@@ -328,6 +329,8 @@ void Validate(const SceneOptions& options) {
   Require(options.strength > 0.0F && options.strength <= 1.0F, "strength", "in (0, 1]");
   Require(options.occluders >= 0.0F && options.occluders <= 1.0F, "occluders",
           "a probability in [0, 1]");
+  Require(options.turn_deg >= 0.0F && options.turn_deg <= 3600.0F, "turn_deg", "0..3600 degrees");
+  Require(options.least_scale >= 0.1F && options.least_scale <= 1.0F, "least_scale", "0.1..1");
   Require(options.cells >= 8 && options.cells <= 128, "cells", "8..128");
   Require(options.refine >= 1 && options.refine <= 8, "refine", "1..8");
 }

@@ -39,8 +39,11 @@ struct SceneOptions {
   int channels = 1;         // 1 grey, 3 colour
   float strength = 1.0F;    // of deformation, light and noise, (0, 1]
   float occluders = 0.25F;  // probability that a view has some
-  int cells = 34;           // simulated cells along the longer side
-  int refine = 3;           // drawn cells a simulated cell and axis
+  // Sequences: how far the camera turns about its axis at most, and the least scale it ends at.
+  float turn_deg = 60.0F;
+  float least_scale = 0.5F;
+  int cells = 34;  // simulated cells along the longer side
+  int refine = 3;  // drawn cells a simulated cell and axis
 };
 // Throws Error kInvalidArgument "option_out_of_range" naming the field.
 void Validate(const SceneOptions& options);

@@ -25,7 +25,7 @@ constexpr const char* kUsage =
     "usage: pliant-simulate-scenes --textures DIR|PACK|procedural --out DIR [--preset pairs] "
     "[--scenes N]\n"
     "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
-    "         [--occluders 0..1] [--seed S] [--jobs N]\n";
+    "         [--occluders 0..1] [--turn DEG] [--least-scale 0.1..1] [--seed S] [--jobs N]\n";
 
 constexpr int kProceduralTextures = 96;
 
@@ -77,6 +77,8 @@ int Run(Arguments arguments) {
   options.channels = arguments.Number("colour", 0) != 0 ? 3 : 1;
   options.strength = arguments.Number("strength", options.strength);
   options.occluders = arguments.Number("occluders", options.occluders);
+  options.turn_deg = arguments.Number("turn", options.turn_deg);
+  options.least_scale = arguments.Number("least-scale", options.least_scale);
   const auto scenes = arguments.Number<std::uint64_t>("scenes", 1);
   const auto first = arguments.Number<std::uint64_t>("first", 0);
   const auto seed = arguments.Number<std::uint64_t>("seed", 1);

@@ -45,6 +45,8 @@ simulation::SceneOptions ToSceneOptions(const SimulateOptions& options) {
   scene.channels = options.colour || scene.preset == simulation::Preset::kObjects ? 3 : 1;
   scene.strength = static_cast<float>(options.strength);
   scene.occluders = static_cast<float>(options.occluders);
+  scene.turn_deg = static_cast<float>(options.turn_deg);
+  scene.least_scale = static_cast<float>(options.least_scale);
   simulation::Validate(scene);
   Require(options.scenes >= 1, "the number of scenes must be at least 1");
   Require(options.first >= 0, "the first scene's number must not be negative");

@@ -23,9 +23,11 @@ struct SimulateOptions {
   int views = 0;                 // a scene, the reference included; 0 = the preset's own
   int width = 640;               // of each view, pixels
   int height = 480;
-  bool colour = false;      // always true for the preset objects
-  double strength = 1.0;    // of deformation, light and noise, (0, 1]
-  double occluders = 0.25;  // probability that a view is partly hidden
+  bool colour = false;       // always true for the preset objects
+  double strength = 1.0;     // of deformation, light and noise, (0, 1]
+  double occluders = 0.25;   // probability that a view is partly hidden
+  double turn_deg = 60.0;    // preset sequence: the camera turns about its axis by at most this
+  double least_scale = 0.5;  // preset sequence: the object ends between this and 1
   std::uint64_t seed = 1;
   int jobs = 0;  // threads; 0 = one a core
   // Told after each scene (made, wanted), from any thread, never two at once. Returning false

@@ -102,6 +102,12 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--occluders", simulate.occluders,
                   "probability that something covers a part of a view")
       ->capture_default_str();
+  app->add_option("--turn", simulate.turn_deg,
+                  "preset sequence: degrees that the camera turns about its axis, at most")
+      ->capture_default_str();
+  app->add_option("--least-scale", simulate.least_scale,
+                  "preset sequence: how far the object shrinks, at most, 0.1 to 1")
+      ->capture_default_str();
   app->add_option("--seed", simulate.seed, "same seed, same scenes")->capture_default_str();
   app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one a core")
       ->capture_default_str();

@@ -167,6 +167,28 @@ TEST(FeatureExtractor, GivesKeypointsInPixelsOfTheOriginal) {
   EXPECT_GT(furthest, 800.0F);
 }
 
+TEST(FeatureExtractor, DecodedPicturesGiveWhatEncodedOnesDo) {
+  const Image grey = CopyFromMat(testing::NoisePicture(300, 200, 4));
+  Image colour{grey.width, grey.height, 3, {}};
+  for (const std::uint8_t value : grey.pixels) colour.pixels.insert(colour.pixels.end(), 3, value);
+  ExtractionOptions options;
+  for (const int max_side : {0, 150}) {
+    options.decode.max_side_px = max_side;
+    const FeatureExtractor extractor(MakeDescriptor("rootsift"), options);
+    const Features encoded = extractor.Extract(EncodePng(grey), 1);
+    ASSERT_GT(encoded.keypoints.size(), 20U);
+    for (const Image& picture : {grey, colour}) {
+      const Features decoded = extractor.ExtractFrom(picture, 1);
+      EXPECT_EQ(decoded.width, 300);
+      EXPECT_EQ(decoded.keypoints, encoded.keypoints);
+      EXPECT_EQ(decoded.descriptors.floats, encoded.descriptors.floats);
+      EXPECT_EQ(decoded.model_id, encoded.model_id);
+    }
+  }
+  const FeatureExtractor extractor(MakeDescriptor("orb"), options);
+  EXPECT_THROW(extractor.ExtractFrom(Image{}, 1), Error);
+}
+
 TEST(FeatureExtractor, FlatPictureHasNoRows) {
   const auto bytes = testing::EncodeAs(cv::Mat(64, 64, CV_8UC1, cv::Scalar(9)), ".png");
   const Features features = FeatureExtractor(MakeDescriptor("orb"), {}).Extract(bytes, 1);

@@ -264,6 +264,46 @@ TEST(SimulationScene, SweepsChangeWhatTheySay) {
   EXPECT_NEAR(seen(scale.views[3]) / seen(scale.views[2]), 0.25 * 0.63, 0.1);
 }
 
+// A body whose motion starts folded unfolds backwards to the flat sheet, one step after another.
+TEST(SimulationMotion, SequencesOfFoldsStartFlatAndMoveSteadily) {
+  const Body body = MakeSheet(1.2F, 18);
+  int folded = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Random random(seed, 0);
+    const Motion motion = DrawMotion(body, random, 1.0F);
+    if (motion.wraps.empty()) continue;
+    ++folded;
+    const std::vector<Pose> poses = PerformSequence(body, motion, 9, 2);
+    ASSERT_EQ(poses.size(), 9U);
+    const auto moved = [&](std::size_t from, std::size_t to) {
+      float sum = 0.0F;
+      for (std::size_t i = 0; i < body.rest.size(); ++i)
+        sum += (poses[from].positions[i] - poses[to].positions[i]).norm();
+      return sum / static_cast<float>(body.rest.size());
+    };
+    for (std::size_t i = 0; i < body.rest.size(); ++i)
+      EXPECT_EQ(poses[0].positions[i], body.rest[i]) << motion.name;
+    EXPECT_GT(moved(0, 6), 1.3F * moved(0, 2)) << motion.name << " seed " << seed;
+    for (const Pose& pose : poses) EXPECT_LT(pose.stretch_p95, 0.1F) << motion.name;
+  }
+  EXPECT_GT(folded, 5);
+}
+
+TEST(SimulationScene, SequencesTurnAndShrinkAsAsked) {
+  SceneOptions options = SmallOptions(Preset::kSequence);
+  options.turn_deg = 180.0F;
+  options.least_scale = 0.3F;
+  for (std::uint64_t index = 0; index < 4; ++index) {
+    const Scene scene = MakeScene(Textures(), options, 7, index);
+    const float turned =
+        std::abs(scene.views.back().framing.roll_deg - scene.views[1].framing.roll_deg);
+    EXPECT_GE(turned, 0.3F * 180.0F - 1e-3F);
+    EXPECT_LE(turned, 180.0F + 1e-3F);
+    EXPECT_GE(scene.views.back().framing.scale, 0.3F);
+    EXPECT_LE(scene.views.back().framing.scale, 1.0F);
+  }
+}
+
 TEST(SimulationScene, EveryOptionOutOfRangeIsNamed) {
   using Change = void (*)(SceneOptions&);
   const std::vector<std::pair<std::string, Change>> cases = {
@@ -279,6 +319,8 @@ TEST(SimulationScene, EveryOptionOutOfRangeIsNamed) {
       {"occluders", [](SceneOptions& o) { o.occluders = std::numeric_limits<float>::quiet_NaN(); }},
       {"cells", [](SceneOptions& o) { o.cells = 2; }},
       {"refine", [](SceneOptions& o) { o.refine = 0; }},
+      {"turn_deg", [](SceneOptions& o) { o.turn_deg = -1.0F; }},
+      {"least_scale", [](SceneOptions& o) { o.least_scale = 0.0F; }},
   };
   for (const auto& [field, change] : cases) {
     SceneOptions options;
