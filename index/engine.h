@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "descriptor/descriptor.h"
+#include "index/explanation.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -127,6 +128,7 @@ struct SearchOptions {
   std::optional<Region> region;  // only key points inside count
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
+  bool explain = false;               // every hit says why: Hit::explanation
   int threads = 0;                    // for the description of the query; 0 = all cores
 };
 
@@ -138,6 +140,7 @@ struct Hit {
   int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
   std::string metadata = "{}";
+  std::optional<Explanation> explanation;  // with SearchOptions::explain
 };
 
 struct SearchTimings {
@@ -153,6 +156,8 @@ struct SearchResult {
   std::int64_t vocabulary = 0;  // id of the vocabulary that answered
   std::size_t words = 0;        // its size
   std::uint32_t keypoints = 0;  // of the query, after the region
+  int query_width = 0;          // of the original upright query picture, in pixels
+  int query_height = 0;
   SearchTimings timings;
 };
 

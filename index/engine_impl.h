@@ -75,7 +75,7 @@ class Engine::Impl {
                               const ExtractionTimings& timings);
   std::vector<VerifiedPicture> VerifyBest(const Features& query, const SearchOptions& options,
                                           std::vector<RankedPicture> ranking);
-  void AddHits(const std::vector<VerifiedPicture>& best, const SearchOptions& options,
+  void AddHits(std::vector<VerifiedPicture>& best, const SearchOptions& options,
                SearchResult* result);
   // Gives words of `vocabulary` to all pictures that lack them. `work` hears of the share done.
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,

@@ -43,6 +43,17 @@ bool Verifies(const SearchOptions& options) {
   return options.verify == Verification::kTps;
 }
 
+// Why there is nothing to say about a hit.
+Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
+  Explanation explanation;
+  explanation.ranking_score = ranking_score;
+  explanation.failure = Verifies(options)
+                            ? "The picture was not looked at: only the best of the ranking are "
+                              "verified. Raise the depth of verification to look at more."
+                            : "The search does not verify.";
+  return explanation;
+}
+
 bool Contains(const Region& region, const Keypoint& k) {
   return k.x >= region.x && k.x < region.x + region.width && k.y >= region.y &&
          k.y < region.y + region.height;
@@ -106,6 +117,8 @@ SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions
   result.vocabulary = view.vocabulary;
   result.words = view.quantizer->vocabulary().size();
   result.keypoints = static_cast<std::uint32_t>(features.keypoints.size());
+  result.query_width = features.width;
+  result.query_height = features.height;
 
   Clock::time_point start = Clock::now();
   const Bow bow = MakeBow(view.quantizer->Assign(features.descriptors, options.threads));
@@ -141,7 +154,7 @@ SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions
     result.total = best.size();
     result.timings.verify_ms = MsSince(start);
   } else {
-    for (RankedPicture& picture : ranking.best) best.push_back({std::move(picture), 0, {}});
+    for (RankedPicture& picture : ranking.best) best.push_back({std::move(picture), 0, {}, {}});
   }
   AddHits(best, options, &result);
   return result;
@@ -162,7 +175,9 @@ std::vector<VerifiedPicture> Engine::Impl::VerifyBest(const Features& query,
       return features;
     });
   };
-  auto pictures = Rerank(query, std::move(ranking), depth, options.threads, load);
+  auto pictures =
+      Rerank(query, std::move(ranking),
+             {.depth = depth, .explain = options.explain, .threads = options.threads}, load);
   std::erase_if(pictures,
                 [&](const VerifiedPicture& p) { return p.picture.score < options.min_score; });
   if (options.group_by == GroupBy::kObject) KeepBestOfObjects(&pictures);
@@ -170,7 +185,7 @@ std::vector<VerifiedPicture> Engine::Impl::VerifyBest(const Features& query,
 }
 
 // The page of hits that `options` ask for.
-void Engine::Impl::AddHits(const std::vector<VerifiedPicture>& best, const SearchOptions& options,
+void Engine::Impl::AddHits(std::vector<VerifiedPicture>& best, const SearchOptions& options,
                            SearchResult* result) {
   const std::size_t end =
       options.limit == 0 ? best.size() : std::min(best.size(), options.offset + options.limit);
@@ -186,6 +201,10 @@ void Engine::Impl::AddHits(const std::vector<VerifiedPicture>& best, const Searc
       hit.inliers = best[i].inliers;
       for (const Vec2 p : best[i].outline) hit.polygon.push_back({p.x, p.y});
       hit.metadata = picture->record.metadata;
+      if (options.explain) {
+        hit.explanation = best[i].explanation ? std::move(best[i].explanation)
+                                              : NotLookedAt(options, best[i].picture.score);
+      }
       result->hits.push_back(std::move(hit));
     }
     return 0;

@@ -17,18 +17,22 @@ std::size_t DefaultVerifyDepth(std::size_t pictures) {
 }
 
 std::vector<VerifiedPicture> Rerank(
-    const Features& query, std::vector<RankedPicture> ranking, std::size_t depth, int threads,
+    const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load) {
   std::vector<VerifiedPicture> pictures;
   pictures.reserve(ranking.size());
-  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), 0, {}});
+  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), 0, {}, {}});
   const Verifier verifier(query);
-  ParallelFor(std::min(depth, pictures.size()), threads, [&](std::size_t i) {
+  ParallelFor(std::min(options.depth, pictures.size()), options.threads, [&](std::size_t i) {
     VerifiedPicture& candidate = pictures[i];
     const auto features = load(candidate.picture.key);
     if (!features) return;
     VerificationResult result = verifier.Verify(*features);
     candidate.inliers = static_cast<int>(result.inliers.size());
+    if (options.explain) {
+      candidate.explanation = Explain(query, *features, result);
+      candidate.explanation->ranking_score = candidate.picture.score;
+    }
     candidate.outline = std::move(result.outline);
     candidate.picture.score = CombineScores(candidate.picture.score, candidate.inliers);
   });

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/result_json.h"
 
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 namespace pliant {
@@ -16,14 +18,38 @@ Json PolygonJson(const std::vector<Point>& polygon) {
   return points;
 }
 
+double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
+
+Json ExplanationJson(const Explanation& e) {
+  Json pairs = Json::array();
+  for (const PointPair& pair : e.inliers) {
+    pairs.push_back({Hundredths(pair.query.x), Hundredths(pair.query.y),
+                     Hundredths(pair.reference.x), Hundredths(pair.reference.y)});
+  }
+  Json reference;  // null
+  if (e.reference_width > 0) {
+    reference = {{"width", e.reference_width}, {"height", e.reference_height}};
+  }
+  return {{"ranking_score", e.ranking_score},
+          {"verified", e.verified},
+          {"failure", e.failure.empty() ? Json(nullptr) : Json(e.failure)},
+          {"matches", e.matches},
+          {"inlier_fraction", e.inlier_fraction},
+          {"pairs", std::move(pairs)},
+          {"reference", std::move(reference)},
+          {"mesh", e.mesh ? Json::parse(MeshJson(*e.mesh)) : Json(nullptr)}};
+}
+
 Json HitJson(const Hit& hit) {
-  return {{"rank", hit.rank},
-          {"object", hit.object.empty() ? Json(nullptr) : Json(hit.object)},
-          {"score", hit.score},
-          {"image_id", hit.image_id},
-          {"inliers", hit.inliers},
-          {"polygon", PolygonJson(hit.polygon)},
-          {"metadata", Json::parse(hit.metadata)}};
+  Json json = {{"rank", hit.rank},
+               {"object", hit.object.empty() ? Json(nullptr) : Json(hit.object)},
+               {"score", hit.score},
+               {"image_id", hit.image_id},
+               {"inliers", hit.inliers},
+               {"polygon", PolygonJson(hit.polygon)},
+               {"metadata", Json::parse(hit.metadata)}};
+  if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
+  return json;
 }
 
 }  // namespace
@@ -36,6 +62,7 @@ std::string SearchResultJson(const SearchResult& result, double took_ms, int ind
                      {"vocabulary", result.vocabulary},
                      {"words", result.words},
                      {"keypoints", result.keypoints},
+                     {"query", {{"width", result.query_width}, {"height", result.query_height}}},
                      {"total", result.total},
                      {"hits", std::move(hits)},
                      {"timings",

@@ -9,9 +9,14 @@
 
 namespace pliant {
 
-// {"took_ms", "vocabulary", "words", "keypoints", "total", "hits": [{"rank", "object", "score",
-// "image_id", "inliers", "polygon", "metadata"}], "timings": {...}}. An object that is not named is
-// null; the polygon is a list of [x, y] or null. `indent` -1 = on one line.
+// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "hits":
+// [{"rank", "object", "score", "image_id", "inliers", "polygon", "metadata"}], "timings": {...}}.
+// An object that is not named is null; the polygon is a list of [x, y] or null. A hit with an
+// explanation has "explain" too:
+// {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction", "pairs":
+// [[query x, query y, reference x, reference y], ...], "reference": {"width", "height"} or null,
+// "mesh": MeshJson's or null}.
+// `indent` -1 = on one line.
 std::string SearchResultJson(const SearchResult& result, double took_ms, int indent = -1);
 
 }  // namespace pliant

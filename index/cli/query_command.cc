@@ -45,6 +45,22 @@ void PrintText(Engine& engine, const Options& options, const SearchResult& resul
           FormatFixed(took_ms, 0) + " ms");
 }
 
+void PrintExplanations(const SearchResult& result) {
+  for (const Hit& hit : result.hits) {
+    if (!hit.explanation) continue;
+    const Explanation& e = *hit.explanation;
+    std::string line = std::to_string(hit.rank) + ". " + hit.image_id + ": words alone score " +
+                       FormatFixed(e.ranking_score, 4);
+    if (e.verified) {
+      line += "; " + std::to_string(e.inliers.size()) + " of " + std::to_string(e.matches) +
+              " matches agree on one warp";
+    } else {
+      line += ". " + e.failure;
+    }
+    Print(line);
+  }
+}
+
 ExitStatus Run(Options& options) {
   if (!options.region.empty()) {
     options.search.region =
@@ -63,6 +79,7 @@ ExitStatus Run(Options& options) {
     Print(SearchResultJson(result, took_ms));
   } else {
     PrintText(engine, options, result, took_ms);
+    PrintExplanations(result);
   }
   return ExitStatus::kDone;
 }
@@ -110,6 +127,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--min-score", search.min_score, "hits below this score are left out, 0 to 1")
       ->capture_default_str();
   AddExtractionFlags(*app, options->engine);
+  app->add_flag("--explain", search.explain,
+                "with every hit: why it is one, its matched points and the map of its surface");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

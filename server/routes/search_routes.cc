@@ -52,6 +52,8 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
                        .value_or(options.verify);
   options.min_score = parameters.Number("min_score", 0, 1).value_or(0);
   options.object = parameters.Text("object");
+  options.explain = parameters.Choice<bool>("explain", {{"true", true}, {"false", false}})
+                        .value_or(options.explain);
   if (const auto numbers = parameters.Numbers("region", 4)) options.region = RegionOf(*numbers);
   return options;
 }
@@ -122,7 +124,7 @@ void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
                     .pattern = "/v1/collections/{c}/search",
                     .body = BodyKind::kImageOrJson,
                     .parameters = {"image_id", "limit", "offset", "group_by", "rank", "verify",
-                                   "region", "min_score", "object"},
+                                   "region", "min_score", "object", "explain"},
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return Search(service, request, parameters);
                     }});

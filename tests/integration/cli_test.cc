@@ -121,6 +121,15 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_LT(Query(3, {"--region", "0,0,80,120"})["keypoints"], found["keypoints"]);
   EXPECT_EQ(Query(3, {"--object", "o4"})["hits"][0]["object"], "o4");
 
+  const Json explained = Query(3, {"--explain"})["hits"][0];
+  EXPECT_FALSE(hit.contains("explain"));
+  EXPECT_EQ(explained["explain"]["verified"], true);
+  EXPECT_EQ(explained["explain"]["pairs"].size(), explained["inliers"]);
+  EXPECT_EQ(explained["explain"]["pairs"][0].size(), 4u);
+  const Json& mesh = explained["explain"]["mesh"];
+  EXPECT_EQ(mesh["points"].size(),
+            mesh["columns"].get<std::size_t>() * mesh["rows"].get<std::size_t>());
+
   const ProgramResult text = RunProgram({"query", (folder_ / "query.png").string(), "--db", db_});
   EXPECT_EQ(text.status, 0);
   EXPECT_THAT(text.out, StartsWith("rank   score  inliers  object"));

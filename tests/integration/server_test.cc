@@ -224,6 +224,14 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   }
   EXPECT_EQ(SearchFor(client, query, "?min_score=1")["total"], best >= 1 ? 1 : 0);
   EXPECT_EQ(SearchFor(client, query, "?rank=histogram")["hits"].size(), 4U);
+  const Json explained = SearchFor(client, query, "?explain=true");
+  EXPECT_EQ(explained["query"], Json({{"width", 320}, {"height", 240}}));
+  const Json& why = explained["hits"][0]["explain"];
+  EXPECT_EQ(why["verified"], true) << why;
+  EXPECT_TRUE(why["failure"].is_null());
+  EXPECT_EQ(why["pairs"].size(), explained["hits"][0]["inliers"]);
+  EXPECT_EQ(why["mesh"]["reference_width"], 320);
+  EXPECT_FALSE(objects["hits"][0].contains("explain"));
   const Json part = SearchFor(client, query, "?region=0,0,200,240");
   EXPECT_LT(part["keypoints"], objects["keypoints"]);
   EXPECT_EQ(part["hits"][0]["object"], "o1");

@@ -146,6 +146,57 @@ TEST_P(EngineVerifyTest, OnlyTheRegionIsMatched) {
   EXPECT_LT(part.hits[0].inliers, whole.hits[0].inliers);
 }
 
+TEST_P(EngineVerifyTest, EveryHitIsExplained) {
+  SearchOptions options;
+  options.limit = 0;
+  options.verify_depth = 4;
+  const auto picture = OtherViewPng(4);
+  const SearchResult silent = engine_.Search(picture, options);
+  options.explain = true;
+  const SearchResult result = engine_.Search(picture, options);
+  EXPECT_EQ(result.query_width, 160);
+  EXPECT_EQ(result.query_height, 120);
+  ASSERT_EQ(result.hits.size(), silent.hits.size());
+  int unseen = 0;
+  for (std::size_t i = 0; i < result.hits.size(); ++i) {
+    EXPECT_FALSE(silent.hits[i].explanation);
+    EXPECT_EQ(result.hits[i].score, silent.hits[i].score);
+    ASSERT_TRUE(result.hits[i].explanation);
+    const Explanation& e = *result.hits[i].explanation;
+    EXPECT_EQ(e.verified, e.failure.empty());
+    EXPECT_EQ(e.verified, e.mesh.has_value());
+    EXPECT_EQ(static_cast<int>(e.inliers.size()), result.hits[i].inliers);
+    EXPECT_NEAR(CombineScores(e.ranking_score, result.hits[i].inliers), result.hits[i].score,
+                1e-12);
+    unseen += e.reference_width == 0 ? 1 : 0;
+  }
+  EXPECT_EQ(unseen, kObjects - 4);
+  const Explanation& best = *result.hits[0].explanation;
+  ASSERT_TRUE(best.verified);
+  EXPECT_GE(best.matches, result.hits[0].inliers);
+  EXPECT_DOUBLE_EQ(best.inlier_fraction, static_cast<double>(best.inliers.size()) / best.matches);
+  EXPECT_EQ(best.reference_width, 160);
+  // The scene is shifted by (5, 3): of the picture in the collection, seen in the query.
+  for (const PointPair& pair : best.inliers) {
+    EXPECT_NEAR(pair.query.x - pair.reference.x, 5, 3);
+    EXPECT_NEAR(pair.query.y - pair.reference.y, 3, 3);
+  }
+  const Mesh& mesh = *best.mesh;
+  const int row = mesh.rows / 2;
+  const int column = mesh.columns / 2;
+  const Vec2 from = mesh.reference_point(column, row);
+  const Vec2 to = mesh.points[static_cast<std::size_t>(row * mesh.columns + column)];
+  EXPECT_NEAR(to.x - from.x, 5, 1.5);
+  EXPECT_NEAR(to.y - from.y, 3, 1.5);
+
+  options.verify = Verification::kNone;
+  for (const Hit& hit : engine_.Search(picture, options).hits) {
+    EXPECT_FALSE(hit.explanation->verified);
+    EXPECT_EQ(hit.explanation->ranking_score, hit.score);
+    EXPECT_EQ(hit.explanation->failure, "The search does not verify.");
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Descriptors, EngineVerifyTest, ::testing::Values("rootsift", "orb"));
 
 }  // namespace
