@@ -21,7 +21,8 @@ static_assert(std::endian::native == std::endian::little,
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
 constexpr std::uint8_t kFeatureVersion = 1;
-constexpr std::uint8_t kBowVersion = 1;
+constexpr std::uint8_t kBowVersion = 1;        // words only
+constexpr std::uint8_t kSignedBowVersion = 2;  // and a signature each
 constexpr std::size_t kFeatureHeaderBytes = 24;
 constexpr std::size_t kKeypointBytes = 24;
 constexpr std::size_t kChecksumBytes = 4;
@@ -231,8 +232,13 @@ Features InStoredPrecision(const Features& features) {
 
 std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
   std::vector<std::uint8_t> out;
-  out.reserve(8 + 3 * bow.words.size());
-  out.push_back(kBowVersion);
+  const bool is_signed = !bow.signatures.empty();
+  if (is_signed && bow.signatures.size() != bow.words.size()) {
+    throw Error(ErrorCode::kInternal, "bow_signatures",
+                "a bag of words has more or fewer signatures than words");
+  }
+  out.reserve(8 + 3 * bow.words.size() + 8 * bow.signatures.size());
+  out.push_back(is_signed ? kSignedBowVersion : kBowVersion);
   PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
   std::uint32_t next = 0;  // smallest word that may follow
   for (const WordCount& entry : bow.words) {
@@ -243,14 +249,16 @@ std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
     PutVarint(out, entry.count);
     next = entry.word + 1;
   }
+  for (const std::uint64_t signature : bow.signatures) Put(out, signature);
   Put(out, Crc32(out));
   return out;
 }
 
 Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
   const Bytes body = Checked(blob, "words");
-  if (body.empty() || body[0] != kBowVersion)
+  if (body.empty() || (body[0] != kBowVersion && body[0] != kSignedBowVersion)) {
     ThrowCorrupt("words are of an unknown format version");
+  }
   std::size_t offset = 1;
   const std::uint32_t distinct = GetVarint(body, offset);
   if (distinct > body.size() || distinct > vocabulary_size) ThrowCorrupt("words are too many");
@@ -264,6 +272,14 @@ Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
     bow.words.push_back({static_cast<std::uint32_t>(word), count});
     bow.total += count;
     next = word + 1;
+  }
+  if (body[0] == kSignedBowVersion) {
+    if (body.size() - offset != std::size_t{distinct} * sizeof(std::uint64_t)) {
+      ThrowCorrupt("words have more or fewer signatures than they need");
+    }
+    for (std::uint32_t i = 0; i < distinct; ++i, offset += sizeof(std::uint64_t)) {
+      bow.signatures.push_back(Get<std::uint64_t>(body, offset));
+    }
   }
   if (offset != body.size()) ThrowCorrupt("words are followed by something else");
   return bow;

@@ -54,6 +54,8 @@ std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std:
 std::optional<PictureRow> FindPictureByKey(Connection& db, Key key);
 std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
                                               const std::string& sha256);
+// Keys, ascending, of the pictures whose metadata pass. Reads the metadata of the whole collection.
+std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& filter);
 std::vector<ImageRecord> SelectPictures(Connection& db, Key collection, const ListOptions& options);
 // A picture of any collection with these bytes whose features were made by `model`; 0 = none.
 Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);

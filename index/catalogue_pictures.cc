@@ -64,6 +64,16 @@ std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
   return FirstPicture(row.Bind(hash, collection));
 }
 
+std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& filter) {
+  std::vector<Key> passing;
+  Cursor row = db.Prepare("SELECT key, metadata FROM pictures WHERE collection = ? ORDER BY key");
+  row.Bind(collection);
+  while (row.Next()) {
+    if (Passes(filter, row.Text(1))) passing.push_back(row.Int(0));
+  }
+  return passing;
+}
+
 std::vector<ImageRecord> SelectPictures(Connection& db, Key collection,
                                         const ListOptions& options) {
   std::vector<ImageRecord> records;

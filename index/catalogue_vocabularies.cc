@@ -41,9 +41,22 @@ Bytes WordBytes(const Descriptors& words, std::size_t i) {
   return {reinterpret_cast<const std::uint8_t*>(row.data()), row.size_bytes()};
 }
 
-std::uint32_t Checksum(const Descriptors& words) {
+// Of word i; empty when there are none.
+Bytes ThresholdBytes(const Vocabulary& vocabulary, std::size_t i) {
+  if (vocabulary.thresholds.empty()) return {};
+  return {reinterpret_cast<const std::uint8_t*>(vocabulary.thresholds.data() + i * kSignatureBits),
+          kSignatureBits * sizeof(float)};
+}
+
+std::uint32_t Checksum(const Vocabulary& vocabulary) {
   std::uint32_t crc = 0;
-  for (std::size_t i = 0; i < words.rows; ++i) crc = Crc32(WordBytes(words, i), crc);
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    crc = Crc32(WordBytes(vocabulary.words, i), crc);
+  }
+  if (vocabulary.thresholds.empty()) return crc;
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    crc = Crc32(ThresholdBytes(vocabulary, i), crc);
+  }
   return crc;
 }
 
@@ -60,13 +73,17 @@ Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary
         "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
         "method, checksum, created_ms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
       .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
-            origin.available, origin.loss, origin.method, Checksum(vocabulary.words), NowMs())
+            origin.available, origin.loss, origin.method, Checksum(vocabulary), NowMs())
       .Run();
   const Key key = db.last_insert_key();
-  Cursor insert =
-      db.Prepare("INSERT INTO vocabulary_words (vocabulary, word, data) VALUES (?, ?, ?)");
+  // nullif: an empty blob stands for no thresholds.
+  Cursor insert = db.Prepare(
+      "INSERT INTO vocabulary_words (vocabulary, word, data, thresholds) "
+      "VALUES (?, ?, ?, nullif(?, x''))");
   for (std::size_t i = 0; i < vocabulary.size(); ++i) {
-    insert.Reset().Bind(key, std::uint64_t{i}, WordBytes(vocabulary.words, i)).Run();
+    insert.Reset()
+        .Bind(key, std::uint64_t{i}, WordBytes(vocabulary.words, i), ThresholdBytes(vocabulary, i))
+        .Run();
   }
   return key;
 }
@@ -96,8 +113,9 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary)
                                                  : Descriptors::Binary(rows, dim);
   result->model_id = row.Text(1);
   result->origin = ToOrigin(row);
-  Cursor words =
-      db.Prepare("SELECT word, data FROM vocabulary_words WHERE vocabulary = ? ORDER BY word");
+  Cursor words = db.Prepare(
+      "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = ? "
+      "ORDER BY word");
   words.Bind(vocabulary);
   std::size_t i = 0;
   for (; words.Next(); ++i) {
@@ -107,9 +125,20 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary)
     const Bytes data = words.Blob(1);
     if (data.size() != target.size()) ThrowCorrupt(vocabulary, "has a word of the wrong size");
     std::memcpy(const_cast<std::uint8_t*>(target.data()), data.data(), data.size());
+    if (words.IsNull(2)) continue;
+    const Bytes thresholds = words.Blob(2);
+    if (thresholds.size() != kSignatureBits * sizeof(float)) {
+      ThrowCorrupt(vocabulary, "has thresholds of the wrong size");
+    }
+    const std::size_t at = result->thresholds.size();
+    result->thresholds.resize(at + kSignatureBits);
+    std::memcpy(result->thresholds.data() + at, thresholds.data(), thresholds.size());
   }
   if (i != rows) ThrowCorrupt(vocabulary, "has lost words");
-  if (Checksum(result->words) != static_cast<std::uint32_t>(row.Int(9))) {
+  if (!result->thresholds.empty() && result->thresholds.size() != rows * kSignatureBits) {
+    ThrowCorrupt(vocabulary, "has lost thresholds");
+  }
+  if (Checksum(*result) != static_cast<std::uint32_t>(row.Int(9))) {
     ThrowCorrupt(vocabulary, "does not match its checksum");
   }
   return result;

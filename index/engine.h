@@ -19,6 +19,7 @@
 
 #include "descriptor/descriptor.h"
 #include "index/explanation.h"
+#include "index/filter.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -97,7 +98,7 @@ struct ObjectRecord {
 };
 
 enum class RankMethod {
-  kTfIdf,      // cosine of tf-idf vectors: 1 = same words, 0 = no word in common
+  kTfIdf,      // words weighted by how rare they are: 1 = the same, 0 = nothing in common
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
 enum class GroupBy { kObject, kImage };
@@ -115,6 +116,13 @@ struct Point {
   double x = 0, y = 0;
 };
 
+// How kTfIdf compares words. For experiments: the defaults are what was measured to be best.
+struct RankTuning {
+  // Compare binary signatures within a word, where the vocabulary has them (vocab/signature.h).
+  bool signatures = true;
+  int assignments = 1;  // nearest words that a query descriptor counts for; 1..16
+};
+
 struct SearchOptions {
   std::string collection = kDefaultCollection;
   std::size_t limit = 10;  // hits returned; 0 = all
@@ -125,11 +133,20 @@ struct SearchOptions {
   // (index/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
   std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
+  int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
+  RankTuning tuning;
   std::optional<Region> region;  // only key points inside count
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
+  Filter filter;                      // only pictures whose metadata pass
   bool explain = false;               // every hit says why: Hit::explanation
   int threads = 0;                    // for the description of the query; 0 = all cores
+};
+
+// One place in the query picture where the object is.
+struct Instance {
+  int inliers = 0;
+  std::vector<Point> polygon;  // outline in the query picture
 };
 
 struct Hit {
@@ -139,6 +156,9 @@ struct Hit {
   double score = 0;            // 0..1, see RankMethod; when verified, CombineScores
   int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
+  // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
+  // when not verified. More inliers in more places do not make the score higher.
+  std::vector<Instance> instances;
   std::string metadata = "{}";
   std::optional<Explanation> explanation;  // with SearchOptions::explain
 };
@@ -173,8 +193,8 @@ struct VocabularyRecord {
 
 struct TrainOptions {
   std::string collection = kDefaultCollection;
-  int words = 0;        // 0 = chosen from the sample: 1000 or more when it allows
-  int sample = 10'000;  // descriptors drawn at random; at most kMaxKMedoidsSamples
+  int words = 0;   // 0 = chosen from the sample: 1000 or more when it allows
+  int sample = 0;  // descriptors drawn at random; 0 = ten a word, at least 10 000
   std::uint64_t seed = 1;
   int threads = 0;
   std::function<void(double done, double loss)> progress;

@@ -66,6 +66,8 @@ class Engine::Impl {
   const FeatureExtractor& extractor();
   void CheckModel(const DescriptorInfo& info) const;
   CollectionView CurrentView(const std::string& collection);
+  // Which pictures `options` admit, by key and object; empty = all.
+  std::function<bool(Key, Key)> Admitted(const SearchOptions& options, Key collection);
 
   std::optional<ImageRecord> FindUnchanged(Connection& db, const CollectionRow& collection,
                                            const AddRequest& request, const std::string& sha256);
@@ -73,8 +75,9 @@ class Engine::Impl {
   AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
   SearchResult SearchFeatures(Features features, const SearchOptions& options,
                               const ExtractionTimings& timings);
-  std::vector<VerifiedPicture> VerifyBest(const Features& query, const SearchOptions& options,
-                                          std::vector<RankedPicture> ranking);
+  // The candidates, verified and grouped, before the other hits.
+  std::vector<VerifiedPicture> VerifyCandidates(const Features& query, const SearchOptions& options,
+                                                std::vector<RankedPicture> candidates);
   void AddHits(std::vector<VerifiedPicture>& best, const SearchOptions& options,
                SearchResult* result);
   // Gives words of `vocabulary` to all pictures that lack them. `work` hears of the share done.

@@ -112,7 +112,9 @@ Engine::Impl::Prepared Engine::Impl::Prepare(const AddRequest& request, const st
   const CollectionView view = CurrentView(request.collection);
   if (view.quantizer) {
     prepared.vocabulary = view.vocabulary;
-    prepared.bow = MakeBow(view.quantizer->Assign(prepared.features.descriptors, request.threads));
+    const Descriptors& descriptors = prepared.features.descriptors;
+    prepared.bow =
+        view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
   }
   return prepared;
 }
@@ -140,8 +142,10 @@ AddResult Engine::Impl::Store(Connection& db, const AddRequest& request, const P
       InsertPictureWords(db, collection.active_vocabulary, key, prepared.bow);
     } else {  // switched since
       const Quantizer quantizer(ReadVocabulary(db, collection.active_vocabulary));
-      InsertPictureWords(db, collection.active_vocabulary, key,
-                         MakeBow(quantizer.Assign(prepared.features.descriptors, request.threads)));
+      const Descriptors& descriptors = prepared.features.descriptors;
+      InsertPictureWords(
+          db, collection.active_vocabulary, key,
+          quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
     }
   }
   return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};

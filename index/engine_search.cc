@@ -30,6 +30,11 @@ void Validate(const SearchOptions& options) {
     ThrowInvalid("min_score", "must be 0 to 1");
   }
   if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
+  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
+  if (options.tuning.assignments < 1 || options.tuning.assignments > 16) {
+    ThrowInvalid("tuning.assignments", "must be 1 to 16");
+  }
+  CheckFilter(options.filter);
   if (!options.region) return;
   const Region& r = *options.region;
   for (const double value : {r.x, r.y, r.width, r.height}) {
@@ -52,6 +57,16 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
                               "verified. Raise the depth of verification to look at more."
                             : "The search does not verify.";
   return explanation;
+}
+
+Bow QueryBow(const Quantizer& quantizer, const Descriptors& descriptors,
+             const SearchOptions& options) {
+  const int several = options.tuning.assignments;
+  if (several == 1) {
+    return quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, options.threads));
+  }
+  const auto words = quantizer.AssignSeveral(descriptors, several, options.threads);
+  return quantizer.BowOf(descriptors, 0, words, static_cast<int>(words.size() / descriptors.rows));
 }
 
 bool Contains(const Region& region, const Keypoint& k) {
@@ -121,52 +136,61 @@ SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions
   result.query_height = features.height;
 
   Clock::time_point start = Clock::now();
-  const Bow bow = MakeBow(view.quantizer->Assign(features.descriptors, options.threads));
+  const Bow bow = QueryBow(*view.quantizer, features.descriptors, options);
   result.timings.quantize_ms = MsSince(start);
 
   start = Clock::now();
+  const bool verify = Verifies(options);
   RankOptions rank;
   rank.method = options.rank;
   rank.group_by = options.group_by;
   rank.keep = options.limit == 0 ? 0 : options.offset + options.limit;
   rank.min_score = options.min_score;
   rank.threads = options.threads;
-  if (options.object) {
-    const Key wanted =
-        Read([&](Connection& db) { return FindObject(db, view.collection, *options.object); });
-    if (wanted == 0 && !options.object->empty()) return result;
-    rank.accept = [wanted](Key, Key object) { return object == wanted; };
-  }
-  const bool verify = Verifies(options);
-  if (verify) {  // all pictures, since verification may lift any of them above min_score
-    rank.group_by = GroupBy::kImage;
-    rank.keep = 0;
-    rank.min_score = 0;
+  rank.signatures = options.tuning.signatures;
+  rank.accept = Admitted(options, view.collection);
+  if (verify) {
+    // Does not depend on the page, so that pages fit together.
+    rank.candidates = options.verify_depth != 0 ? options.verify_depth
+                                                : DefaultVerifyDepth(view.snapshot->pictures);
   }
   Ranking ranking = Rank(*view.snapshot, bow, rank);
-  result.total = ranking.total;
   result.timings.rank_ms = MsSince(start);
 
-  std::vector<VerifiedPicture> best;
+  std::vector<VerifiedPicture> hits;
   if (verify) {
     start = Clock::now();
-    best = VerifyBest(features, options, std::move(ranking.best));
-    result.total = best.size();
+    hits = VerifyCandidates(features, options, std::move(ranking.candidates));
     result.timings.verify_ms = MsSince(start);
-  } else {
-    for (RankedPicture& picture : ranking.best) best.push_back({std::move(picture), 0, {}, {}});
   }
-  AddHits(best, options, &result);
+  result.total = hits.size() + ranking.total;
+  for (RankedPicture& picture : ranking.best) hits.push_back({std::move(picture), {}, {}});
+  AddHits(hits, options, &result);
   return result;
 }
 
-std::vector<VerifiedPicture> Engine::Impl::VerifyBest(const Features& query,
-                                                      const SearchOptions& options,
-                                                      std::vector<RankedPicture> ranking) {
-  std::size_t depth = options.verify_depth;
-  if (depth == 0) {
-    depth = std::max(DefaultVerifyDepth(ranking.size()), options.offset + options.limit);
+std::function<bool(Key, Key)> Engine::Impl::Admitted(const SearchOptions& options, Key collection) {
+  if (!options.object && options.filter.empty()) return {};
+  Key wanted = 0;
+  bool any = true;  // of the objects
+  if (options.object) {
+    wanted = Read([&](Connection& db) { return FindObject(db, collection, *options.object); });
+    if (wanted == 0 && !options.object->empty()) {
+      return [](Key, Key) { return false; };  // there is no such object
+    }
+    any = false;
   }
+  if (options.filter.empty()) return [wanted](Key, Key object) { return object == wanted; };
+  const auto passing = std::make_shared<const std::vector<Key>>(
+      Read([&](Connection& db) { return PicturesPassing(db, collection, options.filter); }));
+  return [wanted, any, passing](Key key, Key object) {
+    return (any || object == wanted) && std::binary_search(passing->begin(), passing->end(), key);
+  };
+}
+
+std::vector<VerifiedPicture> Engine::Impl::VerifyCandidates(const Features& query,
+                                                            const SearchOptions& options,
+                                                            std::vector<RankedPicture> candidates) {
   const auto load = [&](Key key) {
     return Read([&](Connection& db) -> std::optional<Features> {
       if (!FindPictureByKey(db, key)) return std::nullopt;  // removed since the snapshot
@@ -175,9 +199,11 @@ std::vector<VerifiedPicture> Engine::Impl::VerifyBest(const Features& query,
       return features;
     });
   };
-  auto pictures =
-      Rerank(query, std::move(ranking),
-             {.depth = depth, .explain = options.explain, .threads = options.threads}, load);
+  auto pictures = Rerank(query, std::move(candidates),
+                         {.max_instances = options.max_instances,
+                          .explain = options.explain,
+                          .threads = options.threads},
+                         load);
   std::erase_if(pictures,
                 [&](const VerifiedPicture& p) { return p.picture.score < options.min_score; });
   if (options.group_by == GroupBy::kObject) KeepBestOfObjects(&pictures);
@@ -198,8 +224,9 @@ void Engine::Impl::AddHits(std::vector<VerifiedPicture>& best, const SearchOptio
       hit.object = picture->record.object;
       hit.image_id = picture->record.id;
       hit.score = best[i].picture.score;
-      hit.inliers = best[i].inliers;
-      for (const Vec2 p : best[i].outline) hit.polygon.push_back({p.x, p.y});
+      hit.inliers = best[i].inliers();
+      hit.instances = std::move(best[i].instances);
+      if (!hit.instances.empty()) hit.polygon = hit.instances.front().polygon;
       hit.metadata = picture->record.metadata;
       if (options.explain) {
         hit.explanation = best[i].explanation ? std::move(best[i].explanation)

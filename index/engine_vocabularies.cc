@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine: training, quantising and switching vocabularies.
 #include <algorithm>
+#include <span>
 
 #include "descriptor/error.h"
 #include "index/blob_codec.h"
@@ -19,11 +20,20 @@ void Validate(const TrainOptions& options) {
   const auto fail = [](const std::string& field, const std::string& message) {
     throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
   };
-  if (options.words < 0) fail("words", "must not be negative");
-  if (options.sample < 1 || options.sample > static_cast<int>(kMaxKMedoidsSamples)) {
-    fail("sample", "must be 1 to " + std::to_string(kMaxKMedoidsSamples));
+  if (options.words < 0 || options.words > static_cast<int>(kMaxWords)) {
+    fail("words", "must be 0 to " + std::to_string(kMaxWords));
+  }
+  if (options.sample < 0 || options.sample > static_cast<int>(kMaxVocabularySamples)) {
+    fail("sample", "must be 0 to " + std::to_string(kMaxVocabularySamples));
   }
   if (options.threads < 0) fail("threads", "must not be negative");
+}
+
+// Ten samples a word, and 10 000 at least.
+std::size_t ChooseSample(const TrainOptions& options) {
+  constexpr int kLeast = 10'000;
+  if (options.sample > 0) return static_cast<std::size_t>(options.sample);
+  return static_cast<std::size_t>(std::max(kLeast, 10 * options.words));
 }
 
 // A tenth of the sample: 1000 words from the default sample of 10 000.
@@ -50,11 +60,11 @@ std::vector<Bow> AssignBatch(const Quantizer& quantizer,
   }
   const std::vector<std::uint32_t> words = quantizer.Assign(all, threads);
   std::vector<Bow> bows;
-  auto begin = words.begin();
+  std::size_t first = 0;
   for (const PictureDescriptors& p : batch) {
-    const auto end = begin + static_cast<std::ptrdiff_t>(p.descriptors.rows);
-    bows.push_back(MakeBow({begin, end}));
-    begin = end;
+    bows.push_back(
+        quantizer.BowOf(all, first, std::span(words).subspan(first, p.descriptors.rows)));
+    first += p.descriptors.rows;
   }
   return bows;
 }
@@ -82,8 +92,7 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
   CollectionRow collection;
   const DescriptorSample sample = Read([&](Connection& db) {
     collection = RequireCollection(db, options.collection);
-    return SampleDescriptors(db, collection, model_.info, static_cast<std::size_t>(options.sample),
-                             options.seed);
+    return SampleDescriptors(db, collection, model_.info, ChooseSample(options), options.seed);
   });
   if (sample.available == 0) {
     throw Error(ErrorCode::kConflict, "no_pictures",

@@ -16,7 +16,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kDeepest = 3;  // of the JSON form: filter, tests, list of values
+constexpr int kDeepest = 4;  // filter, tests, list of values, and what does not belong there
 constexpr std::size_t kMaxFilterBytes = 64 * 1024;
 
 [[noreturn]] void ThrowInvalid(const std::string& message) {

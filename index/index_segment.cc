@@ -3,6 +3,7 @@
 #include "index/index_segment.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "descriptor/error.h"
 #include "index/accumulate.h"
@@ -12,6 +13,21 @@ namespace {
 
 constexpr std::uint32_t kMaxCount = 255;          // that a posting can hold
 constexpr std::size_t kMinPicturesForDense = 64;  // below, rows save nothing
+
+bool AreSigned(std::span<const IndexedPicture> pictures) {
+  std::size_t with = 0;
+  std::size_t without = 0;
+  for (const IndexedPicture& picture : pictures) {
+    if (picture.bow.words.empty()) continue;
+    ++(picture.bow.signatures.size() == picture.bow.words.size() ? with : without);
+  }
+  if (with > 0 && without > 0) {
+    throw Error(ErrorCode::kCorrupt, "signatures_missing",
+                "some pictures have words with signatures of the same vocabulary and some without; "
+                "train a new vocabulary");
+  }
+  return with > 0;
+}
 
 struct Squares {
   double total = 0;
@@ -29,12 +45,30 @@ Squares SquaresOf(const Bow& bow) {
 
 }  // namespace
 
+template <typename Visit>
+void IndexSegment::ForEachPicture(std::uint32_t word, Visit&& visit) const {
+  if (word < dense_rows_.size() && dense_rows_[word] != kNoRow) {
+    const std::uint8_t* counts = dense_.data() + dense_rows_[word] * size();
+    for (std::uint32_t p = 0; p < size(); ++p) {
+      if (counts[p] != 0) visit(p);
+    }
+    return;
+  }
+  const std::uint32_t end = offsets_[word + 1];
+  for (std::uint32_t i = offsets_[word]; i < end; ++i) {
+    // A count above 255 takes several postings.
+    if (i > offsets_[word] && pictures_[i] == pictures_[i - 1]) continue;
+    visit(std::uint32_t{pictures_[i]});
+  }
+}
+
 std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedPicture> pictures,
                                                         std::size_t vocabulary_size) {
   if (pictures.size() > kMaxPictures) {
     throw Error(ErrorCode::kInternal, "segment_too_large",
                 "an index segment got too many pictures");
   }
+  const bool is_signed = AreSigned(pictures);
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
   auto segment = std::make_shared<IndexSegment>();
   for (const IndexedPicture& picture : pictures) {
@@ -51,11 +85,17 @@ std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedP
   std::vector<Posting> postings(starts.back());
   std::vector<std::size_t> next(starts.begin(), starts.end() - 1);
   for (std::uint32_t p = 0; p < pictures.size(); ++p) {
-    for (const WordCount& entry : pictures[p].bow.words) {
-      postings[next[entry.word]++] = {p, entry.count};
+    const Bow& bow = pictures[p].bow;
+    for (std::size_t i = 0; i < bow.words.size(); ++i) {
+      const std::uint64_t signature = is_signed ? bow.signatures[i] : 0;
+      postings[next[bow.words[i].word]++] = {p, bow.words[i].count, signature};
     }
   }
   segment->offsets_.reserve(vocabulary_size + 1);
+  if (is_signed) {
+    segment->BeginSignatures();
+    segment->signatures_.reserve(postings.size());
+  }
   for (std::size_t w = 0; w < vocabulary_size; ++w) {
     segment->AddWord(std::span(postings).subspan(starts[w], starts[w + 1] - starts[w]));
   }
@@ -82,6 +122,10 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
   std::sort(places.begin(), places.end(),
             [](const Place& a, const Place& b) { return a.key < b.key; });
   auto merged = std::make_shared<IndexSegment>();
+  const bool is_signed = std::any_of(sources.begin(), sources.end(), [](const Source& source) {
+    return source.segment->has_signatures();
+  });
+  if (is_signed) merged->BeginSignatures();
   std::vector<std::vector<std::uint32_t>> new_position;  // kNoRow = dead
   for (const Source& source : sources) new_position.emplace_back(source.segment->size(), kNoRow);
   for (const Place& place : places) {
@@ -96,7 +140,7 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
     for (std::size_t s = 0; s < sources.size(); ++s) {
       for (const Posting& posting : sources[s].segment->PostingsOf(w)) {
         const std::uint32_t position = new_position[s][posting.picture];
-        if (position != kNoRow) postings.push_back({position, posting.count});
+        if (position != kNoRow) postings.push_back({position, posting.count, posting.signature});
       }
     }
     const auto by_picture = [](const Posting& a, const Posting& b) {
@@ -110,6 +154,7 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
   merged->pictures_.shrink_to_fit();
   merged->counts_.shrink_to_fit();
   merged->dense_.shrink_to_fit();
+  merged->signatures_.shrink_to_fit();
   return merged;
 }
 
@@ -144,6 +189,21 @@ void IndexSegment::AddWord(std::span<const Posting> postings) {
     }
   }
   offsets_.push_back(static_cast<std::uint32_t>(counts_.size()));
+  if (!has_signatures()) return;
+  for (const Posting& posting : postings) signatures_.push_back(posting.signature);
+  signature_offsets_.push_back(static_cast<std::uint32_t>(signatures_.size()));
+}
+
+void IndexSegment::AccumulateAlike(std::uint32_t word, std::uint64_t signature,
+                                   const BitWeights& weights, float* sums) const {
+  const std::uint64_t* own = signatures_.data() + signature_offsets_[word];
+  ForEachPicture(word, [&](std::uint32_t picture) {
+    sums[picture] += weights[static_cast<std::size_t>(std::popcount(*own++ ^ signature))];
+  });
+}
+
+void IndexSegment::AccumulatePresence(std::uint32_t word, double weight, double* sums) const {
+  ForEachPicture(word, [&](std::uint32_t picture) { sums[picture] += weight; });
 }
 
 std::size_t IndexSegment::Find(std::int64_t key) const {
@@ -162,9 +222,10 @@ std::vector<Posting> IndexSegment::PostingsOf(std::uint32_t word) const {
     const std::uint8_t* counts = dense_.data() + row * size();
     for (std::uint32_t p = 0; p < size(); ++p) {
       if (counts[p] == 0) continue;
-      postings.push_back({p, counts[p]});
+      postings.push_back({p, counts[p], 0});
       for (; i < end && pictures_[i] == p; ++i) postings.back().count += counts_[i];
     }
+    AddSignatures(word, &postings);
     return postings;
   }
   postings.reserve(end - i);
@@ -172,19 +233,25 @@ std::vector<Posting> IndexSegment::PostingsOf(std::uint32_t word) const {
     if (!postings.empty() && postings.back().picture == pictures_[i]) {
       postings.back().count += counts_[i];
     } else {
-      postings.push_back({pictures_[i], counts_[i]});
+      postings.push_back({pictures_[i], counts_[i], 0});
     }
   }
+  AddSignatures(word, &postings);
   return postings;
+}
+
+void IndexSegment::AddSignatures(std::uint32_t word, std::vector<Posting>* postings) const {
+  if (!has_signatures()) return;
+  const std::uint64_t* own = signatures_.data() + signature_offsets_[word];
+  for (Posting& posting : *postings) posting.signature = *own++;
 }
 
 Bow IndexSegment::BowOf(std::size_t picture) const {
   Bow bow;
   for (std::uint32_t w = 0; w < vocabulary_size(); ++w) {
     std::uint32_t count = 0;
-    if (w < dense_rows_.size() && dense_rows_[w] != kNoRow) {
-      count += dense_[dense_rows_[w] * size() + picture];
-    }
+    const bool dense = w < dense_rows_.size() && dense_rows_[w] != kNoRow;
+    if (dense) count += dense_[dense_rows_[w] * size() + picture];
     const auto begin = pictures_.begin() + offsets_[w];
     const auto end = pictures_.begin() + offsets_[w + 1];
     const auto [first, last] = std::equal_range(begin, end, static_cast<std::uint16_t>(picture));
@@ -192,8 +259,19 @@ Bow IndexSegment::BowOf(std::size_t picture) const {
     if (count == 0) continue;
     bow.words.push_back({w, count});
     bow.total += count;
+    if (has_signatures()) bow.signatures.push_back(SignatureOf(w, picture));
   }
   return bow;
+}
+
+std::uint64_t IndexSegment::SignatureOf(std::uint32_t word, std::size_t picture) const {
+  const std::uint64_t* own = signatures_.data() + signature_offsets_[word];
+  std::uint64_t found = 0;
+  ForEachPicture(word, [&](std::uint32_t p) {
+    if (p == picture) found = *own;
+    ++own;
+  });
+  return found;
 }
 
 void IndexSegment::Accumulate(std::uint32_t word, float weight, float* sums) const {
@@ -237,7 +315,7 @@ std::size_t IndexSegment::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   return sizeof(*this) + bytes(keys_) + bytes(objects_) + bytes(id_offsets_) + bytes(id_text_) +
          bytes(totals_) + bytes(squares_) + bytes(offsets_) + bytes(pictures_) + bytes(counts_) +
-         bytes(dense_rows_) + bytes(dense_);
+         bytes(dense_rows_) + bytes(dense_) + bytes(signature_offsets_) + bytes(signatures_);
 }
 
 }  // namespace pliant

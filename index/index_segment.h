@@ -4,6 +4,7 @@
 // to index/.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "vocab/quantizer.h"
+#include "vocab/signature.h"
 
 namespace pliant {
 
@@ -27,14 +29,19 @@ struct IndexedPicture {
 struct Posting {
   std::uint32_t picture = 0;  // position in the segment
   std::uint32_t count = 0;
+  std::uint64_t signature = 0;  // 0 in a segment without signatures
 };
+
+// What each number of differing bits between two signatures is worth.
+using BitWeights = std::array<float, kSignatureBits + 1>;
 
 class IndexSegment {
  public:
   static constexpr std::size_t kMaxPictures = 16384;
   static constexpr std::uint32_t kNoRow = std::numeric_limits<std::uint32_t>::max();
 
-  // `pictures`: at most kMaxPictures, keys ascending; words below `vocabulary_size`.
+  // `pictures`: at most kMaxPictures, keys ascending; words below `vocabulary_size`; all of them
+  // with signatures or none.
   static std::shared_ptr<const IndexSegment> Build(std::span<const IndexedPicture> pictures,
                                                    std::size_t vocabulary_size);
   struct Source {
@@ -63,6 +70,14 @@ class IndexSegment {
 
   // sums[p] += weight * count of `word` in picture p, for all p. `sums` has size() entries.
   void Accumulate(std::uint32_t word, float weight, float* sums) const;
+  bool has_signatures() const { return !signature_offsets_.empty(); }
+  // sums[p] += weights[bits in which the picture's signature of `word` differs from `signature`],
+  // for all p that have the word. Only when has_signatures().
+  void AccumulateAlike(std::uint32_t word, std::uint64_t signature, const BitWeights& weights,
+                       float* sums) const;
+  // sums[p] += weight for all p that have the word.
+  void AccumulatePresence(std::uint32_t word, double weight, double* sums) const;
+
   // sums[p] += (weight * count)^2.
   void AccumulateSquares(std::uint32_t word, double weight, double* sums) const;
 
@@ -73,6 +88,12 @@ class IndexSegment {
                   double squares);
   // Words must come in ascending order, each once; postings ascending.
   void AddWord(std::span<const Posting> postings);
+  void BeginSignatures() { signature_offsets_.assign(1, 0); }
+  void AddSignatures(std::uint32_t word, std::vector<Posting>* postings) const;
+  std::uint64_t SignatureOf(std::uint32_t word, std::size_t picture) const;
+  // Calls visit(picture) for each picture that has the word, ascending, once.
+  template <typename Visit>
+  void ForEachPicture(std::uint32_t word, Visit&& visit) const;
 
   std::vector<std::int64_t> keys_;  // ascending
   std::vector<std::int64_t> objects_;
@@ -88,6 +109,10 @@ class IndexSegment {
   std::vector<std::uint8_t> counts_;
   std::vector<std::uint32_t> dense_rows_;  // row of each word or kNoRow; empty = no dense words
   std::vector<std::uint8_t> dense_;
+  // Signatures of word w are [signature_offsets_[w], signature_offsets_[w + 1]), one for each
+  // picture that has it, in the pictures' order. Both empty in a segment without.
+  std::vector<std::uint32_t> signature_offsets_;
+  std::vector<std::uint64_t> signatures_;
 };
 
 }  // namespace pliant

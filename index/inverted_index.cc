@@ -34,18 +34,43 @@ std::shared_ptr<const std::vector<float>> InverseNorms(const IndexSegment& segme
   return std::make_shared<const std::vector<float>>(std::move(norms));
 }
 
+std::shared_ptr<const std::vector<float>> InverseAlikeNorms(const IndexSegment& segment,
+                                                            const std::vector<float>& idf) {
+  if (!segment.has_signatures()) return nullptr;
+  std::vector<double> sums(segment.size(), 0.0);
+  for (std::uint32_t w = 0; w < idf.size(); ++w) {
+    segment.AccumulatePresence(w, idf[w], sums.data());
+  }
+  std::vector<float> norms(segment.size(), 0.0F);
+  for (std::size_t p = 0; p < norms.size(); ++p) {
+    if (sums[p] > 0) norms[p] = static_cast<float>(1.0 / std::sqrt(sums[p]));
+  }
+  return std::make_shared<const std::vector<float>>(std::move(norms));
+}
+
+void SetNorms(Part& part, const std::vector<float>& idf) {
+  part.inverse_norms = InverseNorms(*part.segment, idf);
+  part.inverse_alike_norms = InverseAlikeNorms(*part.segment, idf);
+}
+
 Part MergedPart(std::span<const Part> parts, const std::vector<float>& idf) {
   std::vector<IndexSegment::Source> sources;
   for (const Part& part : parts) sources.push_back({part.segment.get(), part.dead.get()});
   Part merged;
   merged.segment = IndexSegment::Merge(sources);
-  merged.inverse_norms = InverseNorms(*merged.segment, idf);
+  SetNorms(merged, idf);
   return merged;
 }
 
 bool IsWasteful(const Part& part) { return part.dead_count * 4 > part.segment->size(); }
 
 }  // namespace
+
+bool IndexSnapshot::has_signatures() const {
+  return !parts.empty() && std::all_of(parts.begin(), parts.end(), [](const Part& part) {
+    return part.segment->has_signatures();
+  });
+}
 
 std::optional<Bow> IndexSnapshot::Find(std::int64_t key) const {
   for (const Part& part : parts) {
@@ -74,6 +99,9 @@ std::size_t IndexSnapshot::memory_bytes() const {
                       statistics->idf.capacity() * sizeof(float);
   for (const Part& part : parts) {
     bytes += part.segment->memory_bytes() + part.inverse_norms->capacity() * sizeof(float);
+    if (part.inverse_alike_norms) {
+      bytes += part.inverse_alike_norms->capacity() * sizeof(float);
+    }
     if (part.dead) bytes += part.dead->capacity() / 8;
   }
   return bytes;
@@ -106,9 +134,7 @@ void InvertedIndex::Apply(std::vector<IndexedPicture> added,
   const bool renew = changes_ * kEpochShare > next->pictures;
   if (!renew) {
     for (Part& part : next->parts) {
-      if (!part.inverse_norms) {
-        part.inverse_norms = InverseNorms(*part.segment, next->statistics->idf);
-      }
+      if (!part.inverse_norms) SetNorms(part, next->statistics->idf);
     }
   }
   MergeParts(*next);
@@ -195,7 +221,7 @@ void InvertedIndex::RenewStatistics(IndexSnapshot& next) {
     const double n = static_cast<double>(next.pictures) + 1;
     statistics->idf.push_back(static_cast<float>(std::log(n / std::max<double>(df, 1))));
   }
-  for (Part& part : next.parts) part.inverse_norms = InverseNorms(*part.segment, statistics->idf);
+  for (Part& part : next.parts) SetNorms(part, statistics->idf);
   next.statistics = std::move(statistics);
   changes_ = 0;
 }

@@ -35,6 +35,8 @@ struct IndexSnapshot {
     std::size_t dead_count = 0;
     // 1 / (total * |d|) of each picture, |d| = norm of its tf-idf vector in these statistics.
     std::shared_ptr<const std::vector<float>> inverse_norms;
+    // 1 / sqrt of the sum of the idf of each picture's words; nullptr without signatures.
+    std::shared_ptr<const std::vector<float>> inverse_alike_norms;
 
     std::size_t alive() const { return segment->size() - dead_count; }
     bool IsDead(std::size_t picture) const { return dead != nullptr && (*dead)[picture]; }
@@ -45,6 +47,8 @@ struct IndexSnapshot {
   std::vector<Part> parts;
   std::shared_ptr<const IndexStatistics> statistics;
 
+  // Whether every picture's words have signatures (there is one at least).
+  bool has_signatures() const;
   // The words of a picture, if it is alive.
   std::optional<Bow> Find(std::int64_t key) const;
   std::vector<std::int64_t> Keys() const;  // of the living, ascending

@@ -41,6 +41,17 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
   return hull;
 }
 
+bool IsInside(Vec2 point, std::span<const Vec2> polygon) {
+  bool inside = false;
+  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
+    const Vec2 a = polygon[i];
+    const Vec2 b = polygon[j];
+    if ((a.y > point.y) == (b.y > point.y)) continue;
+    if (point.x < (b.x - a.x) * (point.y - a.y) / (b.y - a.y) + a.x) inside = !inside;
+  }
+  return inside;
+}
+
 bool CrossesItself(std::span<const Vec2> polygon) {
   const std::size_t n = polygon.size();
   for (std::size_t i = 0; i < n; ++i) {

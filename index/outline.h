@@ -13,6 +13,9 @@ namespace pliant {
 // Corners of the convex hull, in order of the axes' turn, without points on its edges.
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points);
 
+// Whether the point lies inside the polygon, by the even-odd rule.
+bool IsInside(Vec2 point, std::span<const Vec2> polygon);
+
 // Whether any two sides that are not neighbours touch.
 bool CrossesItself(std::span<const Vec2> polygon);
 

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "descriptor/parallel.h"
 
@@ -30,12 +32,27 @@ bool IsBetter(const Candidate& a, const Candidate& b) {
   return a.segment->id(a.picture) < b.segment->id(b.picture);
 }
 
+constexpr int kSelectivity = 5;  // the power of s(h), see ranking.h
+
+// idf s(h) for each number h of differing bits.
+BitWeights WeightsOfBits(double idf) {
+  BitWeights weights = {};
+  for (int h = 0; 2 * h < kSignatureBits; ++h) {
+    weights[static_cast<std::size_t>(h)] =
+        static_cast<float>(idf * std::pow(1 - 2.0 * h / kSignatureBits, kSelectivity));
+  }
+  return weights;
+}
+
 struct QueryWeights {
   std::vector<std::uint32_t> words;
   std::vector<float> weights;
   double total = 0;
   double norm = 0;     // |q| of tf-idf, with counts for tf
   double squares = 0;  // sum of squared counts
+  // With signatures; norm is then sqrt of the sum of the words' idf.
+  std::vector<std::uint64_t> signatures;
+  std::vector<BitWeights> bit_weights;
 };
 
 QueryWeights WeighQuery(const IndexSnapshot& snapshot, const Bow& query, RankMethod method) {
@@ -56,6 +73,21 @@ QueryWeights WeighQuery(const IndexSnapshot& snapshot, const Bow& query, RankMet
   return result;
 }
 
+QueryWeights WeighSigned(const IndexSnapshot& snapshot, const Bow& query) {
+  QueryWeights result;
+  for (std::size_t i = 0; i < query.words.size(); ++i) {
+    const std::uint32_t word = query.words[i].word;
+    if (word >= snapshot.vocabulary_size) continue;
+    const double idf = snapshot.statistics->idf[word];
+    result.norm += idf;
+    result.words.push_back(word);
+    result.signatures.push_back(query.signatures[i]);
+    result.bit_weights.push_back(WeightsOfBits(idf));
+  }
+  result.norm = std::sqrt(result.norm);
+  return result;
+}
+
 double HistogramScore(const QueryWeights& query, const IndexSegment& segment, std::size_t picture,
                       double dot) {
   const double total = segment.total(picture);
@@ -70,17 +102,24 @@ void ScorePart(const Part& part, const QueryWeights& query, const RankOptions& o
                std::vector<float>& sums, std::vector<Candidate>& candidates) {
   const IndexSegment& segment = *part.segment;
   sums.assign(segment.size(), 0.0F);
+  const bool is_signed = !query.signatures.empty();
   for (std::size_t i = 0; i < query.words.size(); ++i) {
-    segment.Accumulate(query.words[i], query.weights[i], sums.data());
+    if (is_signed) {
+      segment.AccumulateAlike(query.words[i], query.signatures[i], query.bit_weights[i],
+                              sums.data());
+    } else {
+      segment.Accumulate(query.words[i], query.weights[i], sums.data());
+    }
   }
+  const std::vector<float>& norms = is_signed ? *part.inverse_alike_norms : *part.inverse_norms;
   const bool tf_idf = options.method == RankMethod::kTfIdf;
   for (std::uint32_t p = 0; p < segment.size(); ++p) {
     if ((tf_idf && sums[p] <= 0) || part.IsDead(p)) continue;
     if (options.accept && !options.accept(segment.key(p), segment.object(p))) continue;
-    const double score =
-        tf_idf ? std::min(1.0, static_cast<double>(sums[p]) * (*part.inverse_norms)[p] / query.norm)
-               : HistogramScore(query, segment, p, sums[p]);
-    if (score >= options.min_score) candidates.push_back({&segment, p, score});
+    const double score = tf_idf
+                             ? std::min(1.0, static_cast<double>(sums[p]) * norms[p] / query.norm)
+                             : HistogramScore(query, segment, p, sums[p]);
+    candidates.push_back({&segment, p, score});
   }
 }
 
@@ -104,13 +143,14 @@ std::vector<Candidate> ScoreAll(const IndexSnapshot& snapshot, const QueryWeight
   return all;
 }
 
-std::vector<Candidate> BestOfEachObject(const std::vector<Candidate>& candidates) {
+std::vector<Candidate> BestOfEachObject(std::span<const Candidate> candidates,
+                                        const std::unordered_set<std::int64_t>& but_not) {
   std::vector<Candidate> best;
   std::unordered_map<std::int64_t, std::size_t> position;  // of an object in `best`
-  position.reserve(candidates.size());
   for (const Candidate& candidate : candidates) {
     const std::int64_t object = candidate.segment->object(candidate.picture);
     if (object != 0) {
+      if (but_not.contains(object)) continue;
       const auto [found, is_new] = position.try_emplace(object, best.size());
       if (!is_new) {
         Candidate& held = best[found->second];
@@ -123,25 +163,51 @@ std::vector<Candidate> BestOfEachObject(const std::vector<Candidate>& candidates
   return best;
 }
 
+// The best `count` in order at the front; nothing is said about the others.
+void SortBest(std::span<Candidate> candidates, std::size_t count) {
+  if (count == 0) return;
+  if (count < candidates.size()) {
+    std::nth_element(candidates.begin(),
+                     candidates.begin() + static_cast<std::ptrdiff_t>(count - 1), candidates.end(),
+                     IsBetter);
+    candidates = candidates.first(count);
+  }
+  std::sort(candidates.begin(), candidates.end(), IsBetter);
+}
+
+std::vector<RankedPicture> Named(std::span<const Candidate> candidates) {
+  std::vector<RankedPicture> named;
+  named.reserve(candidates.size());
+  for (const Candidate& c : candidates) {
+    named.push_back({c.segment->key(c.picture), c.segment->object(c.picture),
+                     std::string(c.segment->id(c.picture)), c.score});
+  }
+  return named;
+}
+
 }  // namespace
 
 Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions& options) {
-  const QueryWeights weights = WeighQuery(snapshot, query, options.method);
-  std::vector<Candidate> candidates = ScoreAll(snapshot, weights, options);
-  if (options.group_by == GroupBy::kObject) candidates = BestOfEachObject(candidates);
+  const bool is_signed = options.method == RankMethod::kTfIdf && options.signatures &&
+                         !query.signatures.empty() && snapshot.has_signatures();
+  const QueryWeights weights =
+      is_signed ? WeighSigned(snapshot, query) : WeighQuery(snapshot, query, options.method);
+  std::vector<Candidate> all = ScoreAll(snapshot, weights, options);
   Ranking ranking;
-  ranking.total = candidates.size();
-  if (options.keep != 0 && options.keep < candidates.size()) {
-    const auto end = candidates.begin() + static_cast<std::ptrdiff_t>(options.keep);
-    std::nth_element(candidates.begin(), end - 1, candidates.end(), IsBetter);
-    candidates.erase(end, candidates.end());
+  const std::size_t apart = std::min(options.candidates, all.size());
+  SortBest(all, apart);
+  ranking.candidates = Named(std::span(all).first(apart));
+  std::vector<Candidate> rest(all.begin() + static_cast<std::ptrdiff_t>(apart), all.end());
+  std::erase_if(rest, [&](const Candidate& c) { return c.score < options.min_score; });
+  if (options.group_by == GroupBy::kObject) {
+    std::unordered_set<std::int64_t> shown;
+    for (const RankedPicture& candidate : ranking.candidates) shown.insert(candidate.object);
+    rest = BestOfEachObject(rest, shown);
   }
-  std::sort(candidates.begin(), candidates.end(), IsBetter);
-  ranking.best.reserve(candidates.size());
-  for (const Candidate& c : candidates) {
-    ranking.best.push_back({c.segment->key(c.picture), c.segment->object(c.picture),
-                            std::string(c.segment->id(c.picture)), c.score});
-  }
+  ranking.total = rest.size();
+  const std::size_t keep = options.keep == 0 ? rest.size() : std::min(options.keep, rest.size());
+  SortBest(rest, keep);
+  ranking.best = Named(std::span(rest).first(keep));
   return ranking;
 }
 

@@ -6,6 +6,11 @@
 //   score = sum_w tf_q tf_d idf_w^2 / (|q| |d|). 1 = same words in the same proportions, 0 = none
 //   in common. Only pictures that share a word are hits. (Sivic and Zisserman, "Video Google", ICCV
 //   2003; N + 1 keeps a word that every picture has above zero.)
+// With signatures (vocab/signature.h) kTfIdf is, instead, ASMK's (Tolias, Avrithis and Jegou, ICCV
+//   2013): score = sum_w idf_w s(h_w) / sqrt(sum_{w in q} idf_w sum_{w in d} idf_w) over the words
+//   that q and d share; h_w = bits in which their signatures differ, s(h) = (1 - 2 h / 64)^5, 0
+//   where that is below 0. Each word counts once however often it occurs, which is what tames
+//   bursts. 1 = same words and signatures, 0 = nothing alike.
 // kHistogram: the paper's. h = count / total; score = 1 - |h_q - h_d| / sqrt(2). Every picture is
 //   a hit; sqrt(2) is the distance of two pictures that are each all one word.
 #pragma once
@@ -28,6 +33,10 @@ struct RankOptions {
   // Only pictures that it accepts, by key and object; empty = all. Called from several threads.
   std::function<bool(std::int64_t key, std::int64_t object)> accept;
   int threads = 1;  // at most; 0 = all cores
+  // This many pictures, the best of all, are set apart for verification: by image, whatever their
+  // score and object, since verification may lift any of them.
+  std::size_t candidates = 0;
+  bool signatures = true;  // kTfIdf compares them where the snapshot and the query have them
 };
 
 struct RankedPicture {
@@ -37,13 +46,17 @@ struct RankedPicture {
   double score = 0;  // 0..1
 };
 
+// Each list has the highest score first; of equal scores the lower id.
 struct Ranking {
-  // Score descending, then id ascending. Grouped by object: the best picture of each object stands
-  // for it (its score is the object's); a picture without object stands for itself.
+  std::vector<RankedPicture> candidates;
+  // The hits that are no candidates, all after them. Grouped by object: the best picture of each
+  // object stands for it (its score is the object's), a picture without object for itself, and
+  // objects that a candidate shows are left out.
   std::vector<RankedPicture> best;
-  std::size_t total = 0;  // hits before `keep` cut them off
+  std::size_t total = 0;  // of these hits, before `keep` cut them off
 };
 
+// Only what is returned is sorted: O(postings + pictures), and n log n for the n that are returned.
 Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions& options);
 
 }  // namespace pliant

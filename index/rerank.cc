@@ -16,25 +16,40 @@ std::size_t DefaultVerifyDepth(std::size_t pictures) {
   return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(pictures))));
 }
 
+namespace {
+
+std::vector<Instance> InstancesOf(const VerificationResult& result) {
+  std::vector<Instance> instances;
+  const auto add = [&](std::size_t inliers, const std::vector<Vec2>& outline) {
+    Instance instance{static_cast<int>(inliers), {}};
+    for (const Vec2 p : outline) instance.polygon.push_back({p.x, p.y});
+    instances.push_back(std::move(instance));
+  };
+  if (result.verified()) add(result.inliers.size(), result.outline);
+  for (const FurtherInstance& other : result.others) add(other.inliers.size(), other.outline);
+  return instances;
+}
+
+}  // namespace
+
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load) {
   std::vector<VerifiedPicture> pictures;
   pictures.reserve(ranking.size());
-  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), 0, {}, {}});
-  const Verifier verifier(query);
-  ParallelFor(std::min(options.depth, pictures.size()), options.threads, [&](std::size_t i) {
+  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), {}, {}});
+  const Verifier verifier(query, {.max_instances = options.max_instances});
+  ParallelFor(pictures.size(), options.threads, [&](std::size_t i) {
     VerifiedPicture& candidate = pictures[i];
     const auto features = load(candidate.picture.key);
     if (!features) return;
-    VerificationResult result = verifier.Verify(*features);
-    candidate.inliers = static_cast<int>(result.inliers.size());
+    const VerificationResult result = verifier.Verify(*features);
     if (options.explain) {
       candidate.explanation = Explain(query, *features, result);
       candidate.explanation->ranking_score = candidate.picture.score;
     }
-    candidate.outline = std::move(result.outline);
-    candidate.picture.score = CombineScores(candidate.picture.score, candidate.inliers);
+    candidate.instances = InstancesOf(result);
+    candidate.picture.score = CombineScores(candidate.picture.score, candidate.inliers());
   });
   std::sort(pictures.begin(), pictures.end(),
             [](const VerifiedPicture& a, const VerifiedPicture& b) {

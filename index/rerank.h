@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Verification of the best pictures of a ranking, and the ranking by the combined scores. Private
+// Verification of the best pictures of a ranking, and their order by the combined scores. Private
 // to index/.
 #pragma once
 
@@ -17,10 +17,11 @@
 namespace pliant {
 
 struct VerifiedPicture {
-  RankedPicture picture;  // score: CombineScores of the ranking's score and the inliers
-  int inliers = 0;
-  std::vector<Vec2> outline;               // in the query picture; empty when not verified
+  RankedPicture picture;            // score: CombineScores of the ranking's score and the inliers
+  std::vector<Instance> instances;  // as in Hit
   std::optional<Explanation> explanation;  // of the pictures looked at, when asked for
+
+  int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
 };
 
 // How many pictures are verified when nobody says: 100, or the square root of the collection's size
@@ -28,15 +29,14 @@ struct VerifiedPicture {
 std::size_t DefaultVerifyDepth(std::size_t pictures);
 
 struct RerankOptions {
-  std::size_t depth = 100;  // pictures looked at, from the first
+  int max_instances = 1;
   bool explain = false;
   int threads = 1;  // pictures at a time; 0 = all cores
 };
 
-// Verifies the first pictures of `ranking` (by image, best first) and sorts all by combined score,
-// then id. `load` gives a picture's features, or nothing for one that
-// was removed meanwhile, which is left unverified; it is called from several threads.
-// Deterministic.
+// Verifies the pictures of `ranking` and sorts them by combined score, then id. `load` gives a
+// picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
+// is called from several threads. Deterministic.
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load);

@@ -40,6 +40,14 @@ Json ExplanationJson(const Explanation& e) {
           {"mesh", e.mesh ? Json::parse(MeshJson(*e.mesh)) : Json(nullptr)}};
 }
 
+Json InstancesJson(const std::vector<Instance>& instances) {
+  Json all = Json::array();
+  for (const Instance& instance : instances) {
+    all.push_back({{"inliers", instance.inliers}, {"polygon", PolygonJson(instance.polygon)}});
+  }
+  return all;
+}
+
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
                {"object", hit.object.empty() ? Json(nullptr) : Json(hit.object)},
@@ -47,6 +55,7 @@ Json HitJson(const Hit& hit) {
                {"image_id", hit.image_id},
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
+               {"instances", InstancesJson(hit.instances)},
                {"metadata", Json::parse(hit.metadata)}};
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
   return json;

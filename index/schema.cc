@@ -102,7 +102,13 @@ CREATE TRIGGER picture_removed AFTER DELETE ON pictures BEGIN
 END;
 )sql";
 
-constexpr std::array kMigrations = {Migration{kVersion1}};
+// Words may have thresholds, and the words of pictures signatures (vocab/signature.h). Vocabularies
+// that are there have none and rank as before; those trained from now on have them.
+constexpr const char* kVersion2 = R"sql(
+ALTER TABLE vocabulary_words ADD COLUMN thresholds BLOB;  -- 64 float32; NULL = none
+)sql";
+
+constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2}};
 
 }  // namespace
 

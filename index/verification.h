@@ -8,26 +8,35 @@
 #include <optional>
 #include <vector>
 
-#include "descriptor/distance.h"
 #include "descriptor/features.h"
+#include "descriptor/matching.h"
 #include "descriptor/tps.h"
 #include "descriptor/tps_ransac.h"
 
 namespace pliant {
 
 struct VerificationOptions {
-  // Of a reference descriptor's distances to its two nearest in the query (Lowe 2004).
+  // Of a query descriptor's distances to its two nearest in the reference (Lowe 2004). The
+  // reference shows its object once, the query may show it several times.
   float max_ratio = 0.9F;
   // How far a match may lie from where the warp puts it, as a share of the query picture's longer
   // side (0.01 of 640 pixels: 6.4 pixels).
   double tolerance = 0.01;
   TpsRansacOptions ransac = {};  // tolerance_px is set from `tolerance`
+  int max_instances = 1;         // of the object that are looked for in the query; at least 1
   int threads = 1;               // for the matching of one pair; 0 = all cores
 };
 
 struct MatchedPair {
   std::uint32_t query = 0;  // key-point numbers
   std::uint32_t reference = 0;
+};
+
+// The object once more, elsewhere in the query picture.
+struct FurtherInstance {
+  std::vector<MatchedPair> inliers;
+  ThinPlateSpline warp;  // reference picture -> query picture
+  std::vector<Vec2> outline;
 };
 
 struct VerificationResult {
@@ -40,12 +49,19 @@ struct VerificationResult {
   // picture through the warp, or the convex hull of the inliers where the frame does not map
   // sanely. Empty without a warp.
   std::vector<Vec2> outline;
+  std::vector<FurtherInstance> others;  // most inliers first; with max_instances above 1
 
   bool verified() const { return warp.has_value(); }
 };
 
-// A query prepared for verification against many candidates. Immutable and thread-safe: give each
-// thread candidates of its own, with options.threads 1. `query` must outlive it.
+// A query that is verified against many candidates. Immutable and thread-safe: give each thread
+// candidates of its own, with options.threads 1. `query` must outlive it.
+//
+// The object is first looked for among mutual nearest neighbours. Then, if more instances are
+// wanted, what is left of the query (nothing within the outlines found, no inliers) is matched
+// without asking for mutuality, since one point of the reference may be seen many times. A further
+// instance needs twice the inliers that the first does, and must show a part of the reference that
+// an earlier one shows: what shows another part is the same instance, bent beyond one smooth warp.
 class Verifier {
  public:
   // Throws kInvalidArgument for options out of range or descriptors that are malformed or not
@@ -58,9 +74,13 @@ class Verifier {
   VerificationResult Verify(const Features& reference) const;
 
  private:
+  void FindFurther(const Features& reference, const std::vector<Match>& matches,
+                   VerificationResult* result) const;
+  std::vector<Correspondence> Correspondences(const Features& reference,
+                                              const std::vector<Match>& matches) const;
+
   const Features& query_;
   VerificationOptions options_;
-  PackedDescriptors packed_;
 };
 
 // The final score of a hit. Inliers lift the ranking's score towards 1, and never lower it:

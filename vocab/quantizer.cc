@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "descriptor/error.h"
@@ -26,13 +27,21 @@ const Vocabulary& Checked(const std::shared_ptr<const Vocabulary>& vocabulary) {
                 "A vocabulary without words cannot quantise; train one first.");
   }
   CheckDescriptors(vocabulary->words, "vocabulary");
+  const std::size_t thresholds = vocabulary->thresholds.size();
+  if (thresholds != 0 && thresholds != vocabulary->size() * kSignatureBits) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "vocabulary_malformed",
+        "A vocabulary has thresholds for more or fewer words than it has; train a new one.");
+  }
   return *vocabulary;
 }
 
 }  // namespace
 
 Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
-    : vocabulary_(std::move(vocabulary)), words_(Checked(vocabulary_).words) {
+    : vocabulary_(std::move(vocabulary)),
+      words_(Checked(vocabulary_).words),
+      project_(words_.kind(), words_.dim()) {
   const Descriptors& words = vocabulary_->words;
   if (words.kind != DescriptorKind::kFloat) return;
   for (std::size_t w = 0; w < words.rows; ++w) {
@@ -40,7 +49,7 @@ Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
   }
 }
 
-std::vector<std::uint32_t> Quantizer::Assign(const Descriptors& descriptors, int threads) const {
+void Quantizer::CheckFits(const Descriptors& descriptors) const {
   if (descriptors.kind != words_.kind() || descriptors.dim != words_.dim()) {
     throw Error(ErrorCode::kConflict, "vocabulary_mismatch",
                 "The descriptors differ in kind or size from the words of the vocabulary (made by "
@@ -48,6 +57,10 @@ std::vector<std::uint32_t> Quantizer::Assign(const Descriptors& descriptors, int
                     vocabulary_->model_id + "); train a vocabulary for this descriptor.");
   }
   CheckDescriptors(descriptors, "descriptors");
+}
+
+std::vector<std::uint32_t> Quantizer::Assign(const Descriptors& descriptors, int threads) const {
+  CheckFits(descriptors);
   std::vector<std::uint32_t> words(descriptors.rows);
   ParallelFor((words.size() + kRowsATask - 1) / kRowsATask, threads, [&](std::size_t t) {
     const std::size_t first = t * kRowsATask;
@@ -88,6 +101,56 @@ void Quantizer::AssignBlock(const Descriptors& descriptors, std::size_t first, s
           static_cast<std::uint32_t>(std::min_element(row, row + k) - row);
     }
   }
+}
+
+std::vector<std::uint32_t> Quantizer::AssignSeveral(const Descriptors& descriptors, int count,
+                                                    int threads) const {
+  CheckFits(descriptors);
+  if (count < 1) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_count", "count must be 1 or more.");
+  }
+  const std::size_t k = words_.rows();
+  const std::size_t wanted = std::min(static_cast<std::size_t>(count), k);
+  std::vector<std::uint32_t> words(descriptors.rows * wanted);
+  constexpr std::size_t kAtATime = 16;
+  ParallelFor((descriptors.rows + kAtATime - 1) / kAtATime, threads, [&](std::size_t t) {
+    const std::size_t first = t * kAtATime;
+    const std::size_t rows = std::min(kAtATime, descriptors.rows - first);
+    std::vector<float> distances(rows * k);
+    words_.Distances(descriptors, first, rows, distances.data());
+    std::vector<std::uint32_t> order(k);
+    for (std::size_t i = 0; i < rows; ++i) {
+      const float* row = distances.data() + i * k;
+      std::iota(order.begin(), order.end(), 0U);
+      std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(wanted),
+                        order.end(), [row](std::uint32_t a, std::uint32_t b) {
+                          return row[a] != row[b] ? row[a] < row[b] : a < b;
+                        });
+      std::copy_n(order.begin(), wanted,
+                  words.begin() + static_cast<std::ptrdiff_t>((first + i) * wanted));
+    }
+  });
+  return words;
+}
+
+Bow Quantizer::BowOf(const Descriptors& descriptors, std::size_t first,
+                     std::span<const std::uint32_t> words, int words_a_row) const {
+  Bow bow = MakeBow({words.begin(), words.end()});
+  if (!has_signatures()) return bow;
+  std::vector<SignatureSum> sums(bow.words.size());
+  const auto a_row = static_cast<std::size_t>(words_a_row);
+  for (std::size_t i = 0; i < words.size(); i += a_row) {
+    const auto projected = project_(descriptors, first + i / a_row);
+    for (std::size_t j = i; j < i + a_row; ++j) {
+      const auto entry =
+          std::lower_bound(bow.words.begin(), bow.words.end(), words[j],
+                           [](const WordCount& a, std::uint32_t word) { return a.word < word; });
+      sums[static_cast<std::size_t>(entry - bow.words.begin())].Add(
+          projected, vocabulary_->thresholds.data() + std::size_t{words[j]} * kSignatureBits);
+    }
+  }
+  for (const SignatureSum& sum : sums) bow.signatures.push_back(sum.Signature());
+  return bow;
 }
 
 Bow MakeBow(std::vector<std::uint32_t> words) {

@@ -7,9 +7,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "descriptor/distance.h"
+#include "vocab/signature.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -24,12 +26,15 @@ struct WordCount {
 struct Bow {
   std::vector<WordCount> words;
   std::uint32_t total = 0;  // sum of the counts
+  // One a word, in the same order (vocab/signature.h); empty when the vocabulary has none.
+  std::vector<std::uint64_t> signatures;
 };
 
 // Immutable and thread-safe.
 class Quantizer {
  public:
-  // Throws kInvalidArgument for no vocabulary, one without words, or one that is malformed.
+  // Throws kInvalidArgument for no vocabulary, one without words, or one that is malformed (also
+  // when its thresholds are not as many as its words need).
   explicit Quantizer(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
@@ -39,16 +44,30 @@ class Quantizer {
   // 0 = all cores; the answer does not depend on it. O(rows x words x dim).
   std::vector<std::uint32_t> Assign(const Descriptors& descriptors, int threads = 1) const;
 
+  // The `count` nearest words of each row (fewer when there are fewer words), nearest first, row by
+  // row: rows x min(count, words). Throws as Assign does, and kInvalidArgument for count < 1.
+  std::vector<std::uint32_t> AssignSeveral(const Descriptors& descriptors, int count,
+                                           int threads = 1) const;
+
+  bool has_signatures() const { return !vocabulary_->thresholds.empty(); }
+
+  // The bag of rows first, first + 1, ... of `descriptors`, given `words_a_row` words of each, with
+  // signatures when the vocabulary has thresholds.
+  Bow BowOf(const Descriptors& descriptors, std::size_t first, std::span<const std::uint32_t> words,
+            int words_a_row = 1) const;
+
  private:
+  void CheckFits(const Descriptors& descriptors) const;
   void AssignBlock(const Descriptors& descriptors, std::size_t first, std::size_t count,
                    std::uint32_t* words) const;
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   PackedDescriptors words_;
+  SignatureProjection project_;
   double largest_squared_norm_ = 0;  // of a word; floats only
 };
 
-// Counts the words, in any order.
+// Counts the words, in any order; no signatures.
 Bow MakeBow(std::vector<std::uint32_t> words);
 
 }  // namespace pliant

@@ -3,40 +3,55 @@
 #include "vocab/vocabulary.h"
 
 #include <algorithm>
-#include <cstring>
+#include <numeric>
 #include <string_view>
-#include <unordered_set>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "descriptor/distance.h"
 #include "descriptor/error.h"
+#include "vocab/distinct_rows.h"
+#include "vocab/medoid_tree.h"
+#include "vocab/signature.h"
 
 namespace pliant {
 namespace {
 
-// The bytes of a row. Two rows are the same word when their bytes are.
-std::string_view RowBytes(const Descriptors& d, std::size_t row) {
-  if (d.kind == DescriptorKind::kFloat) {
-    return {reinterpret_cast<const char*>(d.float_row(row).data()), d.dim * sizeof(float)};
-  }
-  return {reinterpret_cast<const char*>(d.binary_row(row).data()), static_cast<std::size_t>(d.dim)};
+// How many of the samples differ, at most `enough`.
+std::size_t CountDistinct(const Descriptors& samples, std::size_t enough) {
+  std::vector<std::uint32_t> all(samples.rows);
+  std::iota(all.begin(), all.end(), 0U);
+  return std::min(enough, DistinctRows(samples, all).size());
 }
 
-// How many of the rows differ, counted up to `enough`.
-std::size_t CountDistinct(const Descriptors& d, std::size_t enough) {
-  std::unordered_set<std::string_view> seen;
-  for (std::size_t i = 0; i < d.rows && seen.size() < enough; ++i) seen.insert(RowBytes(d, i));
-  return seen.size();
+void TrainByTree(const Descriptors& samples, const KMedoidsOptions& options,
+                 Vocabulary* vocabulary) {
+  const MedoidTreeResult tree = MedoidTree(samples, options);
+  vocabulary->words = SelectRows(samples, tree.medoids);
+  vocabulary->thresholds =
+      LearnThresholds(SelectRows(samples, tree.judged), tree.assignment, vocabulary->words);
+  vocabulary->origin.loss = tree.mean_loss;
+  vocabulary->origin.method = "fasterpam tree";
 }
 
-// The rows without those equal to an earlier one.
-std::vector<std::uint32_t> DropEqual(const Descriptors& d, const std::vector<std::uint32_t>& rows) {
-  std::unordered_set<std::string_view> seen;
-  std::vector<std::uint32_t> kept;
-  for (const std::uint32_t row : rows) {
-    if (seen.insert(RowBytes(d, row)).second) kept.push_back(row);
+void TrainExactly(const Descriptors& samples, const KMedoidsOptions& options,
+                  Vocabulary* vocabulary) {
+  const KMedoidsResult result = KMedoids(samples, options);
+  // A converged result has no equal medoids while there are enough different samples: one of them
+  // would be of more use elsewhere. One cut short by max_passes may.
+  vocabulary->words = SelectRows(samples, DistinctRows(samples, result.medoids));
+  std::unordered_map<std::string_view, std::uint32_t> word_of;
+  for (std::uint32_t w = 0; w < vocabulary->size(); ++w) {
+    word_of.emplace(RowBytes(vocabulary->words, w), w);
   }
-  return kept;
+  std::vector<std::uint32_t> words;
+  for (const std::uint32_t medoid : result.assignment) {
+    words.push_back(word_of.at(RowBytes(samples, result.medoids[medoid])));
+  }
+  vocabulary->thresholds = LearnThresholds(samples, words, vocabulary->words);
+  vocabulary->origin.loss = result.loss / static_cast<double>(samples.rows);
+  vocabulary->origin.method = "fasterpam";
 }
 
 }  // namespace
@@ -52,17 +67,16 @@ Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_
   if (options.k > 1) {
     clustering.k = static_cast<int>(CountDistinct(samples, static_cast<std::size_t>(options.k)));
   }
-  const KMedoidsResult result = KMedoids(samples, clustering);
   Vocabulary vocabulary;
-  // A converged result has no equal medoids while there are enough different samples: one of them
-  // would be of more use elsewhere. One cut short by max_passes may.
-  vocabulary.words = SelectRows(samples, DropEqual(samples, result.medoids));
   vocabulary.model_id = model_id;
   vocabulary.origin.seed = options.seed;
   vocabulary.origin.sampled = samples.rows;
   vocabulary.origin.available = std::max<std::uint64_t>(available, samples.rows);
-  vocabulary.origin.loss = result.loss / static_cast<double>(samples.rows);
-  vocabulary.origin.method = "fasterpam";
+  if (samples.rows > kMaxExactSamples) {
+    TrainByTree(samples, clustering, &vocabulary);
+  } else {
+    TrainExactly(samples, clustering, &vocabulary);
+  }
   return vocabulary;
 }
 

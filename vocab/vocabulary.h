@@ -5,24 +5,31 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "descriptor/features.h"
 #include "vocab/k_medoids.h"
 
 namespace pliant {
 
+inline constexpr std::size_t kMaxWords = 65'536;
+inline constexpr std::size_t kMaxVocabularySamples = 4'000'000;
+
 struct VocabularyOrigin {
   std::uint64_t seed = 0;
   std::uint64_t sampled = 0;    // descriptors the medoids were chosen from
   std::uint64_t available = 0;  // descriptors there were to sample from
   double loss = 0;              // mean distance of a sample to its medoid
-  std::string method;           // "fasterpam"
+  std::string method;           // "fasterpam", "fasterpam tree"
 };
 
 struct Vocabulary {
   Descriptors words;     // k x dim
   std::string model_id;  // of the descriptors; only features of this model may be quantised
   VocabularyOrigin origin;
+  // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as those made by
+  // the first versions of Pliant.
+  std::vector<float> thresholds;
 
   std::size_t size() const { return words.rows; }
 };

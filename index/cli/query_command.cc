@@ -8,6 +8,7 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
+#include "index/filter.h"
 #include "index/result_json.h"
 
 namespace pliant::cli {
@@ -18,6 +19,7 @@ struct Options {
   SearchOptions search;
   std::filesystem::path image;
   std::vector<double> region;
+  std::string filter;
   bool json = false;
 };
 
@@ -66,6 +68,7 @@ ExitStatus Run(Options& options) {
     options.search.region =
         Region{options.region[0], options.region[1], options.region[2], options.region[3]};
   }
+  if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
   const std::vector<std::uint8_t> bytes =
       ReadFile(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
@@ -118,12 +121,25 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       *app, "--verify", search.verify,
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
       {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
+  app->add_option("--verify-depth", search.verify_depth,
+                  "how many of the best pictures are verified (default: 100, or the square root of "
+                  "the collection's size where that is more)")
+      ->check(CLI::PositiveNumber)
+      ->option_text("N");
+  app->add_option("--instances", search.max_instances,
+                  "how often one object is looked for in the query picture")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100));
   app->add_option("--region", options->region,
                   "only this rectangle of the query picture counts: X,Y,W,H in its pixels")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
   app->add_option("--object", search.object, "only pictures of this object");
+  app->add_option("--filter", options->filter,
+                  "only pictures whose metadata pass: JSON such as '{\"shop\": \"east\", \"year\": "
+                  "{\"gte\": 2020}}'; tests are in, gt, gte, lt, lte")
+      ->option_text("JSON");
   app->add_option("--min-score", search.min_score, "hits below this score are left out, 0 to 1")
       ->capture_default_str();
   AddExtractionFlags(*app, options->engine);

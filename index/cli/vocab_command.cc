@@ -112,10 +112,12 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
   train->fallthrough();
   train->add_option("--words", options->train.words, "words; 0 = a tenth of the sample")
       ->capture_default_str()
-      ->check(CLI::Range(0, static_cast<int>(kMaxKMedoidsSamples)));
-  train->add_option("--sample", options->train.sample, "descriptors drawn at random")
+      ->check(CLI::Range(0, static_cast<int>(kMaxWords)));
+  train
+      ->add_option("--sample", options->train.sample,
+                   "descriptors drawn at random; 0 = ten a word, at least 10000")
       ->capture_default_str()
-      ->check(CLI::Range(1, static_cast<int>(kMaxKMedoidsSamples)));
+      ->check(CLI::Range(0, static_cast<int>(kMaxVocabularySamples)));
   train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")
       ->capture_default_str();
   train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one a core")

@@ -14,6 +14,8 @@ namespace {
 
 constexpr std::int64_t kLargestOffset = 1'000'000;
 constexpr std::int64_t kLargestLimit = 1'000;
+constexpr std::int64_t kLargestDepth = 10'000;
+constexpr std::int64_t kMostInstances = 100;
 constexpr double kLargestCoordinate = 1e6;
 // How long the first search after the first uploads waits for the vocabulary.
 constexpr std::chrono::milliseconds kVocabularyWait{15'000};
@@ -31,11 +33,19 @@ Region RegionOf(const std::vector<double>& numbers) {
   return region;
 }
 
+Filter FilterOf(const std::string& text) {
+  try {
+    return ParseFilter(text);
+  } catch (const Error& error) {
+    ThrowInvalid("filter", error.what());
+  }
+}
+
 SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
   SearchOptions options;
   options.collection = CollectionOf(request);
   options.limit =
-      static_cast<std::size_t>(parameters.Integer("limit", 1, kLargestLimit).value_or(10));
+      static_cast<std::size_t>(parameters.Integer("limit", 0, kLargestLimit).value_or(10));
   options.offset =
       static_cast<std::size_t>(parameters.Integer("offset", 0, kLargestOffset).value_or(0));
   options.group_by =
@@ -52,6 +62,11 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
                        .value_or(options.verify);
   options.min_score = parameters.Number("min_score", 0, 1).value_or(0);
   options.object = parameters.Text("object");
+  options.verify_depth =
+      static_cast<std::size_t>(parameters.Integer("verify_depth", 1, kLargestDepth).value_or(0));
+  options.max_instances = static_cast<int>(
+      parameters.Integer("instances", 1, kMostInstances).value_or(options.max_instances));
+  if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
   options.explain = parameters.Choice<bool>("explain", {{"true", true}, {"false", false}})
                         .value_or(options.explain);
   if (const auto numbers = parameters.Numbers("region", 4)) options.region = RegionOf(*numbers);
@@ -119,15 +134,16 @@ Response Search(Service& service, const Request& request, const Parameters& para
 }  // namespace
 
 void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "search",
-                    .method = "POST",
-                    .pattern = "/v1/collections/{c}/search",
-                    .body = BodyKind::kImageOrJson,
-                    .parameters = {"image_id", "limit", "offset", "group_by", "rank", "verify",
-                                   "region", "min_score", "object", "explain"},
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Search(service, request, parameters);
-                    }});
+  routes.push_back(
+      {.name = "search",
+       .method = "POST",
+       .pattern = "/v1/collections/{c}/search",
+       .body = BodyKind::kImageOrJson,
+       .parameters = {"image_id", "limit", "offset", "group_by", "rank", "verify", "verify_depth",
+                      "instances", "region", "min_score", "object", "filter", "explain"},
+       .handler = [&service](const Request& request, const Parameters& parameters) {
+         return Search(service, request, parameters);
+       }});
 }
 
 }  // namespace pliant::server

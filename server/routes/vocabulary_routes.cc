@@ -23,11 +23,10 @@ Response List(Service& service, const Request& request) {
 Response Train(Service& service, const Request& request, const Parameters& parameters) {
   TrainOptions options;
   options.collection = CollectionOf(request);
-  constexpr auto kLargest = static_cast<std::int64_t>(kMaxKMedoidsSamples);
   options.words =
-      static_cast<int>(parameters.Integer("words", 2, kLargest).value_or(options.words));
-  options.sample =
-      static_cast<int>(parameters.Integer("sample", 2, kLargest).value_or(options.sample));
+      static_cast<int>(parameters.Integer("words", 2, kMaxWords).value_or(options.words));
+  options.sample = static_cast<int>(
+      parameters.Integer("sample", 2, kMaxVocabularySamples).value_or(options.sample));
   options.seed = static_cast<std::uint64_t>(
       parameters.Integer("seed", 0, std::numeric_limits<std::int64_t>::max())
           .value_or(static_cast<std::int64_t>(options.seed)));

@@ -6,10 +6,16 @@
 #include <cstdint>
 #include <memory>
 #include <random>
+#include <vector>
 
 #include <benchmark/benchmark.h>
+#ifdef PLIANT_WITH_FAISS
+#include <faiss/IndexFlat.h>
+#include <omp.h>
+#endif
 
 #include "vocab/k_medoids.h"
+#include "vocab/medoid_tree.h"
 #include "vocab/quantizer.h"
 
 namespace pliant {
@@ -84,6 +90,35 @@ BENCHMARK_CAPTURE(TrainKMedoids, binary256, true)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 
+// The tree beside FasterPAM on the same samples (first row), and at sizes that only the tree takes.
+void TrainTree(benchmark::State& state, bool binary) {
+  const auto samples = Make(binary, static_cast<std::size_t>(state.range(0)));
+  KMedoidsOptions options;
+  options.k = static_cast<int>(state.range(1));
+  options.threads = static_cast<int>(state.range(2));
+  MedoidTreeResult result;
+  for (auto _ : state) result = MedoidTree(samples, options);
+  state.counters["mean_loss"] = result.mean_loss;
+}
+BENCHMARK_CAPTURE(TrainTree, float128, false)
+    ->ArgNames({"n", "k", "threads"})
+    ->Args({10'000, 1000, 2})
+    ->Args({100'000, 1000, 2})
+    ->Args({100'000, 10'000, 2})
+    ->Args({1'000'000, 65'536, 2})
+    ->Iterations(1)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(TrainTree, binary256, true)
+    ->ArgNames({"n", "k", "threads"})
+    ->Args({10'000, 1000, 2})
+    ->Args({100'000, 10'000, 2})
+    ->Iterations(1)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+
 void AssignWords(benchmark::State& state, bool binary) {
   auto vocabulary = std::make_shared<Vocabulary>();
   vocabulary->words = Make(binary, static_cast<std::size_t>(state.range(0)));
@@ -116,6 +151,29 @@ BENCHMARK_CAPTURE(AssignWords, binary256, true)
     ->MeasureProcessCPUTime()
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
+
+#ifdef PLIANT_WITH_FAISS
+// Faiss' exact search for the nearest of as many words as above, in the same run.
+void FaissExact(benchmark::State& state) {
+  const auto words = Floats(static_cast<std::size_t>(state.range(0)));
+  auto rows = Floats(words.rows + 4000);
+  rows.floats.erase(rows.floats.begin(), rows.floats.end() - 4000 * kDim);
+  omp_set_num_threads(static_cast<int>(state.range(1)));
+  faiss::IndexFlatL2 index(kDim);
+  index.add(static_cast<faiss::Index::idx_t>(words.rows), words.floats.data());
+  std::vector<float> distances(4000);
+  std::vector<faiss::Index::idx_t> labels(4000);
+  for (auto _ : state) index.search(4000, rows.floats.data(), 1, distances.data(), labels.data());
+  const auto assigned = static_cast<double>(state.iterations() * 4000);
+  state.counters["descriptors/s"] = {assigned, benchmark::Counter::kIsRate};
+}
+BENCHMARK(FaissExact)
+    ->ArgNames({"words", "threads"})
+    ->ArgsProduct({{1000, 10'000, 65'536}, {1, 2}})
+    ->MeasureProcessCPUTime()
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+#endif
 
 }  // namespace
 }  // namespace pliant

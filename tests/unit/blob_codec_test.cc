@@ -146,7 +146,11 @@ TEST(BlobCodec, BowsComeBack) {
       bow.words.push_back({word, count});
       bow.total += count;
     }
+    if (round % 2 == 0) {
+      for (int i = 0; i < round; ++i) bow.signatures.push_back(random());
+    }
     const Bow back = DecodeBow(EncodeBow(bow), word + 1);
+    ASSERT_EQ(back.signatures, bow.signatures);
     ASSERT_EQ(back.words, bow.words) << "round " << round;
     ASSERT_EQ(back.total, bow.total);
     if (round > 0) {
@@ -156,14 +160,20 @@ TEST(BlobCodec, BowsComeBack) {
 }
 
 TEST(BlobCodec, DamagedBowsAreNoticed) {
-  const std::vector<std::uint8_t> blob = EncodeBow({{{0, 1}, {300, 70000}, {301, 2}}, 70003});
-  for (std::size_t i = 0; i < blob.size(); ++i) {
-    std::vector<std::uint8_t> damaged = blob;
-    damaged[i] ^= 0x10;
-    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeBow(damaged, 1000); });
-    ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
-                [&] { DecodeBow(Bytes(blob).first(i), 1000); });
+  Bow bow{{{0, 1}, {300, 70000}, {301, 2}}, 70003, {}};
+  for (const bool with_signatures : {false, true}) {
+    if (with_signatures) bow.signatures = {1, 2, ~std::uint64_t{0}};
+    const std::vector<std::uint8_t> blob = EncodeBow(bow);
+    for (std::size_t i = 0; i < blob.size(); ++i) {
+      std::vector<std::uint8_t> damaged = blob;
+      damaged[i] ^= 0x10;
+      ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeBow(damaged, 1000); });
+      ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
+                  [&] { DecodeBow(Bytes(blob).first(i), 1000); });
+    }
   }
+  bow.signatures.pop_back();
+  ExpectError(ErrorCode::kInternal, "bow_signatures", [&] { EncodeBow(bow); });
 }
 
 }  // namespace

@@ -452,8 +452,10 @@ TEST_F(EngineTest, TheNumberOfWordsIsChosenFromTheSample) {
   ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
   train.words = -1;
   ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
+  train.words = 65'537;
+  ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
   train.words = 5;
-  train.sample = 0;
+  train.sample = -1;
   ExpectError(ErrorCode::kInvalidArgument, "sample_invalid",
               [&] { engine.TrainVocabulary(train); });
 }
