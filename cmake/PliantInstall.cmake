@@ -13,13 +13,15 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 # The public headers; the rest is each folder's own business.
 install(FILES descriptor/descriptor.h descriptor/distance.h descriptor/error.h descriptor/features.h descriptor/image.h
-              descriptor/keypoints.h descriptor/sha256.h
+              descriptor/keypoints.h descriptor/matching.h descriptor/sha256.h descriptor/tps.h
+              descriptor/tps_ransac.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor)
 install(FILES descriptor/simulation/simulate.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor/simulation)
-install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/vocabulary.h
+install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/signature.h vocab/vocabulary.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/vocab)
-install(FILES index/engine.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)
+install(FILES index/engine.h index/explanation.h index/filter.h index/verification.h index/warp_mesh.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)
 
 install(EXPORT PliantTargets NAMESPACE Pliant:: DESTINATION ${PLIANT_CMAKE_DIR})
 configure_package_config_file(cmake/PliantConfig.cmake.in
