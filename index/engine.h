@@ -193,8 +193,8 @@ struct VocabularyRecord {
 
 struct TrainOptions {
   std::string collection = kDefaultCollection;
-  int words = 0;   // 0 = chosen from the sample: 1000 or more when it allows
-  int sample = 0;  // descriptors drawn at random; 0 = ten a word, at least 10 000
+  int words = 0;   // 0 = a tenth of the sample
+  int sample = 0;  // descriptors drawn at random; 0 = 40 000, or ten a given word (10 000 at least)
   std::uint64_t seed = 1;
   int threads = 0;
   std::function<void(double done, double loss)> progress;

@@ -29,14 +29,17 @@ void Validate(const TrainOptions& options) {
   if (options.threads < 0) fail("threads", "must not be negative");
 }
 
-// Ten samples a word, and 10 000 at least.
+// For 4000 words where there are descriptors enough; ten a word, and 10 000 at least, when the
+// words are given.
 std::size_t ChooseSample(const TrainOptions& options) {
+  constexpr int kDefault = 40'000;
   constexpr int kLeast = 10'000;
   if (options.sample > 0) return static_cast<std::size_t>(options.sample);
+  if (options.words == 0) return kDefault;
   return static_cast<std::size_t>(std::max(kLeast, 10 * options.words));
 }
 
-// A tenth of the sample: 1000 words from the default sample of 10 000.
+// A tenth of the sample.
 int ChooseWords(const TrainOptions& options, std::size_t sampled) {
   if (options.words > 0) return options.words;
   return static_cast<int>(std::max<std::size_t>(1, sampled / 10));

@@ -197,6 +197,16 @@ void IndexSegment::AddWord(std::span<const Posting> postings) {
 void IndexSegment::AccumulateAlike(std::uint32_t word, std::uint64_t signature,
                                    const BitWeights& weights, float* sums) const {
   const std::uint64_t* own = signatures_.data() + signature_offsets_[word];
+  const SignedPostings postings{own, signature, weights.data()};
+  if (word < dense_rows_.size() && dense_rows_[word] != kNoRow) {
+    AccumulateAlikeDense(postings, dense_.data() + dense_rows_[word] * size(), size(), sums);
+    return;
+  }
+  const std::size_t pictures = signature_offsets_[word + 1] - signature_offsets_[word];
+  if (offsets_[word + 1] - offsets_[word] == pictures) {  // no count above 255
+    pliant::AccumulateAlike(postings, pictures_.data() + offsets_[word], pictures, sums);
+    return;
+  }
   ForEachPicture(word, [&](std::uint32_t picture) {
     sums[picture] += weights[static_cast<std::size_t>(std::popcount(*own++ ^ signature))];
   });

@@ -49,7 +49,8 @@ std::vector<VerifiedPicture> Rerank(
       candidate.explanation->ranking_score = candidate.picture.score;
     }
     candidate.instances = InstancesOf(result);
-    candidate.picture.score = CombineScores(candidate.picture.score, candidate.inliers());
+    candidate.picture.score = CombineScores(
+        candidate.picture.score, static_cast<int>(result.inliers.size()), result.inlier_fraction);
   });
   std::sort(pictures.begin(), pictures.end(),
             [](const VerifiedPicture& a, const VerifiedPicture& b) {

@@ -201,8 +201,9 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
                    });
 }
 
-double CombineScores(double ranking_score, int inliers) {
-  const double evidence = std::max(0, inliers - 4);
+double CombineScores(double ranking_score, int inliers, double inlier_fraction) {
+  constexpr double kEnough = 20;
+  const double evidence = std::min(kEnough, std::max(0, inliers - 4) * inlier_fraction);
   return ranking_score + (1 - ranking_score) * evidence / (evidence + 10);
 }
 

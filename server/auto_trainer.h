@@ -35,7 +35,7 @@ JobStatus AddTrainingJob(Engine& engine, WorkerPool& pool, JobQueue& jobs, Train
 class AutoTrainer {
  public:
   static constexpr std::uint64_t kSeed = 0x50'4c'49'41'4e'54;  // "PLIANT"
-  static constexpr std::uint64_t kFullSample = 10'000;
+  static constexpr std::uint64_t kFullSample = 40'000;
   static constexpr std::uint64_t kGrowth = 4;
   static constexpr std::chrono::milliseconds kPause{1'000};
   static constexpr std::chrono::milliseconds kLongestWait{10'000};

@@ -115,7 +115,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
       ->check(CLI::Range(0, static_cast<int>(kMaxWords)));
   train
       ->add_option("--sample", options->train.sample,
-                   "descriptors drawn at random; 0 = ten a word, at least 10000")
+                   "descriptors drawn at random; 0 = 40000, or ten a given word (10000 at least)")
       ->capture_default_str()
       ->check(CLI::Range(0, static_cast<int>(kMaxVocabularySamples)));
   train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")

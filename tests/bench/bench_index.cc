@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index at 10 000 and 100 000 synthetic pictures of 700 words each: ranking (median_ms
 // a query), memory (bytes_per_picture), adding one picture, loading from the database.
-// Arguments: pictures, size of the vocabulary. Words are drawn uniformly: the worst case for lists.
+// Arguments: pictures, size of the vocabulary. Words and signatures are drawn uniformly: the worst
+// case for lists. Everything has signatures; BM_RankTfIdf does not look at them.
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -28,7 +29,9 @@ constexpr std::int64_t kPicturesAnObject = 10;
 Bow RandomBow(std::mt19937_64& random, std::size_t vocabulary) {
   std::vector<std::uint32_t> words(kWordsAPicture);
   for (std::uint32_t& word : words) word = static_cast<std::uint32_t>(random() % vocabulary);
-  return MakeBow(std::move(words));
+  Bow bow = MakeBow(std::move(words));
+  for (std::size_t i = 0; i < bow.words.size(); ++i) bow.signatures.push_back(random());
+  return bow;
 }
 
 IndexedPicture RandomPicture(std::mt19937_64& random, std::int64_t key, std::size_t vocabulary) {
@@ -60,10 +63,12 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
-void RankQueries(benchmark::State& state, RankMethod method, GroupBy group_by) {
+void RankQueries(benchmark::State& state, RankMethod method, GroupBy group_by,
+                 bool signatures = true) {
   const auto vocabulary = static_cast<std::size_t>(state.range(1));
   const auto snapshot = IndexOf(state.range(0), vocabulary).snapshot();
   RankOptions options{method, group_by, 10, 0, {}, static_cast<int>(state.range(2))};
+  options.signatures = signatures;
   std::mt19937_64 random(2);
   std::vector<double> times;
   for (auto _ : state) {
@@ -81,18 +86,21 @@ void RankQueries(benchmark::State& state, RankMethod method, GroupBy group_by) {
       static_cast<double>(snapshot->memory_bytes()) / static_cast<double>(state.range(0));
 }
 
-void BM_RankTfIdf(benchmark::State& state) {
+void BM_RankSignatures(benchmark::State& state) {
   RankQueries(state, RankMethod::kTfIdf, GroupBy::kImage);
 }
-void BM_RankTfIdfByObject(benchmark::State& state) {
+void BM_RankSignaturesByObject(benchmark::State& state) {
   RankQueries(state, RankMethod::kTfIdf, GroupBy::kObject);
+}
+void BM_RankTfIdf(benchmark::State& state) {
+  RankQueries(state, RankMethod::kTfIdf, GroupBy::kImage, false);
 }
 void BM_RankHistogram(benchmark::State& state) {
   RankQueries(state, RankMethod::kHistogram, GroupBy::kImage);
 }
 
 void Sizes(benchmark::internal::Benchmark* bench) {
-  for (const std::int64_t vocabulary : {1000, 10'000, 65'536}) {
+  for (const std::int64_t vocabulary : {1000, 4000, 10'000, 65'536}) {
     for (const std::int64_t pictures : {10'000, 100'000}) {
       for (const std::int64_t threads : {1, 2}) bench->Args({pictures, vocabulary, threads});
     }
@@ -129,7 +137,10 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
   Connection db(path, Connection::Mode::kReadWrite, 1000);
   SQLite::Transaction transaction(db.database());
   const CollectionRow collection = RequireCollection(db, kDefaultCollection);
-  Vocabulary vocabulary{Descriptors::Binary(vocabulary_size, 8), "bench:1", {}};
+  Vocabulary vocabulary;
+  vocabulary.words = Descriptors::Binary(vocabulary_size, 8);
+  vocabulary.model_id = "bench:1";
+  vocabulary.thresholds.resize(vocabulary_size * kSignatureBits);
   const Key words = InsertVocabulary(db, collection.key, collection.model, vocabulary);
   MarkVocabularyReady(db, words);
   SetActiveVocabulary(db, collection.key, words);
@@ -157,8 +168,9 @@ void BM_Load(benchmark::State& state) {
   for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
 }
 
+BENCHMARK(BM_RankSignatures)->Apply(Sizes);
+BENCHMARK(BM_RankSignaturesByObject)->Args({100'000, 4000, 2})->Apply(Sizes);
 BENCHMARK(BM_RankTfIdf)->Apply(Sizes);
-BENCHMARK(BM_RankTfIdfByObject)->Apply(Sizes);
 BENCHMARK(BM_RankHistogram)->Args({100'000, 10, 2})->Apply(Sizes);
 BENCHMARK(BM_AddOne)
     ->ArgNames({"pictures", "words"})

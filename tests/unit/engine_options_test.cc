@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a search can be asked for: filters, pages, instances; and databases of older versions.
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -191,6 +193,42 @@ TEST_F(EngineOptionsTest, SeveralWordsADescriptorAndNoSignatures) {
   options.tuning.assignments = 17;
   ExpectError(ErrorCode::kInvalidArgument, "tuning.assignments_invalid",
               [&] { engine.Search(query, options); });
+}
+
+TEST_F(EngineOptionsTest, SearchesGoOnWhileAVocabularyIsTrainedAndSwitched) {
+  Engine engine(Options());
+  Fill(engine);
+  const auto query = OtherViewPng(11);
+  std::atomic<bool> done{false};
+  std::map<std::int64_t, int> answers;  // by vocabulary
+  std::thread searcher([&] {
+    SearchOptions options;
+    options.threads = 1;
+    while (!done) {
+      const SearchResult result = engine.Search(query, options);
+      ++answers[result.vocabulary];
+      ASSERT_FALSE(result.hits.empty());
+      EXPECT_EQ(result.hits[0].image_id, "p11");
+      EXPECT_EQ(result.words, result.vocabulary == 1 ? 60U : 90U);
+    }
+  });
+  TrainOptions train;
+  train.words = 90;
+  train.sample = 3000;
+  const VocabularyRecord trained = engine.TrainVocabulary(train);
+  EXPECT_FALSE(trained.active);
+  EXPECT_EQ(engine.Search(query, {}).vocabulary, 1);
+  engine.UseVocabulary("default", trained.id);
+  EXPECT_EQ(engine.Search(query, {}).vocabulary, trained.id);
+  engine.UseVocabulary("default", 1);  // and back
+  EXPECT_EQ(engine.Search(query, {}).vocabulary, 1);
+  engine.UseVocabulary("default", trained.id);
+  EXPECT_EQ(engine.Search(query, {}).vocabulary, trained.id);
+  done = true;
+  searcher.join();
+  EXPECT_GT(answers[1], 0);
+  EXPECT_LE(answers.size(), 2U);
+  EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
 // Makes of the database what the first version of Pliant left: schema 1, no thresholds, no

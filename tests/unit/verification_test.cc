@@ -145,16 +145,24 @@ TEST(Verification, RefusesWhatDoesNotFit) {
 
 TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
   for (const double score : {0.0, 0.2, 0.9, 1.0}) {
-    double before = score;
-    for (int inliers = 0; inliers < 500; ++inliers) {
-      const double combined = CombineScores(score, inliers);
-      EXPECT_GE(combined, before);
-      EXPECT_LE(combined, 1.0);
-      before = combined;
+    for (const double fraction : {0.0, 0.1, 0.5, 1.0}) {
+      double before = score;
+      for (int inliers = 0; inliers < 500; ++inliers) {
+        const double combined = CombineScores(score, inliers, fraction);
+        EXPECT_GE(combined, before);
+        EXPECT_GE(combined, CombineScores(score, inliers, fraction / 2));
+        EXPECT_LE(combined, 1.0);
+        before = combined;
+      }
+      EXPECT_EQ(CombineScores(score, 4, fraction), score);
+      EXPECT_EQ(CombineScores(score, 204, fraction), CombineScores(score, 400, fraction));
     }
-    EXPECT_EQ(CombineScores(score, 4), score);
-    EXPECT_DOUBLE_EQ(CombineScores(score, 14), (score + 1) / 2);
+    EXPECT_DOUBLE_EQ(CombineScores(score, 14, 1), (score + 1) / 2);
+    EXPECT_DOUBLE_EQ(CombineScores(score, 24, 0.5), (score + 1) / 2);
+    EXPECT_DOUBLE_EQ(CombineScores(score, 100, 1), score + (1 - score) * 2 / 3);
   }
+  // Enough evidence on both sides: the ranking decides.
+  EXPECT_GT(CombineScores(0.3, 40, 1), CombineScores(0.2, 200, 1));
 }
 
 TEST(Outline, HullAndCrossing) {
