@@ -5,11 +5,15 @@ include(CMakePackageConfigHelpers)
 
 set(PLIANT_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Pliant)
 
-install(TARGETS pliant pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+# Components: runtime (what runs), development (what consumers build with).
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
+
+install(TARGETS pliant pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EXPORT PliantTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant)
-install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant
+        COMPONENT runtime)
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 # The public headers; the rest is each folder's own business.
 install(FILES descriptor/descriptor.h descriptor/distance.h descriptor/error.h descriptor/features.h descriptor/image.h
