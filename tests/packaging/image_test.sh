@@ -48,7 +48,7 @@ case $user in '' | 0 | 0:* | root*) echo "the image runs as root" >&2; exit 1 ;;
 
 touch "$work/started"
 chown "$user" "$root/data"
-buildah run --env PLIANT_ALLOW_OPEN_ACCESS=true "$container" -- \
+buildah run --env PLIANT_ALLOW_ANONYMOUS=true "$container" -- \
   /usr/bin/pliant-server --db /data/pliant.db --listen "127.0.0.1:$port" >"$work/server.log" 2>&1 &
 server=$!
 photographs=/usr/share/doc/opencv-doc/examples/data
