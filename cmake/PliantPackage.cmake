@@ -1,8 +1,10 @@
 # `cpack -G DEB` in the build folder makes two Debian packages: pliant (programs, weights, service) and
 # pliant-dev (headers, static libraries, CMake package).
-install(FILES docker/pliant-server.service DESTINATION lib/systemd/system COMPONENT runtime)
-install(FILES docker/server.toml DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/pliant
-        COMPONENT runtime)
+#
+# The service's files have fixed places, so they go into packages only, never along with `cmake --install`.
+install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
+install(FILES docker/server.toml DESTINATION /etc/pliant COMPONENT service EXCLUDE_FROM_ALL)
+install(FILES server/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME SERVER.md COMPONENT runtime)
 install(FILES docker/README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 set(CPACK_GENERATOR DEB)
@@ -11,17 +13,23 @@ set(CPACK_PACKAGE_VENDOR "The Pliant authors")
 set(CPACK_PACKAGE_CONTACT "The Pliant authors <root@localhost>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_INSTALL_PREFIX /usr)
+set(CPACK_SET_DESTDIR ON)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL runtime development)
+set(CPACK_COMPONENTS_ALL runtime service development)
+set(CPACK_COMPONENT_RUNTIME_GROUP programs)
+set(CPACK_COMPONENT_SERVICE_GROUP programs)
+set(CPACK_COMPONENT_DEVELOPMENT_GROUP development)
+set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME pliant)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME pliant)
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_EXTRA
     "${PROJECT_SOURCE_DIR}/docker/debian/conffiles;${PROJECT_SOURCE_DIR}/docker/debian/postinst;${PROJECT_SOURCE_DIR}/docker/debian/prerm;${PROJECT_SOURCE_DIR}/docker/debian/postrm"
 )
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME pliant-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS

@@ -6,7 +6,7 @@ set -euo pipefail
 file=${1:?usage: base_image.sh FILE}
 [ -s "$file" ] && exit 0
 mkdir -p "$(dirname "$file")"
-mmdebstrap --variant=minbase --include=ca-certificates bookworm "$file.part" \
+mmdebstrap --format=tar --variant=minbase --include=ca-certificates bookworm "$file.part" \
   "deb http://deb.debian.org/debian bookworm main" \
   "deb http://deb.debian.org/debian bookworm-updates main" \
   "deb http://security.debian.org/debian-security bookworm-security main"
