@@ -2,7 +2,8 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 # install-packages.sh LIST...: installs the Debian packages named in docker/packages-LIST.txt,
-# with sudo when not root. Does nothing, and needs no network, when all are there.
+# with sudo when not root. Does nothing, and needs no network, when all are there: a package that
+# another one provides counts (Node.js from elsewhere brings npm along).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
@@ -11,8 +12,8 @@ for list in "$@"; do
   mapfile -t -O "${#wanted[@]}" wanted < <(grep -v '^#' "$here/packages-$list.txt")
 done
 
-installed=$(dpkg-query -W -f '${Package} ${db:Status-Status}\n' 2>/dev/null |
-  awk '$2 == "installed" { print $1 }')
+installed=$(dpkg-query -W -f '${db:Status-Status} ${Package} ${Provides}\n' 2>/dev/null |
+  awk '$1 == "installed" { for (i = 2; i <= NF; ++i) { sub(",", "", $i); print $i } }')
 missing=()
 for package in "${wanted[@]}"; do
   grep -qxF "$package" <<<"$installed" || missing+=("$package")

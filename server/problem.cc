@@ -35,6 +35,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"object_not_found", 404, "no picture of such an object"},
     {"vocabulary_not_found", 404, "no vocabulary of that number"},
     {"job_not_found", 404, "no such job, or it is long finished"},
+    {"demo_not_found", 404, "no such demonstration object"},
     {"method_not_allowed", 405, "the path exists, the method does not (Allow lists those that do)"},
     {"request_timeout", 408, "the request did not arrive in time"},
     {"no_vocabulary", 409, "nothing to search with yet; the detail says what to do"},

@@ -36,6 +36,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddObjectRoutes(service, routes);
   AddSearchRoutes(service, routes);
   AddVocabularyRoutes(service, routes);
+  AddDemoRoutes(service, routes);
   AddJobRoutes(service, routes);
   return routes;
 }

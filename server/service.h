@@ -10,6 +10,7 @@
 
 #include "index/engine.h"
 #include "server/auto_trainer.h"
+#include "server/demonstration.h"
 #include "server/http/router.h"
 #include "server/jobs.h"
 #include "server/metrics.h"
@@ -35,6 +36,7 @@ class Service {
   const ServerOptions options;
   WorkerPool pool;
   ThumbnailCache thumbnails;
+  CrumpledPictures crumpled_pictures;
   Metrics metrics;
   // Jobs use the engine, so they end first: see ~Service.
   std::unique_ptr<JobQueue> jobs;

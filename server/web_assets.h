@@ -13,6 +13,7 @@ struct WebAsset {
   const char* content_type;
   const char* data;
   std::size_t bytes;
+  const char* sha256;  // hex
 };
 
 std::span<const WebAsset> WebAssets();

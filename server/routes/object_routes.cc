@@ -9,8 +9,16 @@ namespace pliant::server {
 
 namespace {
 
-Json ObjectJson(const ObjectRecord& object) {
-  return {{"object", object.object}, {"images", object.images}};
+// `image_id`: one of its pictures, to show it by; null when the last one just went.
+Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object) {
+  ListOptions first;
+  first.collection = collection;
+  first.object = object.object;
+  first.limit = 1;
+  const std::vector<ImageRecord> images = service.engine().List(first);
+  return {{"object", object.object},
+          {"images", object.images},
+          {"image_id", images.empty() ? Json(nullptr) : Json(images.front().id)}};
 }
 
 [[noreturn]] void ThrowNoObject(const std::string& object) {
@@ -27,7 +35,9 @@ Response List(Service& service, const Request& request, const Parameters& parame
   const bool more = objects.size() > static_cast<std::size_t>(limit);
   if (more) objects.resize(static_cast<std::size_t>(limit));
   Json items = Json::array();
-  for (const ObjectRecord& object : objects) items.push_back(ObjectJson(object));
+  for (const ObjectRecord& object : objects) {
+    items.push_back(ObjectJson(service, collection, object));
+  }
   return JsonResponse(
       {{"objects", items},
        {"next", more ? Json(MakeCursor(name, objects.back().object)) : Json(nullptr)}});
@@ -37,7 +47,7 @@ Response Get(Service& service, const Request& request) {
   const std::string& object = request.captures.at("o");
   const auto found = service.engine().GetObject(CollectionOf(request), object);
   if (!found) ThrowNoObject(object);
-  return JsonResponse(ObjectJson(*found));
+  return JsonResponse(ObjectJson(service, CollectionOf(request), *found));
 }
 
 Response Remove(Service& service, const Request& request) {

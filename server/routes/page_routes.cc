@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The web page, built into the program.
+#include "server/routes/common.h"
 #include "server/routes/routes.h"
 #include "server/web_assets.h"
 
@@ -21,15 +22,21 @@ void AddPageRoutes(std::vector<Route>& routes) {
                       .pattern = asset.path,
                       .scope = Scope::kPublic,
                       .handler =
-                          [asset](const Request&, const Parameters&) {
+                          [asset](const Request& request, const Parameters&) {
+                            const std::string etag = std::string("\"") + asset.sha256 + "\"";
                             Response response;
-                            response.content_type = asset.content_type;
-                            response.body.assign(asset.data, asset.bytes);
                             response.headers = {{"Cache-Control", "no-cache"},
+                                                {"ETag", etag},
                                                 {"Content-Security-Policy", kContentSecurityPolicy},
                                                 {"Referrer-Policy", "no-referrer"},
                                                 {"X-Frame-Options", "DENY"},
                                                 {"Cross-Origin-Opener-Policy", "same-origin"}};
+                            if (IfNoneMatch(request, etag)) {
+                              response.status = 304;
+                              return response;
+                            }
+                            response.content_type = asset.content_type;
+                            response.body.assign(asset.data, asset.bytes);
                             return response;
                           },
                       .needs_index = false});

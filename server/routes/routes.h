@@ -18,6 +18,7 @@ void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
 void AddObjectRoutes(Service& service, std::vector<Route>& routes);
 void AddSearchRoutes(Service& service, std::vector<Route>& routes);
 void AddVocabularyRoutes(Service& service, std::vector<Route>& routes);
+void AddDemoRoutes(Service& service, std::vector<Route>& routes);
 void AddJobRoutes(Service& service, std::vector<Route>& routes);
 
 }  // namespace pliant::server

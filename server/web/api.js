@@ -1,59 +1,158 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Requests to the server; every failure becomes an Error with a sentence for people.
+// Requests to the server. Every failure becomes a Problem whose message is a sentence for people.
+import { wait } from "./dom.js";
+import { problemWords } from "./words.js";
 
-const base = "/v1/collections/default";
+const kKeyName = "pliant-key";
+const kAttempts = 5;
+const kLongestWaitS = 30;
 
-async function ask(path, options = {}) {
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error("The server cannot be reached.");
+export class Problem extends Error {
+  constructor(message, { status = 0, code = "", retryAfterS = 0 } = {}) {
+    super(message);
+    Object.assign(this, { status, code, retryAfterS });
   }
-  if (answer.status === 204) return null;
-  const body = await answer.json().catch(() => null);
-  if (answer.ok) return body;
-  const error = new Error(body?.detail ?? `The server answered ${answer.status}.`);
-  error.retryAfterS = Number(answer.headers.get("Retry-After")) || 0;
-  throw error;
 }
 
-// Asks again a few times when the server is busy.
-async function askPatiently(path, options) {
-  for (let attempt = 0; ; ++attempt) {
+// The key stays in this tab until it is closed.
+export const getKey = () => sessionStorage.getItem(kKeyName) ?? "";
+export function setKey(key) {
+  if (key) sessionStorage.setItem(kKeyName, key);
+  else sessionStorage.removeItem(kKeyName);
+}
+const keyHeaders = () => (getKey() ? { Authorization: `Bearer ${getKey()}` } : {});
+
+let current = "default";
+export const collectionName = () => current;
+export const setCollection = (name) => { current = name; };
+export const address = (rest = "", collection = current) =>
+  `/v1/collections/${encodeURIComponent(collection)}${rest}`;
+
+function problemOf(status, body, retryAfter) {
+  const retryAfterS = Math.max(0, Number(retryAfter) || 0);
+  if (status === 401) document.dispatchEvent(new CustomEvent("pliant-key-wanted"));
+  return new Problem(problemWords(status, body, retryAfterS),
+                     { status, code: body?.code ?? "", retryAfterS });
+}
+
+const unreachable = () =>
+  new Problem("The server cannot be reached. Is it running, and is this device online?");
+
+async function answerOf(path, options = {}) {
+  const headers = { ...keyHeaders(), ...options.headers };
+  let answer;
+  try {
+    answer = await fetch(path, { ...options, headers });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw unreachable();
+  }
+  if (answer.ok) return answer;
+  const body = await answer.json().catch(() => null);
+  throw problemOf(answer.status, body, answer.headers.get("Retry-After"));
+}
+
+// Asks again a few times when the server says that it is busy. `onWait(seconds)` is told.
+async function patiently(attempt, onWait = () => {}, signal = undefined) {
+  for (let tries = 1; ; ++tries) {
     try {
-      return await ask(path, options);
+      return await attempt();
     } catch (error) {
-      if (!error.retryAfterS || attempt === 5) throw error;
-      await new Promise((wake) => setTimeout(wake, error.retryAfterS * 1000));
+      const later = error.retryAfterS;
+      if (!later || later > kLongestWaitS || tries === kAttempts) throw error;
+      onWait(later);
+      await wait(later * 1000);
+      if (signal?.aborted) throw new DOMException("Stopped.", "AbortError");
     }
   }
 }
 
-export const collection = () => ask(base);
+export async function ask(path, options) {
+  const answer = await patiently(() => answerOf(path, options));
+  if (answer.status === 204) return null;
+  return answer.json();
+}
 
-export function addPicture(file, object) {
+export const askJson = (path, method, body) =>
+  ask(path, { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+
+// Bytes of a picture, for canvases.
+export async function pictureBlob(path) {
+  const answer = await patiently(() => answerOf(path));
+  return answer.blob();
+}
+
+// Shows a stored picture in an <img>. With a key it has to be fetched: an <img> sends none.
+export function showPicture(image, path) {
+  if (!getKey()) {
+    image.src = path;
+    return;
+  }
+  const load = async () => {
+    const url = URL.createObjectURL(await pictureBlob(path));
+    image.addEventListener("load", () => URL.revokeObjectURL(url), { once: true });
+    image.src = url;
+  };
+  const watcher = new IntersectionObserver((entries) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    watcher.disconnect();
+    load().catch(() => image.dispatchEvent(new Event("error")));
+  });
+  watcher.observe(image);
+}
+
+export const imagePath = (id, what = "") => address(`/images/${encodeURIComponent(id)}${what}`);
+export const collections = () => ask("/v1/collections");
+export const collection = () => ask(address());
+export const deletePath = (path, options) => ask(path, { method: "DELETE", ...options });
+
+// query: { file } or { id }; settings: the parameters of a search.
+export function search(query, settings, signal) {
+  if (query.id) {
+    return ask(address("/search"), {
+      method: "POST",
+      signal,
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ image_id: query.id, ...settings }),
+    });
+  }
   const form = new FormData();
-  form.append("image", file);
+  for (const [name, value] of Object.entries(settings)) {
+    form.append(name, typeof value === "object" ? JSON.stringify(value) : value);
+  }
+  form.append("image", query.file);
+  return ask(address("/search"), { method: "POST", body: form, signal });
+}
+
+function sendOnce(path, form, onProgress, signal) {
+  return new Promise((done, fail) => {
+    const request = new XMLHttpRequest();
+    const stop = () => request.abort();
+    request.open("POST", path);
+    request.responseType = "json";
+    for (const [name, value] of Object.entries(keyHeaders())) request.setRequestHeader(name, value);
+    request.upload.onprogress = (event) => onProgress(event.loaded / event.total);
+    request.onload = () => {
+      signal.removeEventListener("abort", stop);
+      if (request.status < 300) done({ created: request.status === 201, image: request.response });
+      else fail(problemOf(request.status, request.response,
+                          request.getResponseHeader("Retry-After")));
+    };
+    request.onerror = () => fail(unreachable());
+    request.onabort = () => fail(new DOMException("Stopped.", "AbortError"));
+    signal.addEventListener("abort", stop, { once: true });
+    if (signal.aborted) fail(new DOMException("Stopped.", "AbortError"));
+    else request.send(form);
+  });
+}
+
+// Uploads one picture. onProgress gets 0..1 of the bytes sent, onWait the seconds of a pause that
+// the server asked for.
+export function addPicture({ file, object, metadata }, { onProgress, onWait, signal }) {
+  const form = new FormData();
   form.append("object", object);
-  return askPatiently(`${base}/images`, { method: "POST", body: form });
-}
-
-export function search(file, settings) {
-  const form = new FormData();
+  if (metadata) form.append("metadata", JSON.stringify(metadata));
   form.append("image", file);
-  for (const [name, value] of Object.entries(settings)) form.append(name, value);
-  return askPatiently(`${base}/search`, { method: "POST", body: form });
+  return patiently(() => sendOnce(address("/images"), form, onProgress, signal), onWait, signal);
 }
-
-export function listPictures(cursor) {
-  const query = new URLSearchParams({ limit: "24" });
-  if (cursor) query.set("cursor", cursor);
-  return ask(`${base}/images?${query}`);
-}
-
-export const deletePicture = (id) =>
-  ask(`${base}/images/${encodeURIComponent(id)}`, { method: "DELETE" });
-
-export const thumbnail = (id) => `${base}/images/${encodeURIComponent(id)}/thumbnail`;

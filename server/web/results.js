@@ -1,72 +1,59 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Drawing: cards, and the query picture with the outline of what was found in it.
-import { thumbnail } from "./api.js";
+// The list of hits.
+import { imagePath, showPicture } from "./api.js";
+import { count, make } from "./dom.js";
+import { link } from "./router.js";
+import { scoreWords } from "./words.js";
 
-// <tag class>text</tag>; text never becomes markup.
-export function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
+export const objectName = (object) => object || "(no name)";
+
+// A picture of the collection, or an empty frame where it cannot be shown.
+export function thumbnail(id, alt = "") {
+  const image = make("img", { alt, loading: "lazy", width: 320, height: 240 });
+  image.addEventListener("error", () => image.replaceWith(make("span", { class: "blank" })),
+                         { once: true });
+  showPicture(image, imagePath(id, "/thumbnail"));
+  return image;
 }
 
-export function pictureCard(id, name) {
-  const card = element("li", "card");
-  const image = element("img");
-  image.src = thumbnail(id);
-  image.alt = name;
-  image.loading = "lazy";
-  image.addEventListener("error", () => image.replaceWith(element("div", "blank")), { once: true });
-  const text = element("div", "text");
-  text.append(element("p", "name", name));
-  card.append(image, text);
-  return { card, text };
+function scoreBar(score, grade) {
+  const fill = make("span", { class: `fill ${grade}` });
+  fill.style.width = `${Math.round(100 * Math.max(0, Math.min(1, score)))}%`;
+  return make("span", { class: "bar", "aria-hidden": "true" }, fill);
 }
 
-// What a score is worth depends on the vocabulary, so it is set beside the best one.
-export function hitCard(hit, best) {
-  const name = hit.object || "(no name)";
-  const { card, text } = pictureCard(hit.image_id, name);
-  const meter = element("meter");
-  meter.min = 0;
-  meter.max = 1;
-  meter.value = hit.score;
-  meter.setAttribute("aria-label", `Score of ${name}`);
-  const share = Math.round((100 * hit.score) / best);
-  const beside = hit.score < best ? `, ${share} % of the best` : "";
-  text.append(element("p", "soft", `${hit.rank}. score ${hit.score.toFixed(2)}${beside}`), meter);
-  if (hit.inliers) text.append(element("p", "soft", `${hit.inliers} matching points`));
+// onChoose(hit) is called when the hit is picked for comparison.
+export function hitCard(hit, onChoose) {
+  const { words, grade } = scoreWords(hit);
+  const facts = [`score ${hit.score.toFixed(2)}`];
+  if (hit.inliers) facts.push(`${count(hit.inliers, "point")} agree${hit.inliers === 1 ? "s" : ""}`);
+  const button = make(
+    "button", { type: "button", class: "hit-choose", "aria-pressed": "false",
+                onclick: () => onChoose(hit) },
+    thumbnail(hit.image_id),
+    make("span", { class: "hit-text" },
+         make("span", { class: "name", text: `${hit.rank}. ${objectName(hit.object)}` }),
+         make("span", { class: "grade", text: words }), scoreBar(hit.score, grade),
+         make("span", { class: "quiet", text: facts.join(", ") }), labelList(hit.metadata)));
+  const alike = make("a", { href: link("search", { image: hit.image_id }), class: "quiet",
+                            text: "Use this",
+                            "aria-label": `Use this picture to search: ${objectName(hit.object)}` });
+  const card = make("li", { class: "hit" }, button, alike);
+  card.dataset.id = hit.image_id;
   return card;
 }
 
-function outline(context, polygon, scale) {
-  context.beginPath();
-  for (const [x, y] of polygon) context.lineTo((x + 0.5) * scale, (y + 0.5) * scale);
-  context.closePath();
-  for (const [width, colour] of [[6, "#000"], [3, "#ffd23f"]]) {
-    context.lineWidth = width;
-    context.strokeStyle = colour;
-    context.stroke();
-  }
+export function labelList(metadata) {
+  const entries = Object.entries(metadata ?? {});
+  if (!entries.length) return null;
+  const text = (value) => (typeof value === "object" ? JSON.stringify(value) : String(value));
+  return make("span", { class: "labels" },
+              ...entries.map(([key, value]) => make("span", { text: `${key}: ${text(value)}` })));
 }
 
-// Shows the query and the outline of the best hit that has one. A picture that the browser cannot
-// show (TIFF, for example) is left out.
-export async function drawQuery(canvas, file, hits) {
-  let picture;
-  try {
-    picture = await createImageBitmap(file, { imageOrientation: "from-image" });
-  } catch {
-    return false;
+export function markChosen(list, id) {
+  for (const card of list.children) {
+    card.querySelector(".hit-choose").setAttribute("aria-pressed", String(card.dataset.id === id));
   }
-  const scale = Math.min(1, 960 / Math.max(picture.width, picture.height));
-  canvas.width = Math.max(1, Math.round(picture.width * scale));
-  canvas.height = Math.max(1, Math.round(picture.height * scale));
-  const context = canvas.getContext("2d");
-  context.drawImage(picture, 0, 0, canvas.width, canvas.height);
-  picture.close();
-  const outlined = hits.find((hit) => hit.polygon);
-  if (outlined) outline(context, outlined.polygon, scale);
-  return outlined ?? true;
 }

@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Small helpers for the document: making elements, saying things, numbers in words.
+
+export const byId = (id) => document.getElementById(id);
+
+// make("p", { class: "soft", text: "…", onclick: f }, child, …); text never becomes markup.
+export function make(tag, properties = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name === "text") made.textContent = value;
+    else if (name === "class") made.className = value;
+    else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else made.setAttribute(name, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+// Writes into a live region; an error looks like one.
+export function say(place, text, isError = false) {
+  place.textContent = text;
+  place.classList.toggle("error", isError);
+}
+
+export const count = (n, word, words = `${word}s`) =>
+  `${n.toLocaleString("en")} ${n === 1 ? word : words}`;
+
+export function fileSize(bytes) {
+  if (bytes < 1000) return count(bytes, "byte");
+  const [value, unit] = bytes < 1e6 ? [bytes / 1e3, "kB"] : bytes < 1e9 ? [bytes / 1e6, "MB"] :
+                                                                           [bytes / 1e9, "GB"];
+  return `${value.toLocaleString("en", { maximumFractionDigits: value < 10 ? 1 : 0 })} ${unit}`;
+}
+
+export const shortTime = (iso) =>
+  new Date(iso).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
+
+export const wait = (ms) => new Promise((wake) => setTimeout(wake, ms));
+
+// The longest part of a name that fits; the middle goes first, so that the type stays visible.
+export const shorten = (name, most = 40) =>
+  name.length <= most ? name : `${name.slice(0, most - 14)}…${name.slice(-13)}`;
+
+// Calls `use` with the files of a drop; folders are walked through. Each comes with its folder.
+export async function droppedFiles(transfer) {
+  const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
+  if (!entries.some((entry) => entry?.isDirectory)) {
+    return [...transfer.files].map((file) => ({ file, folder: "" }));
+  }
+  const found = [];
+  for (const entry of entries) if (entry) await walk(entry, "", found);
+  return found;
+}
+
+async function walk(entry, folder, found) {
+  if (entry.isFile) {
+    const file = await new Promise((done, fail) => entry.file(done, fail));
+    if (!file.name.startsWith(".")) found.push({ file, folder });
+    return;
+  }
+  const reader = entry.createReader();
+  for (;;) {  // a reader gives at most 100 at once
+    const some = await new Promise((done, fail) => reader.readEntries(done, fail));
+    if (!some.length) return;
+    for (const inner of some) await walk(inner, entry.name, found);
+  }
+}
+
+// Lets files be dropped on `place`.
+export function acceptDrops(place, use) {
+  let depth = 0;  // dragenter and dragleave come for every child
+  const mark = (change) => {
+    depth = Math.max(0, depth + change);
+    place.classList.toggle("over", depth > 0);
+  };
+  place.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
+  place.addEventListener("dragover", (event) => event.preventDefault());
+  place.addEventListener("dragleave", () => mark(-1));
+  place.addEventListener("drop", async (event) => {
+    event.preventDefault();
+    mark(-depth);
+    use(await droppedFiles(event.dataTransfer));
+  });
+}

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The top of the page: which collection, and the key where the server wants one.
+import * as api from "./api.js";
+import { byId, count, make } from "./dom.js";
+import { go, showCurrent } from "./router.js";
+
+const choice = byId("collection-choice");
+const dialog = byId("key-dialog");
+
+// Names and counts; called whenever something was added, deleted or made.
+export async function refreshHeader() {
+  let names = [];
+  try {
+    names = (await api.collections()).collections;
+  } catch {
+    return;  // the view says what is wrong
+  }
+  const here = api.collectionName();
+  if (!names.includes(here)) names.push(here);
+  choice.replaceChildren(...names.map((name) => make("option", { value: name, text: name })));
+  choice.value = here;
+  byId("collection-label").hidden = names.length < 2;
+}
+
+choice.addEventListener("change", () => {
+  api.setCollection(choice.value);
+  go("search");
+  showCurrent();
+});
+
+function showKeyState() {
+  byId("key-button").hidden = !api.getKey();
+}
+
+function openKeyDialog() {
+  if (dialog.open) return;
+  byId("key-input").value = api.getKey();
+  dialog.showModal();
+}
+
+document.addEventListener("pliant-key-wanted", openKeyDialog);
+byId("key-button").addEventListener("click", openKeyDialog);
+byId("key-cancel").addEventListener("click", () => dialog.close());
+byId("key-forget").addEventListener("click", () => {
+  api.setKey("");
+  showKeyState();
+  dialog.close();
+});
+byId("key-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  api.setKey(byId("key-input").value.trim());
+  showKeyState();
+  dialog.close();
+  refreshHeader();
+  showCurrent();
+});
+showKeyState();
+
+// "12 pictures of 8 objects"
+export const collectionWords = ({ images, objects }) =>
+  `${count(images, "picture")} of ${count(objects, "object")}`;

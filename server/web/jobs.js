@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Work that the server does in the background.
+import { ask, deletePath } from "./api.js";
+import { count, make, shortTime, wait } from "./dom.js";
+
+const kPollMs = 1000;
+
+const kKinds = {
+  train: "Choosing a vocabulary",
+  demo: "Loading demonstration objects",
+  import: "Adding pictures",
+  requantize: "Writing pictures in the words of a vocabulary",
+};
+const kStates = { queued: "waiting", running: "running", done: "done", failed: "failed",
+                  cancelled: "stopped" };
+
+export const isActive = (job) => job.state === "queued" || job.state === "running";
+
+// Follows a job to its end; onProgress(job) is told each time. Throws when it failed.
+export async function follow(id, onProgress = () => {}) {
+  for (;;) {
+    const job = await ask(`/v1/jobs/${encodeURIComponent(id)}`);
+    onProgress(job);
+    if (job.state === "failed") throw new Error(job.problem?.detail ?? "The work failed.");
+    if (!isActive(job)) return job;
+    await wait(kPollMs);
+  }
+}
+
+// One job as an item of a list.
+export function jobItem(job, onChange) {
+  const name = kKinds[job.kind] ?? job.kind;
+  const item = make("li", {}, make("strong", { text: name }),
+                    make("span", { class: "quiet", text: `${kStates[job.state] ?? job.state}, ` +
+                      shortTime(job.finished_at ?? job.created_at) }));
+  if (job.failed) item.append(make("span", { class: "error", text: `${count(job.failed, "item")} failed` }));
+  if (job.problem) item.append(make("span", { class: "error", text: job.problem.detail }));
+  if (!isActive(job)) return item;
+  item.append(make("progress", { max: job.total || 1, value: job.done, "aria-label": name }));
+  item.append(make("button", {
+    type: "button", text: "Stop", "aria-label": `Stop: ${name}`,
+    onclick: async (event) => {
+      event.target.disabled = true;
+      await deletePath(`/v1/jobs/${encodeURIComponent(job.id)}`).catch(() => {});
+      onChange();
+    },
+  }));
+  return item;
+}

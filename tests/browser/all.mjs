@@ -1,0 +1,10 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Every case, one after the other: they share the machine's cores with the server.
+import "./cases/visit.mjs";
+import "./cases/search.mjs";
+import "./cases/region.mjs";
+import "./cases/add.mjs";
+import "./cases/browse.mjs";
+import "./cases/collection.mjs";
+import "./cases/looks.mjs";

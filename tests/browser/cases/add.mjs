@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Adding pictures: many at once, names from folders and typed, labels, failures one by one.
+import assert from "node:assert/strict";
+import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import * as house from "../house.mjs";
+import { blank, blobs } from "../pictures.mjs";
+
+let server, browser;
+before(async () => {
+  [server, browser] = [await house.startServer(), await house.startBrowser()];
+});
+after(async () => {
+  await browser.close();
+  await server.stop();
+});
+
+const file = (name, buffer) => ({ name, mimeType: "image/png", buffer });
+const images = async (query = "") =>
+  (await (await fetch(`${server.address}/v1/collections/default/images?limit=100${query}`)).json()).images;
+
+test("many at once, with names; what fails says why and can be tried again", async () => {
+  const page = await house.openPage(browser, `${server.address}/#/add`);
+  await page.locator("#add-files").setInputFiles([
+    file("scarf 1.png", blobs(1)), file("scarf 2.png", blobs(2)), file("mug.png", blobs(3)),
+    file("notes.txt", Buffer.from("words")), file("blank.png", blank())]);
+  await page.locator("#add-object").fill("red scarf");
+  await page.getByLabel("Object that mug.png shows").fill("mug");
+  await page.locator("#add-labels").fill("shelf=4, colour=red");
+  await house.checkAccessibility(page, "add, before");
+  await page.getByRole("button", { name: "Add 5 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 2 failed/);
+  const row = (name) => page.locator("#add-list li", { hasText: name });
+  assert.match(await row("scarf 1.png").innerText(), /added: \d+ key points/);
+  assert.match(await row("notes.txt").innerText(), /not a picture that Pliant reads/);
+  assert.match(await row("blank.png").innerText(), /too little detail/);
+  assert.match(await house.text(page, "#add-summary"), /3 of 5 pictures added, 2 failed/);
+  const [value, max] = await page.locator("#add-bar").evaluate((bar) => [bar.value, bar.max]);
+  assert.deepEqual([value, max], [5, 5]);
+  await house.shoot(page, "added");
+  await house.checkAccessibility(page, "add, after");
+
+  const scarves = await images("&object=red%20scarf");
+  assert.deepEqual(scarves.map(({ source }) => source).sort(), ["scarf 1.png", "scarf 2.png"]);
+  assert.deepEqual(scarves[0].metadata, { shelf: 4, colour: "red" });
+  assert.equal((await images("&object=mug")).length, 1);
+
+  await page.getByRole("button", { name: "Try the failed ones again" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 2 failed/);
+  await page.locator("#add-files").setInputFiles([file("scarf 1.png", blobs(1))]);
+  await page.getByRole("button", { name: "Add 1 picture" }).click();
+  await house.waitForText(page, "#add-list li:last-child", /was there already/);
+  await page.getByRole("button", { name: "Clear the list" }).click();
+  assert.equal(await page.locator("#add-form").isVisible(), false);
+  await house.closePage(page);
+});
+
+test("a folder's name is the object's name", async () => {
+  const folder = mkdtempSync(join(tmpdir(), "pliant-folder-"));
+  for (const [i, name] of ["lamp/a.png", "lamp/b.png", "chair/c.png"].entries()) {
+    mkdirSync(join(folder, name, ".."), { recursive: true });
+    writeFileSync(join(folder, name), blobs(10 + i));
+  }
+  const page = await house.openPage(browser, `${server.address}/#/add`);
+  await page.locator("#add-folder").setInputFiles(folder);
+  await page.getByRole("button", { name: "Add 3 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 3 pictures added\./);
+  assert.equal((await images("&object=lamp")).length, 2);
+  assert.equal((await images("&object=chair")).length, 1);
+  await house.closePage(page);
+  rmSync(folder, { recursive: true });
+});
+
+test("uploads can be stopped and gone on with", async () => {
+  const page = await house.openPage(browser, `${server.address}/#/add`);
+  const waiting = [];
+  await page.route("**/images", (route) => waiting.push(route));
+  await page.locator("#add-files").setInputFiles(
+    [20, 21, 22, 23].map((seed) => file(`p${seed}.png`, blobs(seed))));
+  await page.locator("#add-object").fill("late");
+  await page.getByRole("button", { name: "Add 4 pictures" }).click();
+  await page.getByRole("button", { name: "Stop" }).click();
+  await house.waitForText(page, "#add-status", /Stopped: 0 pictures added/);
+  assert.ok(waiting.length <= 2, "no more than two at once");
+  await page.unroute("**/images");
+  await page.getByRole("button", { name: "Add 4 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  assert.equal((await images("&object=late")).length, 4);
+  await house.closePage(page);
+});

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A collection's page: size, vocabularies, training, and other collections.
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import * as house from "../house.mjs";
+
+let server, browser;
+before(async () => {
+  [server, browser] = [await house.startServer("--auto-train", "false"), await house.startBrowser()];
+});
+after(async () => {
+  await browser.close();
+  await server.stop();
+});
+
+test("what to do is said in words, training is followed, a vocabulary can be chosen", async () => {
+  const page = await house.openPage(browser, `${server.address}/#/collection`);
+  await house.waitForText(page, "#recommendation", /Add pictures first/);
+  await house.loadDemonstration(server.address);
+  await page.reload();
+  await house.waitForText(page, "#recommendation", /none yet[^]*Train one now/);
+  assert.match(await house.text(page, "#collection-facts"), /Pictures\s+6\s+Objects\s+6/);
+  await page.getByRole("button", { name: "Train", exact: true }).click();
+  await house.waitForText(page, "#recommendation", /Nothing to do/);
+  assert.match(await house.text(page, "#jobs"), /Choosing a vocabulary\s*done/);
+  await page.getByRole("button", { name: "Retrain" }).click();
+  await page.locator("#vocabularies tr").nth(1).waitFor();
+  await page.getByRole("button", { name: "Use vocabulary 1" }).click();
+  await house.waitForText(page, "#retrain-status", /Vocabulary 1 is in use/);
+  await page.getByRole("button", { name: "Use vocabulary 2" }).waitFor();
+  await house.shoot(page, "collection");
+  await house.checkAccessibility(page, "collection");
+  await house.closePage(page);
+});
+
+test("collections are made, entered and deleted", async () => {
+  const page = await house.openPage(browser, `${server.address}/#/collection`);
+  await page.locator("#collection-name").fill("attic");
+  await page.getByRole("button", { name: "Make it" }).click();
+  await house.waitForText(page, "#collection-made", /attic is there/);
+  await page.getByRole("link", { name: "attic" }).click();
+  await house.waitForText(page, "#collection-title", /attic/);
+  await page.getByRole("link", { name: "Search", exact: true }).click();
+  await page.locator("#welcome").waitFor();
+  await page.getByLabel("Collection", { exact: true }).selectOption("default");
+  await page.locator("#examples").waitFor();
+  await page.goto(`${server.address}/#/collection`);
+  await page.getByRole("button", { name: "Delete the collection attic" }).click();
+  await page.getByRole("button", { name: "Yes, delete all in it" }).click();
+  await house.waitForText(page, "#collection-made", /attic is deleted/);
+  assert.equal((await fetch(`${server.address}/v1/collections/attic`)).status, 404);
+  await house.closePage(page);
+});

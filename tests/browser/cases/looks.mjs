@@ -1,0 +1,43 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Every view in light and dark, on a screen and on a phone: nothing sticks out, axe finds nothing.
+import { after, before, test } from "node:test";
+import * as house from "../house.mjs";
+
+const kSizes = { wide: { width: 1200, height: 900 }, phone: { width: 390, height: 844, hasTouch: true, isMobile: true } };
+const kViews = {
+  search: ["#/search", "#examples-list img"],
+  found: ["#/search?image=demo-town-map", "#flat-figure canvas"],
+  add: ["#/add", "#add-drop"],
+  objects: ["#/objects", "#objects-list .card img"],
+  pictures: ["#/pictures", "#pictures-list .card img"],
+  collection: ["#/collection", "#vocabularies tr"],
+};
+
+let server, browser;
+before(async () => {
+  [server, browser] = [await house.startServer(), await house.startBrowser()];
+  await house.loadDemonstration(server.address);
+});
+after(async () => {
+  await browser.close();
+  await server.stop();
+});
+
+for (const [size, options] of Object.entries(kSizes)) {
+  for (const colorScheme of ["light", "dark"]) {
+    test(`${size}, ${colorScheme}`, async () => {
+      const page = await house.openPage(browser, server.address, { ...options, colorScheme });
+      for (const [name, [hash, sign]] of Object.entries(kViews)) {
+        await page.goto(`${server.address}/${hash}`);
+        await page.locator(sign).first().waitFor();
+        await page.waitForLoadState("networkidle");
+        const where = `${name}-${size}-${colorScheme}`;
+        await house.shoot(page, where);
+        await house.checkWidth(page, where);
+        await house.checkAccessibility(page, where);
+      }
+      await house.closePage(page);
+    });
+  }
+}

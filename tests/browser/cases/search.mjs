@@ -1,0 +1,160 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Ways to ask: file, paste, drop, link; filters; what goes wrong; by keyboard alone.
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import * as house from "../house.mjs";
+import { blank } from "../pictures.mjs";
+
+let server, browser, crumpled;
+before(async () => {
+  [server, browser] = [await house.startServer(), await house.startBrowser()];
+  const objects = await house.loadDemonstration(server.address);
+  const poster = objects.find(({ object }) => object === "poster");
+  crumpled = await house.bytesOf(server.address, poster.crumpled);
+});
+after(async () => {
+  await browser.close();
+  await server.stop();
+});
+
+const picture = () => ({ name: "mine.jpg", mimeType: "image/jpeg", buffer: crumpled });
+
+// Gives the page a file by an event, as dropping and pasting do.
+const give = (page, selector, type) => page.evaluate(([where, kind, base64]) => {
+  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const transfer = new DataTransfer();
+  transfer.items.add(new File([bytes], "mine.jpg", { type: "image/jpeg" }));
+  const event = kind === "paste" ? new ClipboardEvent("paste", { clipboardData: transfer, bubbles: true }) :
+    new DragEvent(kind, { dataTransfer: transfer, bubbles: true, cancelable: true });
+  document.querySelector(where).dispatchEvent(event);
+}, [selector, type, crumpled.toString("base64")]);
+
+test("a chosen, a pasted and a dropped picture are searched with", async () => {
+  for (const how of ["choose", "paste", "drop"]) {
+    const page = await house.openPage(browser, server.address);
+    if (how === "choose") await page.locator("#search-file").setInputFiles(picture());
+    else await give(page, how === "drop" ? "#search-drop" : "body", how);
+    assert.match((await house.hitNames(page))[0], /poster/, how);
+    await house.closePage(page);
+  }
+});
+
+test("a stored picture has a link that can be shared", async () => {
+  const page = await house.openPage(browser, `${server.address}/#/search?image=demo-newspaper`);
+  assert.match((await house.hitNames(page))[0], /newspaper/);
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.locator("#share").click();
+  await house.waitForText(page, "#notices", /copied/);
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  assert.equal(link, `${server.address}/#/search?image=demo-newspaper`);
+  await page.getByRole("link", { name: "Use this picture to search: newspaper" }).waitFor();
+  await house.closePage(page);
+
+  const gone = await house.openPage(browser, `${server.address}/#/search?image=nothing`);
+  await house.waitForText(gone, "#search-status.error", /nothing/);
+  await house.closePage(gone);
+});
+
+test("filters limit what is found", async () => {
+  const page = await house.openPage(browser, server.address);
+  await page.locator("#search-file").setInputFiles(picture());
+  assert.ok((await house.hitNames(page)).length > 1);
+  await page.locator("#filters summary").click();
+  await page.locator("#filter-object").fill("town map");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await house.waitForText(page, "#results", /^\s*1\. town map/);
+  assert.equal(await page.locator("#results .hit").count(), 1);
+  await page.locator("#filters-form").getByRole("button", { name: "Clear" }).click();
+  await house.waitForText(page, "#results", /^\s*1\. poster/);
+  await page.locator("#filter-labels").fill("demonstration=false");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await house.waitForText(page, "#results-empty", /Nothing alike/);
+  await page.locator("#filter-labels").fill("no label at all");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await house.waitForText(page, "#search-status.error", /name=value/);
+  await house.closePage(page);
+});
+
+test("what goes wrong is said in words", async () => {
+  const page = await house.openPage(browser, server.address);
+  const ask = (name, mimeType, buffer) =>
+    page.locator("#search-file").setInputFiles({ name, mimeType, buffer });
+  await ask("notes.txt", "text/plain", Buffer.from("These are words, no picture."));
+  await house.waitForText(page, "#search-status.error", /not a picture that Pliant reads/);
+  await ask("blank.png", "image/png", blank());
+  await house.waitForText(page, "#search-status.error", /too little detail/);
+  await ask("half.jpg", "image/jpeg", crumpled.subarray(0, crumpled.length / 2));
+  await house.waitForText(page, "#search-status.error", /ends too early|damaged/);
+  await house.shoot(page, "error");
+  await house.checkAccessibility(page, "error");
+  await ask("mine.jpg", "image/jpeg", crumpled);
+  assert.match((await house.hitNames(page))[0], /poster/, "it goes on after errors");
+  await house.closePage(page);
+});
+
+test("a server that is gone is said in words", async () => {
+  const other = await house.startServer();
+  const page = await house.openPage(browser, other.address);
+  await page.locator("#welcome").waitFor();
+  await other.stop();
+  await page.locator("#search-file").setInputFiles(picture());
+  await house.waitForText(page, "#search-status.error", /cannot be reached/);
+  await house.closePage(page);
+});
+
+test("a busy server is asked again", async () => {
+  const page = await house.openPage(browser, server.address);
+  let refused = 0;
+  await page.route("**/search", (route) => {
+    if (++refused > 1) return route.continue();
+    return route.fulfill({ status: 503, headers: { "Retry-After": "1" },
+                           contentType: "application/problem+json",
+                           body: JSON.stringify({ code: "busy", detail: "busy" }) });
+  });
+  await page.locator("#search-file").setInputFiles(picture());
+  assert.match((await house.hitNames(page))[0], /poster/);
+  assert.equal(refused, 2);
+  await house.closePage(page);
+});
+
+test("by keyboard alone: skip, choose an example, compare, select a part", async () => {
+  const page = await house.openPage(browser, server.address);
+  await page.locator("#examples-list button").first().waitFor();
+  const focused = () => page.evaluate(() => {
+    const { id, textContent, ariaLabel } = document.activeElement;
+    return `${id} ${ariaLabel ?? textContent.trim()}`;
+  });
+  const tabTo = async (pattern) => {
+    for (let i = 0; i < 40; ++i) {
+      if (pattern.test(await focused())) return;
+      await page.keyboard.press("Tab");
+    }
+    assert.fail(`Tab does not lead to ${pattern}, but to ${await focused()}`);
+  };
+  await page.keyboard.press("Tab");
+  assert.match(await focused(), /^skip/);
+  await page.keyboard.press("Enter");
+  await tabTo(/search-file/);
+  await tabTo(/crumpled picture of: poster/);
+  await page.keyboard.press("Enter");
+  assert.match((await house.hitNames(page))[0], /poster/);
+  await tabTo(/region-start/);
+  await page.keyboard.press("Enter");
+  assert.match(await focused(), /^region /);
+  const before = await focused();
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("Shift+ArrowDown");
+  const [, left, top, width, height] = /left (\d+), top (\d+), width (\d+), height (\d+)/.exec(before);
+  const [, left2, top2, width2, height2] =
+    /left (\d+), top (\d+), width (\d+), height (\d+)/.exec(await focused());
+  assert.ok(+left2 > +left && top2 === top && width2 === width && +height2 > +height, await focused());
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#search-status", /inside the part: poster/);
+  await page.keyboard.press("Escape");
+  await house.waitForText(page, "#search-status", /^Best: poster/);
+  await tabTo(/^ *2\. /);
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#compare-title", /^Side by side: (?!poster)/);
+  await house.closePage(page);
+});

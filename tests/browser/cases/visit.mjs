@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The first visit: an empty collection, the demonstration, the first answer; what the page weighs.
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { canvasShares, correlation } from "../canvas.mjs";
+import * as house from "../house.mjs";
+
+const kLargestPage = 200_000;  // bytes
+
+let server, browser;
+before(async () => {
+  [server, browser] = [await house.startServer(), await house.startBrowser()];
+});
+after(async () => {
+  await browser.close();
+  await server.stop();
+});
+
+test("an empty collection teaches what to do; the demonstration is found un-crumpled", async () => {
+  const page = await house.openPage(browser, server.address);
+  await page.locator("#welcome").waitFor();
+  assert.match(await house.text(page, "#welcome"), /nothing to find yet/);
+  assert.equal(await page.locator("#examples").isVisible(), false);
+  await house.checkAccessibility(page, "first visit");
+  await house.shoot(page, "first-visit");
+
+  await page.getByRole("button", { name: "Load demonstration objects" }).click();
+  const example = page.getByRole("button", { name: "crumpled picture of: town map" });
+  await example.waitFor();
+  assert.equal(await page.locator("#welcome").isVisible(), false);
+  await house.shoot(page, "demonstration-loaded");
+
+  await example.click();
+  assert.match((await house.hitNames(page))[0], /^1\. town map$/);
+  assert.match(await house.text(page, "#results .hit:first-child"), /the same[^]*points agree/);
+  await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
+  assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query");
+  assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit");
+  assert.ok((await canvasShares(page, "#flat-canvas")).opaque > 0.3, "something is un-crumpled");
+  const alike = await correlation(page, "#flat-canvas", "#reference-canvas");
+  assert.ok(alike > 0.5, `the un-crumpled picture is the object: correlation ${alike}`);
+  await house.shoot(page, "found");
+  await house.checkAccessibility(page, "found");
+
+  await page.locator("#blend").fill("100");
+  const yours = await correlation(page, "#blend-canvas", "#flat-canvas");
+  await page.locator("#blend").fill("0");
+  const theirs = await correlation(page, "#blend-canvas", "#flat-canvas");
+  assert.ok(yours > 0.999 && theirs < 0.99, `the slider blends: ${theirs} to ${yours}`);
+  await house.closePage(page);
+});
+
+test("every example finds its object", async () => {
+  const page = await house.openPage(browser, server.address);
+  for (const name of ["tea packet", "newspaper", "flower cloth", "poster", "team flag"]) {
+    await page.getByRole("button", { name: `crumpled picture of: ${name}` }).click();
+    await house.waitForText(page, "#results .hit:first-child .name", new RegExp(`^1\\. ${name}$`));
+  }
+  await house.closePage(page);
+});
+
+test("the page is small, and a second visit transfers nothing again", async () => {
+  const page = await house.openPage(browser, "about:blank");
+  let bytes = 0;
+  const statuses = [];
+  page.on("response", async (response) => {
+    if (/\/v1\//.test(response.url())) return;
+    statuses.push(response.status());
+    bytes += (await response.body().catch(() => "")).length;
+  });
+  page.faults.length = 0;
+  await page.goto(server.address, { waitUntil: "networkidle" });
+  assert.ok(statuses.length > 10 && bytes > 20_000, "the files were seen");
+  assert.ok(bytes < kLargestPage, `${bytes} bytes`);
+  for (const path of ["/", "/assets/app.js", "/assets/base.css"]) {
+    const first = await fetch(server.address + path);
+    const headers = { "If-None-Match": first.headers.get("ETag") };
+    assert.equal((await fetch(server.address + path, { headers })).status, 304, path);
+  }
+  await page.context().close();
+});
