@@ -14,7 +14,6 @@ namespace pliant::server {
 namespace {
 
 constexpr int kJpegQuality = 90;
-constexpr const char* kMetadata = R"({"demonstration": true})";
 
 const std::vector<std::string>& Names() { return simulation::DemonstrationObjects(); }
 
@@ -26,7 +25,7 @@ void AddFlatPicture(Engine& engine, const std::string& collection, std::size_t n
   request.collection = collection;
   request.id = DemonstrationId(number);
   request.object = Names()[number];
-  request.metadata = kMetadata;
+  request.metadata = R"({"made_of": ")" + simulation::DemonstrationMaterial(number) + "\"}";
   request.source = *request.id + ".jpg";
   request.bytes = jpeg;
   request.threads = threads;

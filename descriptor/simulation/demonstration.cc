@@ -22,17 +22,18 @@ constexpr std::uint64_t kSurroundingsSeed = 9000;
 // Seeds chosen by eye: a sheet that is clearly crumpled and mostly in the picture.
 struct Recipe {
   const char* name;
+  const char* material;
   ProceduralKind kind;
   std::uint64_t picture_seed;
   std::uint64_t scene_seed;  // times kSurroundings + 1
 };
 constexpr std::array<Recipe, 6> kRecipes{{
-    {"town map", ProceduralKind::kMap, 11, 1},
-    {"tea packet", ProceduralKind::kPackaging, 11, 1},
-    {"newspaper", ProceduralKind::kNewspaper, 11, 11},
-    {"flower cloth", ProceduralKind::kFloral, 11, 1},
-    {"poster", ProceduralKind::kLettering, 11, 4},
-    {"team flag", ProceduralKind::kLogo, 11, 1},
+    {"town map", "paper", ProceduralKind::kMap, 11, 1},
+    {"tea packet", "paper", ProceduralKind::kPackaging, 11, 1},
+    {"newspaper", "paper", ProceduralKind::kNewspaper, 11, 11},
+    {"flower cloth", "cloth", ProceduralKind::kFloral, 11, 1},
+    {"poster", "paper", ProceduralKind::kLettering, 11, 4},
+    {"team flag", "cloth", ProceduralKind::kLogo, 11, 1},
 }};
 
 const Recipe& RecipeOf(std::size_t number) {
@@ -51,6 +52,8 @@ const std::vector<std::string>& DemonstrationObjects() {
   }();
   return names;
 }
+
+std::string DemonstrationMaterial(std::size_t number) { return RecipeOf(number).material; }
 
 Image PaintDemonstrationObject(std::size_t number) {
   const Recipe& recipe = RecipeOf(number);

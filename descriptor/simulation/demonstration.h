@@ -15,9 +15,10 @@ namespace pliant::simulation {
 // What the objects are called, in order: "town map", ...
 const std::vector<std::string>& DemonstrationObjects();
 
-// Object `number` < DemonstrationObjects().size(), in colour; throws Error kInvalidArgument
-// "option_out_of_range" beyond. The same on every call; thread-safe. The flat picture takes
-// milliseconds, the crumpled one about a second.
+// Of object `number` < DemonstrationObjects().size(); throw Error kInvalidArgument
+// "option_out_of_range" beyond. The same on every call; thread-safe. Pictures are in colour; the
+// flat one takes milliseconds, the crumpled one about a second.
+std::string DemonstrationMaterial(std::size_t number);  // "paper" or "cloth"
 Image PaintDemonstrationObject(std::size_t number);
 Image CrumpleDemonstrationObject(std::size_t number);
 

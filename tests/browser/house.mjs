@@ -8,10 +8,11 @@ import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:f
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { after } from "node:test";
 import { chromium } from "playwright-core";
 
 const kBrowsers = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
-const kPatienceMs = 30_000;
+const kPatienceMs = 120_000;
 const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 export const out = process.env.PLIANT_OUT;
@@ -48,7 +49,22 @@ export async function startServer(...flags) {
   };
 }
 
-export async function startBrowser() {
+// Servers that cases share, by name; started when first asked for.
+const servers = new Map();
+export function server(name, ...flags) {
+  if (!servers.has(name)) servers.set(name, startServer(...flags));
+  return servers.get(name);
+}
+
+let launched = null;
+const browser = () => (launched ??= startBrowser());
+
+after(async () => {
+  await (await launched)?.close();
+  for (const one of servers.values()) await (await one).stop();
+});
+
+async function startBrowser() {
   const executablePath = kBrowsers.find(existsSync);
   assert.ok(executablePath, "Debian's chromium package is not installed");
   // No sandbox inside: tests run as root and in containers.
@@ -56,8 +72,8 @@ export async function startBrowser() {
 }
 
 // A page of its own context. page.faults: what must never happen, wherever it happens.
-export async function openPage(browser, url, { width = 1200, height = 900, ...more } = {}) {
-  const context = await browser.newContext({ viewport: { width, height }, ...more });
+export async function openPage(url, { width = 1200, height = 900, ...more } = {}) {
+  const context = await (await browser()).newContext({ viewport: { width, height }, ...more });
   const page = await context.newPage();
   page.setDefaultTimeout(kPatienceMs);
   page.faults = [];
@@ -101,10 +117,14 @@ export async function checkWidth(page, where) {
 
 export const text = (page, selector) => page.locator(selector).innerText();
 
+// Waits until what can be seen there matches.
 export async function waitForText(page, selector, pattern) {
   try {
     await page.waitForFunction(
-      ([where, source]) => new RegExp(source).test(document.querySelector(where)?.innerText ?? ""),
+      ([where, source]) => {
+        const place = document.querySelector(where);
+        return place?.checkVisibility() && new RegExp(source).test(place.innerText);
+      },
       [selector, pattern.source]);
   } catch {
     assert.fail(`${selector} says "${await text(page, selector)}", not ${pattern}`);

@@ -5,25 +5,18 @@ import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 import { blank, blobs } from "../pictures.mjs";
 
-let server, browser;
-before(async () => {
-  [server, browser] = [await house.startServer(), await house.startBrowser()];
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+const server = await house.server("add");
 
 const file = (name, buffer) => ({ name, mimeType: "image/png", buffer });
 const images = async (query = "") =>
   (await (await fetch(`${server.address}/v1/collections/default/images?limit=100${query}`)).json()).images;
 
 test("many at once, with names; what fails says why and can be tried again", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/add`);
+  const page = await house.openPage(`${server.address}/#/add`);
   await page.locator("#add-files").setInputFiles([
     file("scarf 1.png", blobs(1)), file("scarf 2.png", blobs(2)), file("mug.png", blobs(3)),
     file("notes.txt", Buffer.from("words")), file("blank.png", blank())]);
@@ -64,7 +57,7 @@ test("a folder's name is the object's name", async () => {
     mkdirSync(join(folder, name, ".."), { recursive: true });
     writeFileSync(join(folder, name), blobs(10 + i));
   }
-  const page = await house.openPage(browser, `${server.address}/#/add`);
+  const page = await house.openPage(`${server.address}/#/add`);
   await page.locator("#add-folder").setInputFiles(folder);
   await page.getByRole("button", { name: "Add 3 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 3 pictures added\./);
@@ -75,7 +68,7 @@ test("a folder's name is the object's name", async () => {
 });
 
 test("uploads can be stopped and gone on with", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/add`);
+  const page = await house.openPage(`${server.address}/#/add`);
   const waiting = [];
   await page.route("**/images", (route) => waiting.push(route));
   await page.locator("#add-files").setInputFiles(

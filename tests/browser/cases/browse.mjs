@@ -2,32 +2,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // Browsing page by page; deleting with time to undo.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 import { blobs } from "../pictures.mjs";
 
 const kPictures = 30;
 
-let server, browser;
-before(async () => {
-  [server, browser] = [await house.startServer("--auto-train", "false"), await house.startBrowser()];
+const server = await house.server("browse", "--auto-train", "false");
+
+async function addPictures() {
   for (let i = 0; i < kPictures; ++i) {
     const query = `?object=thing%20${i % 3}`;
     const answer = await fetch(`${server.address}/v1/collections/default/images${query}`, {
       method: "POST", headers: { "Content-Type": "image/png" }, body: blobs(100 + i) });
     assert.equal(answer.status, 201);
   }
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+}
 
 const count = async () => (await (await fetch(`${server.address}/v1/collections/default`)).json()).images;
 const cards = (page, view) => page.locator(`#${view}-list .card`);
 
 test("pictures come page by page, and the way back", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/pictures`);
+  await addPictures();
+  const page = await house.openPage(`${server.address}/#/pictures`);
   await cards(page, "pictures").first().waitFor();
   assert.equal(await cards(page, "pictures").count(), 24);
   const first = await page.locator("#pictures-list .card a").first().getAttribute("href");
@@ -42,7 +39,7 @@ test("pictures come page by page, and the way back", async () => {
 });
 
 test("an object leads to its pictures, a picture to a search with it", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/objects`);
+  const page = await house.openPage(`${server.address}/#/objects`);
   await cards(page, "objects").first().waitFor();
   assert.equal(await cards(page, "objects").count(), 3);
   assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 pictures/);
@@ -57,7 +54,7 @@ test("an object leads to its pictures, a picture to a search with it", async () 
 });
 
 test("deleting can be undone; else it is done when the time is over", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/pictures`);
+  const page = await house.openPage(`${server.address}/#/pictures`);
   await cards(page, "pictures").first().waitFor();
   const before = await count();
   const remove = page.getByRole("button", { name: /^Delete the picture/ }).first();
@@ -78,7 +75,7 @@ test("deleting can be undone; else it is done when the time is over", async () =
 });
 
 test("leaving the page deletes at once; a whole object goes too", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/objects`);
+  const page = await house.openPage(`${server.address}/#/objects`);
   await page.getByRole("button", { name: "Delete thing 2 with its pictures" }).click();
   await house.waitForText(page, "#notices", /Deleted: thing 2/);
   await page.goto("about:blank");
@@ -93,7 +90,7 @@ test("leaving the page deletes at once; a whole object goes too", async () => {
 });
 
 test("a picture that cannot be deleted comes back with the reason", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/pictures`);
+  const page = await house.openPage(`${server.address}/#/pictures`);
   await page.route("**/images/*", (route) => (route.request().method() === "DELETE" ?
     route.fulfill({ status: 403, contentType: "application/problem+json",
                     body: JSON.stringify({ code: "forbidden", detail: "no" }) }) : route.continue()));

@@ -2,20 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A collection's page: size, vocabularies, training, and other collections.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 
-let server, browser;
-before(async () => {
-  [server, browser] = [await house.startServer("--auto-train", "false"), await house.startBrowser()];
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+const server = await house.server("collection", "--auto-train", "false");
 
 test("what to do is said in words, training is followed, a vocabulary can be chosen", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/collection`);
+  const page = await house.openPage(`${server.address}/#/collection`);
   await house.waitForText(page, "#recommendation", /Add pictures first/);
   await house.loadDemonstration(server.address);
   await page.reload();
@@ -35,7 +28,7 @@ test("what to do is said in words, training is followed, a vocabulary can be cho
 });
 
 test("collections are made, entered and deleted", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/collection`);
+  const page = await house.openPage(`${server.address}/#/collection`);
   await page.locator("#collection-name").fill("attic");
   await page.getByRole("button", { name: "Make it" }).click();
   await house.waitForText(page, "#collection-made", /attic is there/);

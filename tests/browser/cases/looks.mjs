@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Every view in light and dark, on a screen and on a phone: nothing sticks out, axe finds nothing.
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 
 const kSizes = { wide: { width: 1200, height: 900 }, phone: { width: 390, height: 844, hasTouch: true, isMobile: true } };
@@ -14,20 +14,13 @@ const kViews = {
   collection: ["#/collection", "#vocabularies tr"],
 };
 
-let server, browser;
-before(async () => {
-  [server, browser] = [await house.startServer(), await house.startBrowser()];
-  await house.loadDemonstration(server.address);
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+const server = await house.server("demonstration");
 
 for (const [size, options] of Object.entries(kSizes)) {
   for (const colorScheme of ["light", "dark"]) {
     test(`${size}, ${colorScheme}`, async () => {
-      const page = await house.openPage(browser, server.address, { ...options, colorScheme });
+      await house.loadDemonstration(server.address);
+      const page = await house.openPage(server.address, { ...options, colorScheme });
       for (const [name, [hash, sign]] of Object.entries(kViews)) {
         await page.goto(`${server.address}/${hash}`);
         await page.locator(sign).first().waitFor();

@@ -2,24 +2,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Searching inside a rectangle: with a mouse, with a finger, by numbers.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 
-let server, browser, picture;
-before(async () => {
-  [server, browser] = [await house.startServer(), await house.startBrowser()];
+const server = await house.server("demonstration");
+let picture;
+
+async function prepare() {
   const objects = await house.loadDemonstration(server.address);
   picture = { name: "q.jpg", mimeType: "image/jpeg",
               buffer: await house.bytesOf(server.address, objects[0].crumpled) };
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+}
 
 // The page with an answer. askedRegions(page) tells what its searches were limited to.
 async function answered(options) {
-  const page = await house.openPage(browser, server.address, options);
+  const page = await house.openPage(server.address, options);
   await page.evaluate(() => {
     globalThis.regions = [];
     const send = globalThis.fetch;
@@ -43,6 +40,7 @@ function assertNear(actual, wanted) {
 }
 
 test("a rectangle drawn with the mouse is searched in, moved, sized and removed", async () => {
+  await prepare();
   const page = await answered();
   const frame = await page.locator("#stage-canvas").boundingBox();
   const at = (x, y) => [frame.x + x * frame.width, frame.y + y * frame.height];
@@ -74,6 +72,7 @@ test("a rectangle drawn with the mouse is searched in, moved, sized and removed"
 });
 
 test("a finger scrolls, and draws when asked to", async () => {
+  await prepare();
   const page = await answered({ width: 390, height: 844, hasTouch: true, isMobile: true });
   const swipe = (x0, y0, x1, y1) => page.locator("#stage").evaluate((stage, [fx, fy, tx, ty]) => {
     const frame = stage.getBoundingClientRect();

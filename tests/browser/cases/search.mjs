@@ -2,21 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ways to ask: file, paste, drop, link; filters; what goes wrong; by keyboard alone.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import * as house from "../house.mjs";
 import { blank } from "../pictures.mjs";
 
-let server, browser, crumpled;
-before(async () => {
-  [server, browser] = [await house.startServer(), await house.startBrowser()];
+const server = await house.server("demonstration");
+let crumpled;
+
+async function prepare() {
   const objects = await house.loadDemonstration(server.address);
   const poster = objects.find(({ object }) => object === "poster");
   crumpled = await house.bytesOf(server.address, poster.crumpled);
-});
-after(async () => {
-  await browser.close();
-  await server.stop();
-});
+}
 
 const picture = () => ({ name: "mine.jpg", mimeType: "image/jpeg", buffer: crumpled });
 
@@ -31,8 +28,9 @@ const give = (page, selector, type) => page.evaluate(([where, kind, base64]) => 
 }, [selector, type, crumpled.toString("base64")]);
 
 test("a chosen, a pasted and a dropped picture are searched with", async () => {
+  await prepare();
   for (const how of ["choose", "paste", "drop"]) {
-    const page = await house.openPage(browser, server.address);
+    const page = await house.openPage(server.address);
     if (how === "choose") await page.locator("#search-file").setInputFiles(picture());
     else await give(page, how === "drop" ? "#search-drop" : "body", how);
     assert.match((await house.hitNames(page))[0], /poster/, how);
@@ -41,7 +39,8 @@ test("a chosen, a pasted and a dropped picture are searched with", async () => {
 });
 
 test("a stored picture has a link that can be shared", async () => {
-  const page = await house.openPage(browser, `${server.address}/#/search?image=demo-newspaper`);
+  await prepare();
+  const page = await house.openPage(`${server.address}/#/search?image=demo-newspaper`);
   assert.match((await house.hitNames(page))[0], /newspaper/);
   await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
   await page.locator("#share").click();
@@ -51,13 +50,14 @@ test("a stored picture has a link that can be shared", async () => {
   await page.getByRole("link", { name: "Use this picture to search: newspaper" }).waitFor();
   await house.closePage(page);
 
-  const gone = await house.openPage(browser, `${server.address}/#/search?image=nothing`);
+  const gone = await house.openPage(`${server.address}/#/search?image=nothing`);
   await house.waitForText(gone, "#search-status.error", /nothing/);
   await house.closePage(gone);
 });
 
 test("filters limit what is found", async () => {
-  const page = await house.openPage(browser, server.address);
+  await prepare();
+  const page = await house.openPage(server.address);
   await page.locator("#search-file").setInputFiles(picture());
   assert.ok((await house.hitNames(page)).length > 1);
   await page.locator("#filters summary").click();
@@ -67,7 +67,11 @@ test("filters limit what is found", async () => {
   assert.equal(await page.locator("#results .hit").count(), 1);
   await page.locator("#filters-form").getByRole("button", { name: "Clear" }).click();
   await house.waitForText(page, "#results", /^\s*1\. poster/);
-  await page.locator("#filter-labels").fill("demonstration=false");
+  await page.locator("#filter-labels").fill("made_of=cloth");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await page.waitForFunction(() => document.querySelectorAll("#results .hit").length === 2);
+  assert.match(await house.text(page, "#results"), /made_of: cloth/);
+  await page.locator("#filter-labels").fill("made_of=stone");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
   await house.waitForText(page, "#results-empty", /Nothing alike/);
   await page.locator("#filter-labels").fill("no label at all");
@@ -77,7 +81,8 @@ test("filters limit what is found", async () => {
 });
 
 test("what goes wrong is said in words", async () => {
-  const page = await house.openPage(browser, server.address);
+  await prepare();
+  const page = await house.openPage(server.address);
   const ask = (name, mimeType, buffer) =>
     page.locator("#search-file").setInputFiles({ name, mimeType, buffer });
   await ask("notes.txt", "text/plain", Buffer.from("These are words, no picture."));
@@ -94,8 +99,9 @@ test("what goes wrong is said in words", async () => {
 });
 
 test("a server that is gone is said in words", async () => {
+  await prepare();
   const other = await house.startServer();
-  const page = await house.openPage(browser, other.address);
+  const page = await house.openPage(other.address);
   await page.locator("#welcome").waitFor();
   await other.stop();
   await page.locator("#search-file").setInputFiles(picture());
@@ -104,7 +110,8 @@ test("a server that is gone is said in words", async () => {
 });
 
 test("a busy server is asked again", async () => {
-  const page = await house.openPage(browser, server.address);
+  await prepare();
+  const page = await house.openPage(server.address);
   let refused = 0;
   await page.route("**/search", (route) => {
     if (++refused > 1) return route.continue();
@@ -119,7 +126,8 @@ test("a busy server is asked again", async () => {
 });
 
 test("by keyboard alone: skip, choose an example, compare, select a part", async () => {
-  const page = await house.openPage(browser, server.address);
+  await prepare();
+  const page = await house.openPage(server.address);
   await page.locator("#examples-list button").first().waitFor();
   const focused = () => page.evaluate(() => {
     const { id, textContent, ariaLabel } = document.activeElement;
