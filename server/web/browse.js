@@ -115,8 +115,8 @@ function pictureCard(image) {
          thumbnail(image.id), make("span", { class: "name", text: name }),
          make("span", { class: "hidden-text", text: `, ${file}: search with this picture` })),
     make("span", { class: "quiet", text: shorten(file, 32), title: file }),
-    make("span", { class: "quiet", text: `${image.width} × ${image.height}, ` +
-      `${count(image.keypoints, "key point")}, ${shortTime(image.added_at)}` }),
+    make("span", { class: "quiet", title: `Added ${shortTime(image.added_at)}`,
+                   text: `${image.width} × ${image.height}, ${count(image.keypoints, "key point")}` }),
     labelList(image.metadata),
     deleteButton({ card, path, label: `Delete the picture ${file} of ${name}`,
                    text: `Deleted: ${file}.` }),

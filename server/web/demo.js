@@ -19,7 +19,7 @@ export async function refreshDemonstration() {
   try {
     const [record, demo] = await Promise.all([api.collection(), api.ask(api.address("/demo"))]);
     byId("welcome").hidden = record.images > 0;
-    byId("search-drop").classList.toggle("after", record.images === 0);
+    byId("filters").hidden = record.images === 0;
     showExamples(demo);
     if (!byId("search-status").textContent && record.images) {
       say(byId("search-status"), `${collectionWords(record)} to find.`);

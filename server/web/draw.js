@@ -4,6 +4,7 @@
 import { pictureBlob } from "./api.js";
 
 const kLargestSide = 1280;  // of a canvas, in its own pixels
+const kMostPoints = 80;
 
 // Decodes upright; null where the browser cannot show this kind of picture (TIFF, mostly).
 export async function decode(blob) {
@@ -55,8 +56,11 @@ export function drawOutline(context, polygon, scale) {
   context.restore();
 }
 
-// Small dots where points agree.
-export function drawPoints(context, points, scale) {
+// Small dots where points agree; of very many only some, so that the picture stays visible.
+export function drawPoints(context, all, scale) {
+  const step = Math.max(1, all.length / kMostPoints);
+  const points = Array.from({ length: Math.min(all.length, kMostPoints) },
+                            (_, i) => all[Math.floor(i * step)]);
   const radius = Math.max(1.5, context.canvas.width / 260);
   context.save();
   context.fillStyle = "#ffd84d";

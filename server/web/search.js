@@ -64,8 +64,12 @@ function drawStage(hit) {
   const context = canvas.getContext("2d");
   context.drawImage(query.picture, 0, 0, canvas.width, canvas.height);
   if (hit?.explain) drawPoints(context, hit.explain.pairs.map(([x, y]) => [x, y]), scale);
-  if (hit?.polygon) drawOutline(context, hit.polygon, scale);
-  const found = hit?.polygon ? `Outlined: ${objectName(hit.object)}` : "";
+  // An object may be in the picture more than once.
+  const outlines = hit ? [hit.polygon, ...(hit.instances ?? []).slice(1).map((one) => one.polygon)]
+    .filter(Boolean) : [];
+  for (const polygon of outlines) drawOutline(context, polygon, scale);
+  const often = outlines.length > 1 ? `, ${outlines.length} times` : "";
+  const found = outlines.length ? `Outlined: ${objectName(hit.object)}${often}` : "";
   note.textContent = found;
   canvas.setAttribute("aria-label", `Your picture${found && `. ${found}`}`);
 }

@@ -8,3 +8,4 @@ import "./cases/add.mjs";
 import "./cases/browse.mjs";
 import "./cases/collection.mjs";
 import "./cases/looks.mjs";
+import "./cases/modules.mjs";

@@ -21,7 +21,7 @@ export function canvasShares(page, selector) {
 // them to the side by so many hundredths of its width: what chance alone gives.
 export function correlation(page, one, other, shift = 0) {
   return page.evaluate(([a, b, offset]) => {
-    const side = 120, reach = 6;
+    const side = 200, reach = 4;
     const detail = (selector, dx) => {
       const small = new OffscreenCanvas(side, side).getContext("2d");
       small.drawImage(document.querySelector(selector), (dx * side) / 100, 0, side, side);

@@ -1,0 +1,113 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The page's own arithmetic and words, called in the page.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import * as house from "../house.mjs";
+
+const server = await house.server("demonstration");
+
+// Calls an exported function of a module of the page.
+async function withModules(use) {
+  const page = await house.openPage(server.address);
+  const call = (module, name, ...given) => page.evaluate(async ([from, which, list]) => {
+    const loaded = await import(`/assets/${from}`);
+    try {
+      return { value: loaded[which](...list) };
+    } catch (error) {
+      return { error: error.message };
+    }
+  }, [module, name, given]);
+  await use(call);
+  await house.closePage(page);
+}
+
+test("an affine map takes corner to corner", () => withModules(async (call) => {
+  const from = [[1, 2], [11, 3], [4, 9]];
+  const to = [[-3, 5], [8, 40], [0.5, -7]];
+  const [a, b, c, d, e, f] = (await call("warp.js", "affine", from, to)).value;
+  for (const [i, [x, y]] of from.entries()) {
+    assert.ok(Math.hypot(a * x + c * y + e - to[i][0], b * x + d * y + f - to[i][1]) < 1e-9);
+  }
+  const line = [[0, 0], [1, 1], [2, 2]];
+  assert.equal((await call("warp.js", "affine", line, to)).value, null);
+}));
+
+test("a mesh is cut into triangles; those with a corner that is not trusted are left out",
+     () => withModules(async (call) => {
+  const mesh = { columns: 3, rows: 2, reference_width: 21, reference_height: 11,
+                 points: [[0, 0], [5, 0], [9, 1], [0, 4], [5, 5], [9, 6]] };
+  const all = (await call("warp.js", "triangles", mesh)).value;
+  assert.equal(all.length, 4);
+  assert.deepEqual(all[0], { reference: [[0, 0], [10, 0], [10, 10]], query: [[0, 0], [5, 0], [5, 5]] });
+  const area = ([[x0, y0], [x1, y1], [x2, y2]]) => ((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / 2;
+  assert.equal(all.reduce((sum, one) => sum + area(one.reference), 0), 20 * 10);
+  const some = (await call("warp.js", "triangles",
+                           { ...mesh, trusted: [true, true, false, true, true, true] })).value;
+  assert.equal(some.length, 3);
+}));
+
+// The query says by its colours where each pixel is; the mesh bends it by a known function.
+test("flattening puts every pixel where the mesh says", async () => {
+  const page = await house.openPage(server.address);
+  const worst = await page.evaluate(async () => {
+    const { drawFlattened } = await import("/assets/warp.js");
+    const query = new OffscreenCanvas(256, 256);
+    const paint = query.getContext("2d");
+    const pixels = paint.createImageData(256, 256);
+    for (let i = 0; i < 256 * 256; ++i) pixels.data.set([i % 256, Math.floor(i / 256), 0, 255], 4 * i);
+    paint.putImageData(pixels, 0, 0);
+    const bend = (x, y) => [30 + 0.9 * x + 12 * Math.sin(y / 40), 20 + 0.8 * y + 10 * Math.sin(x / 50)];
+    const mesh = { columns: 21, rows: 21, reference_width: 201, reference_height: 201, points: [] };
+    for (let r = 0; r < 21; ++r) for (let c = 0; c < 21; ++c) mesh.points.push(bend(10 * c, 10 * r));
+    const flat = new OffscreenCanvas(402, 402);  // twice the reference's size
+    const context = flat.getContext("2d");
+    drawFlattened(context, query, 256, mesh, 2);
+    const { data } = context.getImageData(0, 0, 402, 402);
+    let off = 0;
+    for (let y = 4; y < 197; y += 3) {
+      for (let x = 4; x < 197; x += 3) {
+        const i = 4 * ((2 * y + 1) * 402 + 2 * x + 1);
+        const [u, v] = bend(x + 0.25, y + 0.25);  // the canvas pixel's centre
+        off = Math.max(off, Math.abs(data[i] - u), Math.abs(data[i + 1] - v), 255 - data[i + 3]);
+      }
+    }
+    return off;
+  });
+  assert.ok(worst < 1.5, `${worst} pixels off`);
+  await house.closePage(page);
+});
+
+test("a convex hull holds every point and only points that were given", () => withModules(async (call) => {
+  const points = Array.from({ length: 40 }, (_, i) => [(i * 37) % 101, (i * i * 13) % 89]);
+  const hull = (await call("warp.js", "convexHull", points)).value;
+  assert.ok(hull.length > 2);
+  for (const [i, [x0, y0]] of hull.entries()) {
+    const [x1, y1] = hull[(i + 1) % hull.length];
+    assert.ok(points.some(([x, y]) => x === x0 && y === y0));
+    for (const [x, y] of points) assert.ok((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0);
+  }
+}));
+
+test("labels and conditions are read as they are typed", () => withModules(async (call) => {
+  const labels = async (...given) => call("labels.js", "parseLabels", ...given);
+  assert.deepEqual(await labels(" shelf = 4, colour=red,new=true , code=007 "),
+                   { value: { shelf: 4, colour: "red", new: true, code: "007" } });
+  assert.deepEqual(await labels(""), { value: null });
+  assert.deepEqual(await labels("year>=2020, year<2024, name=x", true),
+                   { value: { year: { gte: 2020, lt: 2024 }, name: "x" } });
+  assert.match((await labels("red")).error, /"red" is no label/);
+  assert.match((await labels("=red")).error, /no label/);
+  assert.match((await labels("year>3")).error, /no label/);
+}));
+
+test("the recommendation follows the collection's growth", () => withModules(async (call) => {
+  const advice = async (images, descriptors, available, sampled) => (await call(
+    "collection.js", "recommendation",
+    { images, descriptors, vocabulary: available ? { available, sampled } : null })).value;
+  assert.match((await advice(0, 0)).text, /Add pictures first/);
+  assert.deepEqual([(await advice(3, 900)).due, (await advice(3, 900, 900, 900)).due,
+                    (await advice(9, 2700, 900, 900)).due, (await advice(900, 90_000, 45_000, 10_000)).due,
+                    (await advice(900, 990_000, 45_000, 10_000)).due, (await advice(1, 300, 900, 900)).due],
+                   [true, false, true, false, true, true]);
+}));

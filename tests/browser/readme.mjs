@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Makes the picture on README's first screen, server/readme-query.jpg: a demonstration object found
+// crumpled, by DEAL. Run as: bash tests/browser/run.sh build/release readme.mjs
+import assert from "node:assert/strict";
+import { statSync } from "node:fs";
+import { test } from "node:test";
+import { fileURLToPath } from "node:url";
+import * as house from "./house.mjs";
+
+const picture = fileURLToPath(new URL("../../server/readme-query.jpg", import.meta.url));
+const kLargest = 200_000;  // bytes
+
+test("the picture of a query", async () => {
+  const server = await house.server("readme", "--descriptor", "deal");
+  await house.loadDemonstration(server.address);
+  const page = await house.openPage(server.address, { width: 1040, height: 900 });
+  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+  assert.match((await house.hitNames(page))[0], /town map/);
+  await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
+  await page.mouse.move(0, 0);
+  await page.locator("#workspace").screenshot({ path: picture, type: "jpeg", quality: 72 });
+  assert.ok(statSync(picture).size < kLargest, `${statSync(picture).size} bytes`);
+  await house.closePage(page);
+});
