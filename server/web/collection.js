@@ -8,7 +8,7 @@ import { isActive, jobItem } from "./jobs.js";
 
 const kPollMs = 2000;
 const kShownJobs = 12;
-const kFullSample = 10_000;  // descriptors that training looks at unless told otherwise
+const kFullSample = 40_000;  // descriptors that training looks at unless told otherwise
 const kGrowth = 2;           // retraining pays when there are so many times as many
 
 let timer = 0;

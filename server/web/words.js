@@ -33,18 +33,20 @@ export function problemWords(status, body, retryAfterS) {
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 
-// How sure a hit is. Inliers are points that agree on one smooth bending of the object; those decide,
-// because a score without them only says that the pictures have details in common.
+// How sure a hit is. What counts is the evidence of verification (index/verification.h,
+// CombineScores): points that agree on one smooth bending of the object, by the share of the matches
+// that they are. A score without any only says that the pictures have details in common.
 const kGrades = [
-  { inliers: 20, words: "Almost certainly the same", grade: "sure" },
-  { inliers: 10, words: "Very likely the same", grade: "likely" },
-  { inliers: 6, words: "Perhaps the same", grade: "perhaps" },
+  { least: 14, words: "Almost certainly the same", grade: "sure" },
+  { least: 6, words: "Very likely the same", grade: "likely" },
+  { least: 1, words: "Perhaps the same", grade: "perhaps" },
 ];
 
-export function scoreWords({ score, inliers }) {
-  for (const { inliers: least, words, grade } of kGrades) {
-    if (inliers >= least) return { words, grade };
+export function scoreWords({ score, inliers, explain }) {
+  const evidence = (inliers - 4) * (explain?.inlier_fraction ?? 1);
+  for (const { least, words, grade } of kGrades) {
+    if (evidence >= least) return { words, grade };
   }
-  return score >= 0.5 ? { words: "Looks much alike", grade: "perhaps" } :
-                        { words: "A little alike, not confirmed", grade: "weak" };
+  if (score >= 0.5) return { words: "Looks much alike", grade: "perhaps" };
+  return { words: score >= 0.1 ? "A little alike, not confirmed" : "Hardly alike", grade: "weak" };
 }

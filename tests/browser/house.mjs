@@ -24,7 +24,8 @@ mkdirSync(out, { recursive: true });
 export async function startServer(...flags) {
   const folder = mkdtempSync(join(tmpdir(), "pliant-browser-"));
   const program = spawn(join(bin, "pliant-server"), [
-    "--db", join(folder, "test.db"), "--listen", "127.0.0.1:0", "--descriptor", "rootsift", ...flags]);
+    "--db", join(folder, "test.db"), "--listen", "127.0.0.1:0",
+    ...(flags.includes("--descriptor") ? [] : ["--descriptor", "rootsift"]), ...flags]);
   let log = "";
   program.stderr.on("data", (text) => { log += text; });
   const ended = new Promise((end) => program.once("exit", end));

@@ -107,7 +107,7 @@ test("the recommendation follows the collection's growth", () => withModules(asy
     { images, descriptors, vocabulary: available ? { available, sampled } : null })).value;
   assert.match((await advice(0, 0)).text, /Add pictures first/);
   assert.deepEqual([(await advice(3, 900)).due, (await advice(3, 900, 900, 900)).due,
-                    (await advice(9, 2700, 900, 900)).due, (await advice(900, 90_000, 45_000, 10_000)).due,
-                    (await advice(900, 990_000, 45_000, 10_000)).due, (await advice(1, 300, 900, 900)).due],
+                    (await advice(9, 2700, 900, 900)).due, (await advice(900, 90_000, 45_000, 40_000)).due,
+                    (await advice(900, 990_000, 45_000, 40_000)).due, (await advice(1, 300, 900, 900)).due],
                    [true, false, true, false, true, true]);
 }));
