@@ -16,13 +16,6 @@
 namespace pliant {
 namespace {
 
-void CheckGrey(const Image& grey) {
-  if (grey.channels != 1 || grey.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "not_grey",
-                "Descriptors are computed on grey pictures with at least one pixel");
-  }
-}
-
 class Sift : public Descriptor {
  public:
   explicit Sift(bool root) : root_(root) {
@@ -138,6 +131,13 @@ class Orb : public Descriptor {
 };
 
 }  // namespace
+
+void CheckGrey(const Image& grey) {
+  if (grey.channels != 1 || grey.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "not_grey",
+                "Descriptors are computed on grey pictures with at least one pixel");
+  }
+}
 
 std::shared_ptr<const Descriptor> MakeSift() { return std::make_shared<Sift>(false); }
 std::shared_ptr<const Descriptor> MakeRootSift() { return std::make_shared<Sift>(true); }

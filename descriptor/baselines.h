@@ -20,4 +20,14 @@ std::shared_ptr<const Descriptor> MakeRootSift();
 // a scale pyramid that its size asks for, turned by its angle.
 std::shared_ptr<const Descriptor> MakeOrb();
 
+// BRISK (Leutenegger et al. 2011), 64 bytes; the pattern is scaled by the key point's size and
+// turned by its angle.
+std::shared_ptr<const Descriptor> MakeBrisk();
+
+// DAISY (Tola et al. 2010), 200 floats of unit length in all, of patches turned and scaled alike.
+std::shared_ptr<const Descriptor> MakeDaisy();
+
+// Throws kInvalidArgument "not_grey".
+void CheckGrey(const Image& grey);
+
 }  // namespace pliant

@@ -29,6 +29,8 @@ constexpr std::array kDescriptors = {
     NamedDescriptor{"deal-fixed", [](const DescriptorOptions& o) { return MakeDeal(o, false); }},
     NamedDescriptor{"rootsift", [](const DescriptorOptions&) { return MakeRootSift(); }},
     NamedDescriptor{"sift", [](const DescriptorOptions&) { return MakeSift(); }},
+    NamedDescriptor{"daisy", [](const DescriptorOptions&) { return MakeDaisy(); }},
+    NamedDescriptor{"brisk", [](const DescriptorOptions&) { return MakeBrisk(); }},
     NamedDescriptor{"orb", [](const DescriptorOptions&) { return MakeOrb(); }},
 };
 

@@ -16,5 +16,9 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status);
 void AddDbCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);
 void AddSimulateCommand(CLI::App& program, ExitStatus& status);
+void AddMatchCommand(CLI::App& program, ExitStatus& status);
+void AddEvalCommand(CLI::App& program, ExitStatus& status);
+// The benchmarks of `pliant eval`.
+void AddEvalMatching(CLI::App& eval, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -32,9 +32,10 @@ ExitStatus Run(int argc, char** argv) {
   program.footer(kFooter);
   program.failure_message(CLI::FailureMessage::simple);
   ExitStatus status = ExitStatus::kDone;
-  for (const auto add : {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand,
-                         pliant::cli::AddVocabCommand, pliant::cli::AddDbCommand,
-                         pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand}) {
+  for (const auto add :
+       {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
+        pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
+        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand}) {
     add(program, status);
   }
   try {

@@ -2,14 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/safetensors_writer.h"
 
-#include <cstring>
-#include <fstream>
+#include <array>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json.hpp>
-#include <unistd.h>
 
-#include "descriptor/error.h"
+#include "index/cli/write_file.h"
 
 namespace pliant::cli {
 namespace {
@@ -45,24 +44,13 @@ void WriteSafetensors(const std::filesystem::path& path, const Features& feature
        Tensor(is_float ? "F32" : "U8", d.rows, static_cast<std::size_t>(d.dim), keypoint_bytes,
               data_bytes)}}.dump();
   header.resize((header.size() + 7) / 8 * 8, ' ');
-  std::uint64_t length = header.size();
+  const std::uint64_t length = header.size();
 
-  const std::filesystem::path temporary = path.string() + ".new-" + std::to_string(::getpid());
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file.write(reinterpret_cast<const char*>(&length), sizeof(length));
-  file << header;
-  file.write(reinterpret_cast<const char*>(keypoints.data()),
-             static_cast<std::streamsize>(keypoint_bytes));
-  file.write(data, static_cast<std::streamsize>(data_bytes));
-  file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(temporary, path, error);
-  if (!file || error) {
-    std::error_code ignored;  // the write's own error is the one to tell
-    std::filesystem::remove(temporary, ignored);
-    throw Error(ErrorCode::kNoSpace, "write_failed",
-                path.string() + " could not be written" + (error ? ": " + error.message() : ""));
-  }
+  const std::array<std::string_view, 4> parts = {
+      std::string_view(reinterpret_cast<const char*>(&length), sizeof(length)), header,
+      std::string_view(reinterpret_cast<const char*>(keypoints.data()), keypoint_bytes),
+      std::string_view(data, data_bytes)};
+  WriteFile(path, parts);
 }
 
 }  // namespace pliant::cli

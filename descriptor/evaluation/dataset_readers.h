@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One reader a layout, and what they share. Internal to this room.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+
+#include "descriptor/evaluation/dataset.h"
+
+namespace pliant::evaluation {
+
+// Each takes the files that announce its layout (scene files, scene.json files, first homographies,
+// lists of pairs).
+Dataset OpenTensorScenes(const std::vector<std::filesystem::path>& files);
+Dataset OpenFolderScenes(const std::vector<std::filesystem::path>& scene_jsons);
+Dataset OpenHomographies(const std::vector<std::filesystem::path>& folders);
+Dataset OpenNonRigid(const std::vector<std::filesystem::path>& pair_lists);
+
+// Which views of a simulated scene are compared: all with all; in a sweep or sequence view 0 with
+// every other. `preset` and the array of views as the simulator wrote them (JSON text).
+std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
+                                     const std::vector<double>& sweep_values);
+// What the preset's sweep is called; empty for the others.
+std::string SweepName(const std::string& preset);
+
+// A view of the simulator's folders and of the non-rigid benchmark.
+bool IsFolderView(const std::filesystem::path& picture);
+void AddFolderView(const std::filesystem::path& picture, SurfaceScene& scene);
+bool IsNonRigidView(const std::filesystem::path& picture);
+void AddNonRigidView(const std::filesystem::path& picture, SurfaceScene& scene);
+// Beyond this the benchmark's own code takes a surface point for unseen.
+inline constexpr float kNonRigidMaxDistance = 300.0F;
+
+[[noreturn]] void FailDataset(const std::filesystem::path& file, const std::string& fault);
+std::string ReadTextFile(const std::filesystem::path& file);
+// Any type that OpenCV reads, at its own size. Throws kNotFound, kCorrupt.
+Image ReadGreyPicture(const std::filesystem::path& file);
+cv::Mat ReadUnchanged(const std::filesystem::path& file);
+
+}  // namespace pliant::evaluation

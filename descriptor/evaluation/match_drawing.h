@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Two pictures side by side with what was matched between them.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "descriptor/image.h"
+#include "descriptor/tps.h"
+
+namespace pliant::evaluation {
+
+enum class Verdict { kUnknown, kTrue, kFalse };
+
+struct DrawnMatch {
+  Vec2 first;  // pixels of the first picture
+  Vec2 second;
+  Verdict verdict = Verdict::kUnknown;
+};
+
+// True matches in green, false ones in red, those of which nothing is known in blue; `outline` (of
+// the second picture, may be empty) in yellow; `caption` below.
+Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
+                  std::span<const Vec2> outline, const std::string& caption);
+
+}  // namespace pliant::evaluation

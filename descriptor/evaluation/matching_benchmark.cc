@@ -1,0 +1,276 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/evaluation/matching_benchmark.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "descriptor/error.h"
+#include "descriptor/evaluation/pair_order.h"
+#include "descriptor/evaluation/scene_matcher.h"
+#include "descriptor/parallel.h"
+
+namespace pliant::evaluation {
+namespace {
+
+// A measured pair: figures a descriptor, in the order of the lineup.
+struct Measured {
+  ViewPair pair;
+  PairMeasurement measurement;
+};
+
+// The choices, made; SIFT is always among them, because ratios are to it.
+struct Contenders {
+  std::vector<Contender> all;
+  std::size_t shown = 0;  // the first so many were asked for
+  std::size_t sift = 0;
+};
+
+void CheckOptions(const MatchingOptions& options) {
+  const auto require = [](bool good, const char* message) {
+    if (!good) throw Error(ErrorCode::kInvalidArgument, "option_out_of_range", message);
+  };
+  require(options.max_keypoints >= 1 && options.max_keypoints <= 4096,
+          "the number of key points must be 1 to 4096");
+  require(options.tolerance_px > 0 && options.tolerance_px <= 100,
+          "the tolerance must be above 0 and at most 100 pixels");
+  require(options.pairs >= 0, "the number of pairs must not be negative (0 = all)");
+  require(options.min_true_pairs >= 1, "a pair needs at least 1 true key-point pair");
+}
+
+Contenders MakeContenders(const MatchingOptions& options) {
+  std::vector<DescriptorChoice> choices =
+      options.descriptors.empty() ? AllDescriptorChoices() : options.descriptors;
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (choices[k].label == choices[i].label) {
+        throw Error(ErrorCode::kInvalidArgument, "descriptor_twice",
+                    "two rows would be named '" + choices[i].label +
+                        "'; give one a name of its own: NAME:" + choices[i].name);
+      }
+    }
+  }
+  Contenders contenders;
+  contenders.shown = choices.size();
+  const auto is_sift = [](const DescriptorChoice& c) { return c.name == "sift" && !c.repeats; };
+  if (std::none_of(choices.begin(), choices.end(), is_sift))
+    choices.push_back({"sift", "sift", {}, false});
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (is_sift(choices[i])) contenders.sift = i;
+    const std::filesystem::path& model =
+        choices[i].model.empty() ? options.model : choices[i].model;
+    contenders.all.push_back({MakeDescriptor(choices[i].name, {model}), choices[i].repeats});
+  }
+  for (std::size_t i = 0; i < contenders.shown; ++i) contenders.all[i].label = choices[i].label;
+  return contenders;
+}
+
+// Counts and reports what is done.
+class Counter {
+ public:
+  Counter(const MatchingOptions& options, std::uint64_t total) : options_(options), total_(total) {}
+
+  void Count(std::uint64_t more) {
+    const std::lock_guard lock(mutex_);
+    done_ = std::min(done_ + more, total_);
+    if (options_.progress && !options_.progress(done_, total_)) {
+      throw Error(ErrorCode::kCancelled, "evaluation_stopped", "stopped on request");
+    }
+  }
+
+ private:
+  const MatchingOptions& options_;
+  const std::uint64_t total_;
+  std::mutex mutex_;  // guards done_
+  std::uint64_t done_ = 0;
+};
+
+// Measures the candidates, one task a scene; those that cannot be measured stay empty.
+std::vector<std::optional<Measured>> MeasureAll(const Dataset& dataset,
+                                                const std::vector<PairCandidate>& candidates,
+                                                const Contenders& contenders,
+                                                const MatchingOptions& options, Counter& counter) {
+  std::map<std::size_t, std::vector<std::size_t>> by_scene;
+  for (std::size_t i = 0; i < candidates.size(); ++i) by_scene[candidates[i].scene].push_back(i);
+  const std::vector<std::pair<std::size_t, std::vector<std::size_t>>> tasks(by_scene.begin(),
+                                                                            by_scene.end());
+  const MatcherOptions matcher_options{options.max_keypoints, options.tolerance_px,
+                                       options.min_true_pairs};
+  std::vector<std::optional<Measured>> measured(candidates.size());
+  ParallelFor(tasks.size(), options.jobs, [&](std::size_t t) {
+    const std::unique_ptr<TruthScene> scene = dataset.scenes[tasks[t].first].load();
+    SceneMatcher matcher(*scene, contenders.all, matcher_options);
+    for (const std::size_t i : tasks[t].second) {
+      const ViewPair& pair = candidates[i].pair;
+      if (auto measurement = matcher.Measure(pair.first, pair.second))
+        measured[i] = Measured{pair, std::move(*measurement)};
+      counter.Count(measured[i] || options.pairs == 0 ? 1 : 0);
+    }
+  });
+  return measured;
+}
+
+// Means of one contender over the pairs that `in` lets through.
+template <typename In>
+DescriptorResult Average(const std::vector<Measured>& measured, const Contenders& contenders,
+                         std::size_t row, const In& in) {
+  DescriptorResult result{.label = contenders.all[row].label,
+                          .model_id = contenders.all[row].descriptor->info().model_id};
+  double squares = 0, sift = 0, seconds = 0, described = 0;
+  for (const Measured& m : measured) {
+    if (!in(m)) continue;
+    const PairFigures& figures = m.measurement.figures[row];
+    ++result.pairs;
+    result.ms += figures.ms();
+    squares += figures.ms() * figures.ms();
+    sift += m.measurement.figures[contenders.sift].ms();
+    result.mma += figures.mma();
+    result.mutual_precision += figures.mutual_precision();
+    result.keypoints += 0.5 * (figures.first + figures.second);
+    result.true_pairs += figures.true_pairs;
+    seconds += m.measurement.describe_seconds[row];
+    described += m.measurement.described[row];
+  }
+  if (result.pairs == 0) return result;
+  const double n = result.pairs;
+  result.ms_ratio_to_sift = sift > 0 ? result.ms / sift : 0;
+  for (double* mean :
+       {&result.ms, &result.mma, &result.mutual_precision, &result.keypoints, &result.true_pairs}) {
+    *mean /= n;
+  }
+  const double variance = std::max(0.0, squares / n - result.ms * result.ms);
+  result.ms_error = n > 1 ? std::sqrt(variance / (n - 1)) : 0;
+  result.describe_us = described > 0 ? 1e6 * seconds / described : 0;
+  return result;
+}
+
+template <typename In>
+std::vector<DescriptorResult> AverageAll(const std::vector<Measured>& measured,
+                                         const Contenders& contenders, const In& in) {
+  std::vector<DescriptorResult> results;
+  for (std::size_t row = 0; row < contenders.shown; ++row)
+    results.push_back(Average(measured, contenders, row, in));
+  return results;
+}
+
+void AddSubsets(const std::vector<Measured>& measured, const Contenders& contenders,
+                MatchingReport& report) {
+  std::vector<double> values;
+  std::vector<std::string> groups;
+  for (const Measured& m : measured) {
+    if (m.pair.sweep) values.push_back(*m.pair.sweep);
+    groups.push_back(m.pair.group);
+  }
+  std::sort(values.begin(), values.end());
+  std::sort(groups.begin(), groups.end());
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  // Written with six digits: what differs by less is the same step of the sweep.
+  const auto same = [](double a, double b) { return std::abs(a - b) <= 1e-4 * (1 + std::abs(a)); };
+  values.erase(std::unique(values.begin(), values.end(), same), values.end());
+  for (const double value : values) {
+    report.curve.push_back({"", value, AverageAll(measured, contenders, [&](const Measured& m) {
+                              return m.pair.sweep && same(value, *m.pair.sweep);
+                            })});
+  }
+  if (groups.size() < 2) return;
+  for (const std::string& group : groups) {
+    report.groups.push_back({group, 0, AverageAll(measured, contenders, [&](const Measured& m) {
+                               return m.pair.group == group;
+                             })});
+  }
+}
+
+}  // namespace
+
+DescriptorChoice ParseDescriptorChoice(const std::string& text) {
+  DescriptorChoice choice;
+  const std::size_t equals = text.find('=');
+  std::string name = text.substr(0, equals);
+  if (equals != std::string::npos) choice.model = text.substr(equals + 1);
+  const std::size_t colon = name.find(':');
+  if (colon != std::string::npos) {
+    choice.label = name.substr(0, colon);
+    name = name.substr(colon + 1);
+  }
+  const bool weights = name == "deal" || name == "deal-fixed";
+  if (equals != std::string::npos && (choice.model.empty() || !weights)) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_descriptor",
+                "'" + text + "': only deal and deal-fixed take a weight file, as in deal=FILE");
+  }
+  choice.repeats = name == "sift+repeats";
+  choice.name = choice.repeats ? "sift" : name;
+  if (choice.label.empty())
+    choice.label = choice.model.empty() ? name : name + "=" + choice.model.stem().string();
+  const std::vector<std::string> known = DescriptorNames();
+  if (std::find(known.begin(), known.end(), choice.name) == known.end())
+    MakeDescriptor(choice.name);  // throws, naming the known ones
+  return choice;
+}
+
+std::vector<DescriptorChoice> AllDescriptorChoices() {
+  std::vector<DescriptorChoice> choices;
+  for (const std::string& name : DescriptorNames()) {
+    choices.push_back({name, name, {}, false});
+    if (name == "sift") choices.push_back({"sift+repeats", "sift", {}, true});
+  }
+  return choices;
+}
+
+MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOptions& options) {
+  CheckOptions(options);
+  const Contenders contenders = MakeContenders(options);
+  const std::vector<PairCandidate> candidates =
+      options.pairs > 0 ? ShufflePairs(dataset, options.seed) : AllPairs(dataset);
+  Counter counter(
+      options, options.pairs > 0 ? static_cast<std::uint64_t>(options.pairs) : candidates.size());
+  MatchingReport report;
+  report.layout = dataset.layout;
+  report.sweep = dataset.sweep;
+  std::vector<Measured> measured;
+  std::size_t next = 0;
+  // In rounds, because only measuring tells which pairs can be measured: the next round takes as
+  // many candidates as are missing still, so the result does not depend on the number of jobs.
+  while (next < candidates.size()) {
+    const std::size_t wanted = options.pairs > 0
+                                   ? static_cast<std::size_t>(options.pairs) - measured.size()
+                                   : candidates.size();
+    if (wanted == 0) break;
+    const std::size_t end = std::min(candidates.size(), next + wanted);
+    const std::vector<PairCandidate> round(candidates.begin() + static_cast<std::ptrdiff_t>(next),
+                                           candidates.begin() + static_cast<std::ptrdiff_t>(end));
+    for (auto& one : MeasureAll(dataset, round, contenders, options, counter)) {
+      if (one) {
+        measured.push_back(std::move(*one));
+      } else {
+        ++report.left_out;
+      }
+    }
+    next = end;
+  }
+  if (measured.empty()) {
+    throw Error(ErrorCode::kUnprocessable, "no_pairs",
+                "none of " + std::to_string(candidates.size()) + " pairs has " +
+                    std::to_string(options.min_true_pairs) +
+                    " true key-point pairs; nothing can be measured");
+  }
+  report.pairs = static_cast<int>(measured.size());
+  report.results = AverageAll(measured, contenders, [](const Measured&) { return true; });
+  AddSubsets(measured, contenders, report);
+  return report;
+}
+
+double CurveFlatness(const MatchingReport& report, std::size_t row) {
+  double lowest = std::numeric_limits<double>::infinity();
+  double highest = 0;
+  for (const Subset& point : report.curve) {
+    lowest = std::min(lowest, point.results[row].ms);
+    highest = std::max(highest, point.results[row].ms);
+  }
+  return highest > 0 ? lowest / highest : 0;
+}
+
+}  // namespace pliant::evaluation

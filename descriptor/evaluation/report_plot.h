@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A report as a picture: a bar chart of the table and, where there is a sweep, the curves.
+#pragma once
+
+#include <string>
+
+#include "descriptor/evaluation/matching_benchmark.h"
+#include "descriptor/image.h"
+
+namespace pliant::evaluation {
+
+Image PlotMatchingReport(const MatchingReport& report, const std::string& title);
+
+}  // namespace pliant::evaluation

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Measures pairs of one scene: every view is detected and described once. Internal to this room.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/descriptor.h"
+#include "descriptor/evaluation/metrics.h"
+#include "descriptor/evaluation/truth_scene.h"
+
+namespace pliant::evaluation {
+
+struct Contender {
+  std::shared_ptr<const Descriptor> descriptor;
+  bool repeats = false;  // at SIFT's key points with their repeats
+  std::string label = {};
+};
+
+struct MatcherOptions {
+  int max_keypoints = 2048;
+  double tolerance_px = 3;
+  int min_true_pairs = 12;
+};
+
+// One value a contender.
+struct PairMeasurement {
+  std::vector<PairFigures> figures;
+  std::vector<double> describe_seconds;  // spent for this pair; 0 where the views were known
+  std::vector<double> described;         // key points described in that time
+};
+
+// Not thread-safe. `scene` and `contenders` must outlive it.
+class SceneMatcher {
+ public:
+  SceneMatcher(TruthScene& scene, const std::vector<Contender>& contenders,
+               const MatcherOptions& options)
+      : scene_(scene), contenders_(contenders), options_(options) {}
+
+  // Nothing when the shared key points make fewer than min_true_pairs true pairs. One thread.
+  std::optional<PairMeasurement> Measure(int first, int second);
+
+ private:
+  // A view's key points on the object, and what describes them.
+  struct ViewFeatures {
+    std::vector<Keypoint> keypoints;
+    std::map<std::size_t, Descriptors> descriptors;  // by contender
+  };
+  // The key points of both views that count in this pair, and the truth between them.
+  struct PairTruth {
+    std::array<std::vector<std::uint32_t>, 2> rows;  // of ViewFeatures
+    std::vector<Keypoint> second;
+    std::vector<std::optional<Vec2>> positions;
+    std::vector<TruePair> true_pairs;
+  };
+  ViewFeatures& Features(int view, bool repeats);
+  PairTruth FindTruth(int first, int second, bool repeats);
+  const Descriptors& Describe(std::size_t contender, int view, PairMeasurement& measurement);
+  PairFigures Match(std::size_t contender, int first, int second, const PairTruth& truth,
+                    PairMeasurement& measurement);
+
+  TruthScene& scene_;
+  const std::vector<Contender>& contenders_;
+  MatcherOptions options_;
+  std::map<std::pair<int, bool>, ViewFeatures> features_;
+};
+
+}  // namespace pliant::evaluation

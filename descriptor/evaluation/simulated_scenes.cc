@@ -1,0 +1,274 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The simulator's sets; see FORMAT in descriptor/simulation/README.md.
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <system_error>
+
+#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "descriptor/cv_image.h"
+#include "descriptor/deal/safetensors.h"
+#include "descriptor/evaluation/dataset_readers.h"
+#include "descriptor/simulation/scene_file.h"
+
+namespace pliant::evaluation {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr const char* kFolderFormat = "pliant-scene-folder 1";
+constexpr std::uint64_t kMaxHeaderBytes = std::uint64_t{16} << 20;
+constexpr std::uint8_t kNoChart = 255;
+constexpr float kFullScale = 65535.0F;
+
+Json ParseJson(const fs::path& file, const std::string& text) {
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (json.is_discarded()) FailDataset(file, "it is not valid JSON");
+  return json;
+}
+
+// Values of the sweep a view; empty for presets that are none.
+std::vector<double> SweepValues(const std::string& preset, const Json& views) {
+  const std::string name = SweepName(preset);
+  std::vector<double> values;
+  if (name.empty()) return values;
+  for (const Json& view : views) {
+    const Json& framing =
+        view.contains("parameters") ? view.at("parameters").at("framing") : view.at("framing");
+    values.push_back(framing.at(name == "scale" ? "scale" : "roll_deg").get<double>());
+  }
+  return values;
+}
+
+// The header of a safetensors file alone: a set may have thousands of files of many megabytes.
+Json ReadHeader(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::uint64_t length = 0;
+  in.read(reinterpret_cast<char*>(&length), sizeof length);
+  if (!in || length > kMaxHeaderBytes) FailDataset(file, "it is not a safetensors file");
+  std::string text(length, ' ');
+  in.read(text.data(), static_cast<std::streamsize>(length));
+  if (!in) FailDataset(file, "it ends early");
+  return ParseJson(file, text);
+}
+
+std::size_t Extent(const deal::TensorInfo& tensor, std::size_t axis) {
+  return static_cast<std::size_t>(tensor.shape[axis]);
+}
+
+const deal::TensorInfo& Tensor(const deal::SafetensorsFile& file, const std::string& name,
+                               const char* type, std::size_t rank) {
+  const auto found = file.tensors().find(name);
+  if (found == file.tensors().end() || found->second.dtype != type ||
+      found->second.shape.size() != rank) {
+    FailDataset(file.name(), "tensor '" + name + "' is missing or not " + type + " of rank " +
+                                 std::to_string(rank));
+  }
+  return found->second;
+}
+
+const std::uint8_t* Data(const deal::SafetensorsFile& file, const deal::TensorInfo& tensor) {
+  // The data section ends with the file.
+  std::size_t end = 0;
+  for (const auto& [name, other] : file.tensors()) end = std::max(end, other.end);
+  return file.bytes().data() + (file.bytes().size() - end) + tensor.begin;
+}
+
+Image GreyView(const std::uint8_t* pixels, int width, int height, int channels) {
+  const std::size_t bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
+                            static_cast<std::size_t>(channels);
+  Image image{width, height, channels, {pixels, pixels + bytes}};
+  if (channels == 1) return image;
+  cv::Mat grey;
+  cv::cvtColor(ViewAsMat(image), grey, cv::COLOR_RGB2GRAY);
+  return CopyFromMat(grey);
+}
+
+// One view's truth: chart and u, v as the file has them, in the chart's physical units.
+SurfaceMap TensorMap(const std::uint8_t* chart, const std::uint8_t* uv, int width, int height,
+                     const std::vector<float>& chart_sizes) {
+  SurfaceMap map{width, height, {}};
+  map.points.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    const std::size_t c = chart[i];
+    if (c == kNoChart || 2 * c + 1 >= chart_sizes.size()) continue;
+    std::array<std::uint16_t, 2> at{};
+    std::memcpy(at.data(), uv + 4 * i, sizeof at);
+    map.points[i] = {static_cast<std::uint32_t>(c + 1),
+                     {static_cast<float>(at[0]) / kFullScale * chart_sizes[2 * c],
+                      static_cast<float>(at[1]) / kFullScale * chart_sizes[2 * c + 1], 0.0F}};
+  }
+  return map;
+}
+
+std::unique_ptr<TruthScene> LoadTensorScene(const fs::path& path) {
+  const deal::SafetensorsFile file = deal::SafetensorsFile::Open(path);
+  const auto images_entry = file.tensors().find("images");
+  const std::size_t rank =
+      images_entry == file.tensors().end() ? 3 : images_entry->second.shape.size();
+  const deal::TensorInfo& images = Tensor(file, "images", "U8", rank == 4 ? 4 : 3);
+  const deal::TensorInfo& chart = Tensor(file, "chart", "U8", 3);
+  const deal::TensorInfo& uv = Tensor(file, "uv", "U16", 4);
+  Tensor(file, "grid_size", "F32", 2);
+  const std::size_t views = Extent(images, 0);
+  const std::size_t height = Extent(images, 1);
+  const std::size_t width = Extent(images, 2);
+  const std::size_t channels = rank == 4 ? Extent(images, 3) : 1;
+  const std::vector<std::int64_t> same{images.shape[0], images.shape[1], images.shape[2]};
+  if (chart.shape != same || uv.shape[0] != same[0] || uv.shape[1] != same[1] ||
+      uv.shape[2] != same[2] || uv.shape[3] != 2 || (channels != 1 && channels != 3)) {
+    FailDataset(path, "images, chart and uv differ in shape");
+  }
+  const std::vector<float> sizes = file.Floats("grid_size");
+  auto scene = std::make_unique<SurfaceScene>();
+  const std::size_t pixels = width * height;
+  for (std::size_t v = 0; v < views; ++v) {
+    const int columns = static_cast<int>(width);
+    const int rows = static_cast<int>(height);
+    scene->Add(GreyView(Data(file, images) + v * pixels * channels, columns, rows,
+                        static_cast<int>(channels)),
+               TensorMap(Data(file, chart) + v * pixels, Data(file, uv) + v * pixels * 4, columns,
+                         rows, sizes));
+  }
+  return scene;
+}
+
+SceneEntry TensorEntry(const fs::path& file, std::string& sweep) {
+  const Json header = ReadHeader(file);
+  try {
+    const Json& metadata = header.at("__metadata__");
+    if (metadata.at("format") != simulation::kSceneFormat) {
+      FailDataset(file, "its format is " + metadata.at("format").dump() + ", not \"" +
+                            simulation::kSceneFormat + "\"");
+    }
+    const auto preset = metadata.at("preset").get<std::string>();
+    const int views = header.at("images").at("shape").at(0).get<int>();
+    const Json view_list = ParseJson(file, metadata.at("views").get<std::string>());
+    sweep = SweepName(preset);
+    return {file.stem().string(), SimulatedPairs(preset, views, SweepValues(preset, view_list)),
+            [file] { return LoadTensorScene(file); }};
+  } catch (const Json::exception& error) {
+    FailDataset(file, std::string("its metadata lack something: ") + error.what());
+  }
+}
+
+fs::path TruthFile(const fs::path& picture) {
+  return picture.parent_path() / (picture.stem().string() + ".uv.png");
+}
+
+Json ReadSceneJson(const fs::path& file) {
+  Json json = ParseJson(file, ReadTextFile(file));
+  if (!json.is_object() || json.value("format", "") != kFolderFormat) {
+    FailDataset(file, std::string("it does not say \"format\": \"") + kFolderFormat + "\"");
+  }
+  return json;
+}
+
+SceneEntry FolderEntry(const fs::path& scene_json, std::string& sweep) {
+  const fs::path folder = scene_json.parent_path();
+  const Json json = ReadSceneJson(scene_json);
+  try {
+    const auto preset = json.at("preset").get<std::string>();
+    std::vector<fs::path> pictures;
+    for (const Json& view : json.at("views"))
+      pictures.push_back(folder / view.at("image").get<std::string>());
+    sweep = SweepName(preset);
+    return {folder.filename().string(),
+            SimulatedPairs(preset, static_cast<int>(pictures.size()),
+                           SweepValues(preset, json.at("views"))),
+            [pictures]() -> std::unique_ptr<TruthScene> {
+              auto scene = std::make_unique<SurfaceScene>();
+              for (const fs::path& picture : pictures) AddFolderView(picture, *scene);
+              return scene;
+            }};
+  } catch (const Json::exception& error) {
+    FailDataset(scene_json, std::string("it lacks something: ") + error.what());
+  }
+}
+
+// All entries of a set must be of one sweep: a curve over a mixture would mean nothing.
+template <typename Entry>
+Dataset OpenScenes(const std::vector<fs::path>& files, const Entry& entry) {
+  Dataset dataset;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    std::string sweep;
+    dataset.scenes.push_back(entry(files[i], sweep));
+    if (i > 0 && sweep != dataset.sweep) {
+      FailDataset(files[i],
+                  "it belongs to another preset than the scenes before it; evaluate a folder with "
+                  "one preset at a time");
+    }
+    dataset.sweep = sweep;
+  }
+  return dataset;
+}
+
+}  // namespace
+
+std::string SweepName(const std::string& preset) {
+  if (preset == "rotation") return "rotation_deg";
+  return preset == "scale" ? "scale" : "";
+}
+
+std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
+                                     const std::vector<double>& sweep_values) {
+  std::vector<ViewPair> pairs;
+  const bool from_reference = !SweepName(preset).empty() || preset == "sequence";
+  for (int a = 0; a < (from_reference ? 1 : views); ++a) {
+    for (int b = a + 1; b < views; ++b) {
+      ViewPair pair{a, b, {}, {}};
+      if (!sweep_values.empty()) pair.sweep = sweep_values.at(static_cast<std::size_t>(b));
+      pairs.push_back(pair);
+    }
+  }
+  return pairs;
+}
+
+Dataset OpenTensorScenes(const std::vector<fs::path>& files) {
+  return OpenScenes(files, TensorEntry);
+}
+
+Dataset OpenFolderScenes(const std::vector<fs::path>& scene_jsons) {
+  return OpenScenes(scene_jsons, FolderEntry);
+}
+
+bool IsFolderView(const fs::path& picture) {
+  std::error_code failed;
+  return fs::is_regular_file(TruthFile(picture), failed) &&
+         fs::is_regular_file(fs::absolute(picture).parent_path() / "scene.json", failed);
+}
+
+void AddFolderView(const fs::path& picture, SurfaceScene& scene) {
+  const fs::path scene_json = fs::absolute(picture).parent_path() / "scene.json";
+  std::vector<std::array<float, 2>> sizes;
+  try {
+    const Json json = ReadSceneJson(scene_json);
+    for (const Json& chart : json.at("charts"))
+      sizes.push_back({chart.at("width").get<float>(), chart.at("height").get<float>()});
+  } catch (const Json::exception& error) {
+    FailDataset(scene_json, std::string("it lacks something: ") + error.what());
+  }
+  Image grey = ReadGreyPicture(picture);
+  const cv::Mat truth = ReadUnchanged(TruthFile(picture));
+  if (truth.type() != CV_16UC3 || truth.cols != grey.width || truth.rows != grey.height)
+    FailDataset(TruthFile(picture), "it is not a 16-bit colour picture of the view's size");
+  SurfaceMap map{grey.width, grey.height, {}};
+  map.points.resize(truth.total());
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    const auto& pixel = truth.at<cv::Vec3w>(static_cast<int>(i) / truth.cols,
+                                            static_cast<int>(i) % truth.cols);  // B, G, R
+    if (pixel[0] == 0 || pixel[0] > sizes.size()) continue;
+    const std::array<float, 2>& size = sizes[pixel[0] - 1U];
+    map.points[i] = {pixel[0],
+                     {static_cast<float>(pixel[2]) / kFullScale * size[0],
+                      static_cast<float>(pixel[1]) / kFullScale * size[1], 0.0F}};
+  }
+  scene.Add(std::move(grey), std::move(map));
+}
+
+}  // namespace pliant::evaluation

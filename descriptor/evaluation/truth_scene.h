@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Pictures between which the true correspondence is known.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "descriptor/evaluation/surface_map.h"
+#include "descriptor/image.h"
+#include "descriptor/tps.h"
+
+namespace pliant::evaluation {
+
+// Not thread-safe: what a view needs may be made when it is first asked for.
+class TruthScene {
+ public:
+  virtual ~TruthScene() = default;
+
+  virtual int views() const = 0;
+  virtual const Image& Picture(int view) const = 0;  // grey
+
+  // Whether the point (pixels of `view`) is on the object: elsewhere the truth is unknown.
+  virtual bool OnObject(int view, Vec2 p) const = 0;
+
+  // Where the point of view `from` is seen in view `to`; nothing when it is hidden there, outside
+  // the picture, or not on the object.
+  virtual std::optional<Vec2> Map(int from, Vec2 p, int to) = 0;
+
+  // Whether a key point of `view` takes part when `view` is compared with `other`.
+  virtual bool Counts(int view, Vec2 p, int /*other*/) { return OnObject(view, p); }
+};
+
+// Truth from a surface map a view.
+class SurfaceScene : public TruthScene {
+ public:
+  // `max_distance`: see SurfaceIndex.
+  explicit SurfaceScene(float max_distance = std::numeric_limits<float>::infinity())
+      : max_distance_(max_distance) {}
+
+  void Add(Image grey, SurfaceMap map);
+
+  int views() const override { return static_cast<int>(views_.size()); }
+  const Image& Picture(int view) const override { return At(view).picture; }
+  bool OnObject(int view, Vec2 p) const override { return At(view).map.LabelAt(p) != 0; }
+  std::optional<Vec2> Map(int from, Vec2 p, int to) override;
+
+ private:
+  struct View {
+    Image picture;
+    SurfaceMap map;
+    std::unique_ptr<SurfaceIndex> index;  // made when first searched
+  };
+  View& At(int view) const { return *views_[static_cast<std::size_t>(view)]; }
+
+  float max_distance_;
+  std::vector<std::unique_ptr<View>> views_;  // do not move: the index points into the map
+};
+
+// 3 x 3, row-major: pixel positions to pixel positions.
+using Homography = std::array<double, 9>;
+
+// A flat scene: every view is a homography of view 0. Everything is the object; a key point counts
+// in a pair when its place lies within the other picture's frame (Mikolajczyk et al., IJCV 2005).
+class HomographyScene : public TruthScene {
+ public:
+  // `from_first[k]` maps view 0 to view k. Throws kInvalidArgument "homography_singular".
+  HomographyScene(std::vector<Image> pictures, const std::vector<Homography>& from_first);
+
+  int views() const override { return static_cast<int>(pictures_.size()); }
+  const Image& Picture(int view) const override {
+    return pictures_[static_cast<std::size_t>(view)];
+  }
+  bool OnObject(int /*view*/, Vec2 /*p*/) const override { return true; }
+  std::optional<Vec2> Map(int from, Vec2 p, int to) override;
+  bool Counts(int view, Vec2 p, int other) override { return Map(view, p, other).has_value(); }
+
+ private:
+  std::vector<Image> pictures_;
+  std::vector<Homography> from_first_;
+  std::vector<Homography> to_first_;
+};
+
+}  // namespace pliant::evaluation

@@ -1,0 +1,14 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant eval matching | retrieval: each benchmark adds itself.
+#include "index/cli/command.h"
+
+namespace pliant::cli {
+
+void AddEvalCommand(CLI::App& program, ExitStatus& status) {
+  CLI::App* app = program.add_subcommand("eval", "Measure how well descriptors do on a data set");
+  app->require_subcommand(1);
+  AddEvalMatching(*app, status);
+}
+
+}  // namespace pliant::cli

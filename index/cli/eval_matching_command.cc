@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant eval matching DIR
+#include <memory>
+
+#include "descriptor/evaluation/matching_benchmark.h"
+#include "descriptor/evaluation/report_plot.h"
+#include "index/cli/command.h"
+#include "index/cli/eval_matching_output.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+#include "index/cli/write_file.h"
+
+namespace pliant::cli {
+namespace {
+
+struct Options {
+  evaluation::MatchingOptions matching;
+  std::filesystem::path folder;
+  std::string layout = "auto";
+  std::vector<std::string> descriptors;
+  std::filesystem::path csv;
+  std::filesystem::path plot;
+  bool json = false;
+};
+
+// The last name of the path that is one: "dev" of "data/dev/".
+std::string SetName(const std::filesystem::path& folder) {
+  const std::filesystem::path whole = std::filesystem::absolute(folder).lexically_normal();
+  return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
+}
+
+ExitStatus Run(Options& options) {
+  for (const std::string& text : options.descriptors)
+    options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
+  const evaluation::Dataset dataset =
+      evaluation::OpenDataset(options.folder, evaluation::ParseLayout(options.layout));
+  const Interrupt interrupt;
+  evaluation::MatchingReport report;
+  {
+    Progress progress("pairs");
+    options.matching.progress = [&](std::uint64_t done, std::uint64_t total) {
+      progress.Count(done, total);
+      return !interrupt.requested();
+    };
+    report = evaluation::RunMatchingBenchmark(dataset, options.matching);
+  }
+  if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
+  if (!options.plot.empty()) {
+    const std::vector<std::uint8_t> png =
+        EncodePng(evaluation::PlotMatchingReport(report, "Matching: " + SetName(options.folder)));
+    WriteFile(options.plot, {reinterpret_cast<const char*>(png.data()), png.size()});
+  }
+  if (options.matching.pairs > report.pairs) {
+    Message("only " + std::to_string(report.pairs) + " of " +
+            std::to_string(options.matching.pairs) +
+            " pairs: the set has no more that can be "
+            "measured");
+  }
+  Print(options.json ? MatchingReportJson(report, options.matching) : MatchingReportText(report));
+  return ExitStatus::kDone;
+}
+
+std::string KnownDescriptors() {
+  std::string names;
+  for (const evaluation::DescriptorChoice& choice : evaluation::AllDescriptorChoices())
+    names += (names.empty() ? "" : ", ") + choice.label;
+  return names;
+}
+
+void AddSelectionFlags(CLI::App& app, Options& options) {
+  evaluation::MatchingOptions& matching = options.matching;
+  app.add_option("--layout", options.layout,
+                 "tensors or folders (pliant simulate), hpatches, nonrigid; auto: by the files")
+      ->capture_default_str();
+  app.add_option(
+         "--descriptor", options.descriptors,
+         "rows of the table, [LABEL:]NAME[=WEIGHTS], separated by commas; default: all of " +
+             KnownDescriptors())
+      ->delimiter(',')
+      ->type_name("NAME,...");
+  app.add_option("--model", matching.model, "weight file for deal and deal-fixed")
+      ->type_name("FILE");
+  app.add_option("--pairs", matching.pairs, "so many pairs, chosen by --seed; 0 = all")
+      ->capture_default_str();
+  app.add_option("--seed", matching.seed, "same seed, same pairs")->capture_default_str();
+  app.add_option("--keypoints", matching.max_keypoints, "strongest key points of a picture")
+      ->capture_default_str();
+  app.add_option("--tolerance", matching.tolerance_px, "from the true position, pixels")
+      ->capture_default_str();
+  app.add_option("--min-true-pairs", matching.min_true_pairs,
+                 "pairs with fewer common key points are left out")
+      ->capture_default_str();
+  app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+}
+
+}  // namespace
+
+void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = eval.add_subcommand(
+      "matching", "Compare descriptors at the same key points of pictures with known truth");
+  app->add_option("DIR", options->folder, "the data set")->required();
+  AddSelectionFlags(*app, *options);
+  app->add_option("--csv", options->csv, "write the tables to this file")->type_name("FILE");
+  app->add_option("--plot", options->plot, "draw the tables: bars, and curves of a sweep")
+      ->type_name("PNG");
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

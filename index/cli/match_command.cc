@@ -1,0 +1,226 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant match A B
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/evaluation/dataset.h"
+#include "descriptor/evaluation/match_drawing.h"
+#include "descriptor/evaluation/metrics.h"
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/output.h"
+#include "index/cli/write_file.h"
+#include "index/verification.h"
+
+namespace pliant::cli {
+namespace {
+
+using evaluation::TruthScene;
+using evaluation::Verdict;
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  EngineOptions engine;  // only what concerns extraction
+  std::filesystem::path first, second;
+  std::filesystem::path homography;
+  std::filesystem::path draw;
+  MatchOptions match{.max_ratio = 1, .mutual_only = true, .threads = 0};
+  double tolerance_px = 3;
+  bool verify = false;
+  bool json = false;
+};
+
+// What was found, and what is known about it.
+struct Result {
+  Features first, second;
+  std::vector<Match> matches;     // Match::reference: of the first picture
+  std::vector<Verdict> verdicts;  // one a match
+  std::optional<int> correct;     // of those whose truth is known
+  int known = 0;
+  int true_pairs = 0;                              // that could have been matched
+  std::optional<VerificationResult> verification;  // warp: first -> second
+};
+
+std::unique_ptr<TruthScene> FindTruth(const Options& options, const Result& result) {
+  if (options.homography.empty()) return evaluation::FindTruth(options.first, options.second);
+  std::vector<Image> frames;  // only the sizes count
+  for (const Features* f : {&result.first, &result.second})
+    frames.push_back({f->width, f->height, 1, {}});
+  return std::make_unique<evaluation::HomographyScene>(
+      std::move(frames), std::vector{evaluation::Homography{1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                     evaluation::ReadHomography(options.homography)});
+}
+
+void Judge(TruthScene& truth, const Options& options, Result& result) {
+  std::vector<std::optional<Vec2>> positions;
+  for (const Keypoint& k : result.first.keypoints) positions.push_back(truth.Map(0, {k.x, k.y}, 1));
+  result.true_pairs = static_cast<int>(
+      evaluation::FindTruePairs(positions, result.second.keypoints, options.tolerance_px).size());
+  result.correct = 0;
+  for (std::size_t m = 0; m < result.matches.size(); ++m) {
+    const Keypoint& k = result.first.keypoints[result.matches[m].reference];
+    if (!truth.OnObject(0, {k.x, k.y})) continue;
+    const bool correct = evaluation::IsCorrect(result.matches[m], positions,
+                                               result.second.keypoints, options.tolerance_px);
+    result.verdicts[m] = correct ? Verdict::kTrue : Verdict::kFalse;
+    ++result.known;
+    *result.correct += correct ? 1 : 0;
+  }
+}
+
+Result MatchPictures(const Options& options) {
+  const std::string name =
+      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
+  const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
+                                   options.engine.extraction);
+  const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
+  Result result;
+  result.first = extractor.Extract(ReadFile(options.first, max_bytes), options.match.threads);
+  result.second = extractor.Extract(ReadFile(options.second, max_bytes), options.match.threads);
+  CheckDescriptors(result.first.descriptors, "the first picture's descriptors");
+  CheckDescriptors(result.second.descriptors, "the second picture's descriptors");
+  result.matches = MatchDescriptors(PackedDescriptors(result.second.descriptors),
+                                    result.first.descriptors, options.match);
+  result.verdicts.resize(result.matches.size(), Verdict::kUnknown);
+  if (const std::unique_ptr<TruthScene> truth = FindTruth(options, result))
+    Judge(*truth, options, result);
+  if (options.verify) {
+    VerificationOptions verification;
+    verification.threads = options.match.threads;
+    result.verification = Verifier(result.second, verification).Verify(result.first);
+  }
+  return result;
+}
+
+Json PlacesJson(const std::vector<Keypoint>& keypoints) {
+  Json places = Json::array();
+  for (const Keypoint& k : keypoints) places.push_back({k.x, k.y});
+  return places;
+}
+
+Json ToJson(const Result& result) {
+  Json matches = Json::array();
+  for (const Match& m : result.matches) matches.push_back({m.reference, m.query, m.distance});
+  Json json = {
+      {"keypoints", {result.first.keypoints.size(), result.second.keypoints.size()}},
+      {"matches", std::move(matches)},
+      {"correct", result.correct ? Json(*result.correct) : Json()},
+      {"known", result.known},
+      {"true_pairs", result.correct ? Json(result.true_pairs) : Json()},
+      {"model_id", result.first.model_id},
+      {"positions", {PlacesJson(result.first.keypoints), PlacesJson(result.second.keypoints)}}};
+  if (result.verification) {
+    Json inliers = Json::array();
+    for (const MatchedPair& pair : result.verification->inliers)
+      inliers.push_back({pair.reference, pair.query});
+    Json outline = Json::array();
+    for (const Vec2& p : result.verification->outline) outline.push_back({p.x, p.y});
+    json["verification"] = {{"verified", result.verification->verified()},
+                            {"tentative", result.verification->matches},
+                            {"inliers", std::move(inliers)},
+                            {"outline", std::move(outline)}};
+  }
+  return json;
+}
+
+std::string Summary(const Result& result) {
+  std::string text = std::to_string(result.first.keypoints.size()) + " and " +
+                     std::to_string(result.second.keypoints.size()) + " key points, " +
+                     std::to_string(result.matches.size()) + " mutual matches";
+  if (result.correct) {
+    text += "; of " + std::to_string(result.known) + " on the object " +
+            std::to_string(*result.correct) + " are right (" + std::to_string(result.true_pairs) +
+            " possible)";
+  }
+  if (result.verification) {
+    text += "; " + std::to_string(result.verification->inliers.size()) +
+            (result.verification->verified() ? " agree with one warp" : " agree: not verified");
+  }
+  return text;
+}
+
+Image DecodeForDrawing(const std::filesystem::path& file, DecodeOptions decode, double& scale) {
+  decode.colour = true;
+  DecodedImage decoded = DecodeImage(ReadFile(file, decode.max_bytes), decode);
+  scale = decoded.scale;
+  return std::move(decoded.image);
+}
+
+Vec2 Scaled(double x, double y, double scale) {
+  return {(x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5};
+}
+
+// All mutual matches, or those that agree with the warp where that was asked for.
+void Draw(const Options& options, const Result& result) {
+  double first_scale = 1, second_scale = 1;
+  const DecodeOptions& decode = options.engine.extraction.decode;
+  const Image first = DecodeForDrawing(options.first, decode, first_scale);
+  const Image second = DecodeForDrawing(options.second, decode, second_scale);
+  std::vector<evaluation::DrawnMatch> drawn;
+  std::vector<Vec2> outline;
+  for (std::size_t m = 0; m < result.matches.size(); ++m) {
+    const Match& match = result.matches[m];
+    if (result.verification) {
+      const auto& inliers = result.verification->inliers;
+      if (std::none_of(inliers.begin(), inliers.end(), [&match](const MatchedPair& pair) {
+            return pair.reference == match.reference && pair.query == match.query;
+          })) {
+        continue;
+      }
+    }
+    const Keypoint& a = result.first.keypoints[match.reference];
+    const Keypoint& b = result.second.keypoints[match.query];
+    drawn.push_back(
+        {Scaled(a.x, a.y, first_scale), Scaled(b.x, b.y, second_scale), result.verdicts[m]});
+  }
+  if (result.verification) {
+    for (const Vec2& p : result.verification->outline)
+      outline.push_back(Scaled(p.x, p.y, second_scale));
+  }
+  const std::vector<std::uint8_t> png =
+      EncodePng(evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
+  WriteFile(options.draw, {reinterpret_cast<const char*>(png.data()), png.size()});
+}
+
+ExitStatus Run(const Options& options) {
+  const Result result = MatchPictures(options);
+  if (!options.draw.empty()) Draw(options, result);
+  Print(options.json ? ToJson(result).dump() : Summary(result));
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+
+void AddMatchCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("match", "Match the key points of two pictures");
+  app->add_option("A", options->first, "a picture")->required();
+  app->add_option("B", options->second, "another picture of the same thing")->required();
+  AddExtractionFlags(*app, options->engine);
+  app->add_option("--ratio", options->match.max_ratio,
+                  "drop matches whose distance is more than this share of the second nearest's")
+      ->capture_default_str();
+  app->add_option(
+         "--homography", options->homography,
+         "nine numbers that map A's pixels to B's: tells which matches are right (pictures "
+         "of a simulated scene or of the non-rigid benchmark need none)")
+      ->type_name("FILE");
+  app->add_option("--tolerance", options->tolerance_px, "from the true position, pixels")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app->add_flag("--verify", options->verify, "keep what agrees with one smooth warp");
+  app->add_option("--draw", options->draw,
+                  "write both pictures with the matches: green true, red false, blue unknown")
+      ->type_name("PNG");
+  app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli
