@@ -8,9 +8,7 @@
 #include <system_error>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
 
-#include "descriptor/cv_image.h"
 #include "descriptor/deal/safetensors.h"
 #include "descriptor/evaluation/dataset_readers.h"
 #include "descriptor/simulation/scene_file.h"
@@ -82,11 +80,8 @@ const std::uint8_t* Data(const deal::SafetensorsFile& file, const deal::TensorIn
 Image GreyView(const std::uint8_t* pixels, int width, int height, int channels) {
   const std::size_t bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
                             static_cast<std::size_t>(channels);
-  Image image{width, height, channels, {pixels, pixels + bytes}};
-  if (channels == 1) return image;
-  cv::Mat grey;
-  cv::cvtColor(ViewAsMat(image), grey, cv::COLOR_RGB2GRAY);
-  return CopyFromMat(grey);
+  const Image image{width, height, channels, {pixels, pixels + bytes}};
+  return ToGrey(image);
 }
 
 // One view's truth: chart and u, v as the file has them, in the chart's physical units.

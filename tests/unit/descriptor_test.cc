@@ -8,8 +8,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
 
 #include "descriptor/cv_image.h"
 #include "descriptor/error.h"
@@ -94,6 +96,60 @@ TEST_P(EveryDescriptor, FindsItselfInABrighterNoisierPicture) {
   const Descriptors a = descriptor_->Describe(image_, keypoints_, 1);
   const Descriptors b = descriptor_->Describe(CopyFromMat(changed), keypoints_, 1);
   EXPECT_GT(SelfMatchShare(a, b), 0.95);
+}
+
+// Rows that match across a turn by 35 degrees and a halving, the key points carried along.
+TEST_P(EveryDescriptor, TurnsAndShrinksWithTheKeypoint) {
+  cv::Mat picture;  // of blobs that are still there at half the size
+  cv::resize(testing::NoisePicture(180, 180, 21), picture, {360, 360}, 0, 0, cv::INTER_CUBIC);
+  const cv::Mat turn = cv::getRotationMatrix2D({179.5F, 179.5F}, 35, 1);
+  cv::Mat turned, halved;
+  cv::warpAffine(picture, turned, turn, picture.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT_101);
+  cv::resize(picture, halved, {180, 180}, 0, 0, cv::INTER_AREA);
+  std::vector<Keypoint> here, in_turned, in_halved;
+  for (Keypoint k : DetectKeypoints(CopyFromMat(picture), {.max_keypoints = 300})) {
+    if (std::hypot(k.x - 179.5, k.y - 179.5) > 110 || k.size < 7) continue;
+    here.push_back(k);
+    Keypoint moved = k;
+    const auto* m = turn.ptr<double>(0);
+    moved.x = static_cast<float>(m[0] * k.x + m[1] * k.y + m[2]);
+    moved.y = static_cast<float>(m[3] * k.x + m[4] * k.y + m[5]);
+    moved.angle = std::fmod(k.angle - 35 + 360, 360.0F);
+    in_turned.push_back(moved);
+    moved = k;
+    moved.x = (k.x + 0.5F) / 2 - 0.5F;
+    moved.y = (k.y + 0.5F) / 2 - 0.5F;
+    moved.size = k.size / 2;
+    moved.octave = (k.octave & ~0xFF) | ((k.octave - 1) & 0xFF);  // SIFT's own level
+    in_halved.push_back(moved);
+  }
+  ASSERT_GT(here.size(), 40U);
+  const Descriptors rows = descriptor_->Describe(CopyFromMat(picture), here, 1);
+  EXPECT_GT(SelfMatchShare(rows, descriptor_->Describe(CopyFromMat(turned), in_turned, 1)), 0.85);
+  EXPECT_GT(SelfMatchShare(rows, descriptor_->Describe(CopyFromMat(halved), in_halved, 1)), 0.6);
+}
+
+TEST_P(EveryDescriptor, KeypointsAnywhereAndOfAnySizeKeepTheirRows) {
+  std::vector<Keypoint> keypoints;
+  for (const float size : {2.0F, 9.0F, 60.0F, 900.0F}) {
+    for (const auto& [x, y] : {std::pair{0.0F, 0.0F},
+                               {199.0F, 0.0F},
+                               {100.5F, 80.25F},
+                               {-0.4F, 159.4F},
+                               {3.0F, 157.0F}}) {
+      keypoints.push_back({.x = x, .y = y, .size = size, .angle = 70, .octave = 1 << 8});
+    }
+  }
+  const Descriptors together = descriptor_->Describe(image_, keypoints, 1);
+  ASSERT_EQ(together.rows, keypoints.size());
+  for (const float value : together.floats) ASSERT_TRUE(std::isfinite(value));
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const Descriptors alone = descriptor_->Describe(image_, {&keypoints[i], 1}, 1);
+    // A wider border moves positions by a rounding error, which may turn a bit over.
+    EXPECT_NEAR(Distance(together, i, alone, 0), 0,
+                alone.kind == DescriptorKind::kBinary ? 3 : 1e-3)
+        << "key point " << i;
+  }
 }
 
 TEST_P(EveryDescriptor, NoKeypointsGiveNoRows) {
