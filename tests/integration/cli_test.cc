@@ -121,6 +121,13 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_LT(Query(3, {"--region", "0,0,80,120"})["keypoints"], found["keypoints"]);
   EXPECT_EQ(Query(3, {"--object", "o4"})["hits"][0]["object"], "o4");
 
+  EXPECT_EQ(Query(3, {"--top", "0", "--verify-depth", "2"})["hits"].size(), 8u);
+  EXPECT_EQ(Query(3, {"--filter", R"({"year": {"gte": 2020}})"})["total"], 0);
+  EXPECT_EQ(hit["instances"][0]["inliers"], hit["inliers"]);
+  const ProgramResult bad = RunProgram({"query", (folder_ / "query.png").string(), "--db", db_,
+                                        "--filter", R"({"year": {"like": 1}})"});
+  EXPECT_NE(bad.status, 0);
+  EXPECT_THAT(bad.err, HasSubstr("like"));
   const Json explained = Query(3, {"--explain"})["hits"][0];
   EXPECT_FALSE(hit.contains("explain"));
   EXPECT_EQ(explained["explain"]["verified"], true);
