@@ -20,5 +20,6 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status);
 void AddEvalCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
+void AddTrackCommand(CLI::App& program, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -36,6 +36,8 @@ ExitStatus Run(int argc, char** argv) {
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
         pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
         pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand}) {
+    pliant::cli::AddTrackCommand
+  }) {
     add(program, status);
   }
   try {

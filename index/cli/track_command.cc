@@ -1,0 +1,192 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant track REFERENCE VIDEO|DIR
+#include <memory>
+#include <optional>
+
+#include <nlohmann/json.hpp>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+#include "index/cli/track_flags.h"
+#include "index/cli/track_output.h"
+#include "index/text.h"
+#include "index/tracking/pipeline.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kFolderRate = 25;  // frames a second of a video made of a folder's pictures
+
+struct Options {
+  EngineOptions engine;  // only what concerns extraction
+  TrackerOptions tracker;
+  FrameOptions frames;
+  std::filesystem::path reference;
+  std::filesystem::path input;
+  std::vector<int> region;
+  std::filesystem::path mask;
+  std::filesystem::path out;
+  std::filesystem::path sheet;
+  bool json = false;
+};
+
+Image ReadPicture(const std::filesystem::path& file, DecodeOptions decode, bool colour) {
+  decode.colour = colour;
+  decode.max_side_px = 0;  // the region is in the picture's own pixels
+  const std::vector<std::uint8_t> bytes = ReadFile(file, decode.max_bytes);
+  try {
+    return DecodeImage(bytes, decode).image;
+  } catch (const Error& error) {
+    throw Error(error.code(), error.reason(), file.string() + ": " + error.what());
+  }
+}
+
+Tracker MakeTracker(Options& options) {
+  if (!options.region.empty()) {
+    options.tracker.region =
+        TemplateBox{options.region[0], options.region[1], options.region[2], options.region[3]};
+  }
+  options.tracker.extraction = options.engine.extraction;
+  const DecodeOptions& decode = options.engine.extraction.decode;
+  const Image reference = ReadPicture(options.reference, decode, true);
+  if (!options.mask.empty()) options.tracker.mask = ReadPicture(options.mask, decode, false);
+  const std::string name =
+      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
+  return {MakeDescriptor(name, options.engine.descriptor_options), reference, options.tracker};
+}
+
+Json FrameJson(const TrackedFrame& tracked) {
+  Json json = {{"frame", tracked.frame.number}};
+  if (tracked.frame.time_s) json["time_s"] = *tracked.frame.time_s;
+  if (!tracked.frame.file.empty()) json["file"] = tracked.frame.file;
+  json.update(Json::parse(LocationJson(tracked.location)));
+  json["describe_ms"] = tracked.describe_ms;
+  json["verify_ms"] = tracked.verify_ms;
+  return json;
+}
+
+void PrintFrame(const TrackedFrame& tracked, bool as_json) {
+  if (as_json) {
+    Print(FrameJson(tracked).dump());
+    FlushOutput();  // a line a frame, as they come
+    return;
+  }
+  Print(Caption(tracked) + (tracked.location.found
+                                ? "  " + FormatFixed(100 * tracked.location.inlier_rate(), 0) + " %"
+                                : ""));
+}
+
+void PrintSummary(const Options& options, const Tracker& tracker, const TrackSummary& summary,
+                  const FrameSource& source, bool interrupted) {
+  for (const SkippedFrame& s : source.skipped()) Message("skipped " + s.file + ": " + s.reason);
+  if (options.json) {
+    Json skipped = Json::array();
+    for (const SkippedFrame& s : source.skipped()) {
+      skipped.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
+    }
+    const TemplateBox& box = tracker.box();
+    Print(Json{{"summary",
+                {{"frames", summary.frames},
+                 {"found", summary.found},
+                 {"inlier_rate", summary.inlier_rate},
+                 {"frames_per_second", summary.frames_per_second},
+                 {"seconds", summary.seconds},
+                 {"model_id", tracker.features().model_id},
+                 {"template",
+                  {{"region", {box.x, box.y, box.width, box.height}},
+                   {"keypoints", tracker.features().keypoints.size()}}},
+                 {"interrupted", interrupted},
+                 {"skipped", std::move(skipped)}}}}
+              .dump());
+    return;
+  }
+  Print("found in " + std::to_string(summary.found) + " of " + std::to_string(summary.frames) +
+        " frames; inlier rate " + FormatFixed(100 * summary.inlier_rate, 1) + " %; " +
+        FormatFixed(summary.frames_per_second, 2) + " frames/s" +
+        (interrupted ? "; interrupted" : ""));
+}
+
+ExitStatus Run(Options& options) {
+  const Interrupt interrupt;
+  if (!options.sheet.empty()) CheckPictureName(options.sheet);
+  const Tracker tracker = MakeTracker(options);
+  options.frames.decode = options.engine.extraction.decode;
+  const auto source = OpenFrames(options.input, options.frames);
+  const double rate = source->info().frames_per_second;
+  std::optional<TrackOutput> output;
+  if (!options.out.empty()) {
+    output.emplace(options.out, (rate > 0 ? rate : kFolderRate) / options.frames.every);
+  }
+  std::optional<ContactSheet> sheet;
+  if (!options.sheet.empty()) sheet.emplace(tracker.picture());
+
+  TrackSummary summary;
+  {
+    Progress progress("frames");
+    std::uint64_t done = 0;
+    summary = TrackFrames(*source, tracker, [&](const TrackedFrame& tracked) {
+      progress.Clear();
+      PrintFrame(tracked, options.json);
+      if (output) output->Write(tracked, tracker.box());
+      if (sheet) sheet->Add(tracked, tracker.box());
+      progress.Count(++done, static_cast<std::uint64_t>(source->info().frames));
+      return !interrupt.requested();
+    });
+  }
+  if (summary.frames == 0) {
+    throw Error(ErrorCode::kUnprocessable, "no_frames",
+                options.input.string() + " holds no picture that can be read");
+  }
+  if (output) output->Close();
+  if (sheet) {
+    WritePicture(options.sheet, sheet->Draw(ToDisplayText(options.input.filename().string()) +
+                                            ", " + tracker.features().model_id));
+  }
+  PrintSummary(options, tracker, summary, *source, interrupt.requested());
+  if (interrupt.requested()) return ExitStatus::kFailed;
+  return source->skipped().empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
+}  // namespace
+
+void AddTrackCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app =
+      program.add_subcommand("track", "Follow an object through a video while it bends");
+  app->add_option("REFERENCE", options->reference, "picture of the object, hardly bent")
+      ->required();
+  app->add_option("VIDEO|DIR", options->input, "video file, or folder of frames")->required();
+  app->add_option("--region", options->region,
+                  "where the object is in REFERENCE: X,Y,W,H in its pixels (default: all of it)")
+      ->delimiter(',')
+      ->expected(4)
+      ->type_name("X,Y,W,H");
+  app->add_option("--mask", options->mask,
+                  "picture of REFERENCE's size, black where the object is not")
+      ->type_name("FILE");
+  app->add_option("--out,-o", options->out,
+                  "mesh over each frame and the un-warped object beside it: a video (.mp4, .mkv, "
+                  ".avi) or a folder for pictures")
+      ->type_name("OUT.mp4|DIR");
+  app->add_option("--sheet", options->sheet, "a contact sheet of twelve frames")
+      ->type_name("OUT.png");
+  app->add_option("--every", options->frames.every, "looks at every N-th frame only")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
+  AddTrackingFlags(*app, options->tracker.locate);
+  AddExtractionFlags(*app, options->engine);
+  app->add_option("--jobs,-j", options->tracker.threads,
+                  "threads that describe a frame; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app->add_flag("--json", options->json, "print a line of JSON a frame, and a summary last");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/cli/track_output.h"
+
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <system_error>
+#include <vector>
+
+#include "descriptor/error.h"
+
+namespace pliant::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void FailToWrite(const fs::path& path) {
+  throw Error(ErrorCode::kNoSpace, "file_unwritable",
+              path.string() + " cannot be written; is the folder there and writable?");
+}
+
+bool IsJpeg(const fs::path& file) {
+  return file.extension() == ".jpg" || file.extension() == ".jpeg";
+}
+
+}  // namespace
+
+void CheckPictureName(const fs::path& file) {
+  if (file.extension() == ".png" || IsJpeg(file)) return;
+  throw Error(ErrorCode::kInvalidArgument, "bad_picture_name",
+              file.string() + " must end in .png or .jpg");
+}
+
+void WritePicture(const fs::path& file, const Image& picture) {
+  CheckPictureName(file);
+  const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(picture) : EncodePng(picture);
+  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+  stream.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+  stream.close();
+  if (!stream) FailToWrite(file);
+}
+
+TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
+    : out_(out), frames_per_second_(frames_per_second), video_(HasVideoName(out)) {
+  if (video_) return;
+  std::error_code failed;
+  fs::create_directories(out, failed);
+  if (failed || !fs::is_directory(out)) FailToWrite(out);
+}
+
+void TrackOutput::Write(const TrackedFrame& tracked, const TemplateBox& box) {
+  const Image picture = DrawTracked(tracked, box);
+  if (video_) {
+    if (!writer_) {
+      writer_ =
+          std::make_unique<VideoWriter>(out_, picture.width, picture.height, frames_per_second_);
+    }
+    writer_->Write(picture);
+    return;
+  }
+  std::array<char, 48> name{};
+  std::snprintf(name.data(), name.size(), "frame_%06lld.jpg",
+                static_cast<long long>(tracked.frame.number));
+  WritePicture(out_ / name.data(), picture);
+}
+
+void TrackOutput::Close() {
+  if (writer_) writer_->Close();
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The pictures that `pliant track` leaves behind.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "descriptor/video.h"
+#include "index/tracking/track_picture.h"
+
+namespace pliant::cli {
+
+// A video, or a folder of JPEG files frame_NNNNNN.jpg: what the name of `out` asks for.
+class TrackOutput {
+ public:
+  // `frames_per_second` of the frames that are written. Throws kNoSpace "file_unwritable".
+  TrackOutput(const std::filesystem::path& out, double frames_per_second);
+
+  void Write(const TrackedFrame& tracked, const TemplateBox& box);
+  void Close();
+
+ private:
+  std::filesystem::path out_;
+  double frames_per_second_;
+  bool video_;
+  std::unique_ptr<VideoWriter> writer_;  // made with the first frame, when the size is known
+};
+
+// PNG or JPEG, as the name says. Throws kInvalidArgument for another name, kNoSpace.
+void CheckPictureName(const std::filesystem::path& file);
+void WritePicture(const std::filesystem::path& file, const Image& picture);
+
+}  // namespace pliant::cli

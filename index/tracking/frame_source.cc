@@ -1,0 +1,224 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/tracking/frame_source.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fstream>
+#include <iterator>
+#include <system_error>
+#include <utility>
+
+#include "descriptor/error.h"
+#include "descriptor/video.h"
+#include "index/text.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSingle =
+    " has a single frame; tracking needs two or more. For one picture use pliant match";
+
+bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
+
+// The run of digits at `at`, without leading zeros; moves `at` behind it.
+std::string TakeNumber(const std::string& text, std::size_t& at) {
+  std::size_t end = at;
+  while (end < text.size() && IsDigit(text[end])) ++end;
+  while (at + 1 < end && text[at] == '0') ++at;
+  const std::size_t begin = std::exchange(at, end);
+  return text.substr(begin, end - begin);
+}
+
+std::vector<std::uint8_t> ReadWhole(const fs::path& path, std::uintmax_t most) {
+  std::ifstream file(path, std::ios::binary);
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (!file || error) {
+    throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read");
+  }
+  std::vector<std::uint8_t> bytes(std::min(size, most));
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0)));
+  return bytes;
+}
+
+std::string Size(std::int64_t width, std::int64_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+class VideoFrames : public FrameSource {
+ public:
+  VideoFrames(const fs::path& file, int every) : name_(file.string()), every_(every), video_(file) {
+    const VideoInfo& video = video_.info();
+    info_ = {video.width, video.height, video.frames_per_second,
+             (video.frames + every - 1) / every};
+    if (video.frames == 1) ThrowSingle();
+  }
+  const FrameSourceInfo& info() const override { return info_; }
+  const std::vector<SkippedFrame>& skipped() const override { return skipped_; }
+
+  std::optional<Frame> Next() override {
+    for (int i = 1; i < every_ && number_ > 0; ++i, ++number_) {
+      if (!video_.Skip()) return End();
+    }
+    std::optional<Image> picture = video_.Next();
+    if (!picture) return End();
+    Frame frame{number_++, {}, {}, std::move(*picture)};
+    if (info_.frames_per_second > 0) {
+      frame.time_s = static_cast<double>(frame.number) / info_.frames_per_second;
+    }
+    return frame;
+  }
+
+ private:
+  [[noreturn]] void ThrowSingle() const {
+    throw Error(ErrorCode::kUnprocessable, "single_frame", name_ + kSingle);
+  }
+  std::optional<Frame> End() const {
+    if (number_ == 1) ThrowSingle();  // whatever its header said
+    return std::nullopt;
+  }
+
+  std::string name_;
+  int every_;
+  VideoReader video_;
+  FrameSourceInfo info_;
+  std::int64_t number_ = 0;
+  std::vector<SkippedFrame> skipped_;
+};
+
+class FolderFrames : public FrameSource {
+ public:
+  FolderFrames(const fs::path& folder, const FrameOptions& options) : options_(options) {
+    options_.decode.colour = true;
+    options_.decode.max_side_px = 0;
+    Find(folder);
+    if (files_.empty()) {
+      throw Error(
+          ErrorCode::kUnprocessable, "no_frames",
+          folder.string() + " holds no picture that can be read" +
+              (skipped_.empty() ? std::string()
+                                : "; " + skipped_.front().file + ": " + skipped_.front().reason));
+    }
+    if (files_.size() == 1) {
+      throw Error(ErrorCode::kUnprocessable, "single_frame", folder.string() + kSingle);
+    }
+    const auto every = static_cast<std::size_t>(options.every);
+    info_.frames = static_cast<std::int64_t>((files_.size() + every - 1) / every);
+  }
+  const FrameSourceInfo& info() const override { return info_; }
+  const std::vector<SkippedFrame>& skipped() const override { return skipped_; }
+
+  std::optional<Frame> Next() override {
+    while (at_ < files_.size()) {
+      const std::size_t number = at_;
+      const fs::path& file = files_[number];
+      at_ += static_cast<std::size_t>(options_.every);
+      try {
+        DecodedImage decoded =
+            DecodeImage(ReadWhole(file, static_cast<std::uintmax_t>(options_.decode.max_bytes) + 1),
+                        options_.decode);
+        return Frame{static_cast<std::int64_t>(number),
+                     {},
+                     ToDisplayText(file.filename().string()),
+                     std::move(decoded.image)};
+      } catch (const Error& error) {
+        Skip(file, error);
+      }
+    }
+    return std::nullopt;
+  }
+
+ private:
+  void Skip(const fs::path& file, const Error& error) {
+    skipped_.push_back(
+        {ToDisplayText(file.filename().string()), error.reason(), ToDisplayText(error.what())});
+  }
+
+  static bool IsCandidate(const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename().string();
+    return !name.starts_with('.') && !name.ends_with(".uv.png") && entry.is_regular_file();
+  }
+
+  void Find(const fs::path& folder) {
+    std::vector<fs::path> candidates;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      if (IsCandidate(entry)) candidates.push_back(entry.path());
+    }
+    std::sort(candidates.begin(), candidates.end(), [](const fs::path& a, const fs::path& b) {
+      return NaturalLess(a.filename().string(), b.filename().string());
+    });
+    for (const fs::path& file : candidates) Add(file);
+  }
+
+  void Add(const fs::path& file) {
+    ImageHeader header;
+    try {
+      header =
+          ReadImageHeader(ReadWhole(file, static_cast<std::uintmax_t>(options_.decode.max_bytes)));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kUnsupportedMediaType) Skip(file, error);
+      return;  // notes and the like
+    }
+    const bool turned = header.exif_orientation >= 5;
+    const auto width = static_cast<int>(turned ? header.height : header.width);
+    const auto height = static_cast<int>(turned ? header.width : header.height);
+    if (files_.empty()) {
+      info_.width = width;
+      info_.height = height;
+    } else if (width != info_.width || height != info_.height) {
+      throw Error(ErrorCode::kUnprocessable, "frames_vary",
+                  file.string() + " is " + Size(width, height) + " pixels, but " +
+                      files_.front().filename().string() + " is " +
+                      Size(info_.width, info_.height) + "; frames of one size are needed");
+    }
+    files_.push_back(file);
+  }
+
+  FrameOptions options_;
+  FrameSourceInfo info_;
+  std::vector<fs::path> files_;
+  std::size_t at_ = 0;
+  std::vector<SkippedFrame> skipped_;
+};
+
+}  // namespace
+
+bool NaturalLess(const std::string& a, const std::string& b) {
+  std::size_t i = 0;
+  std::size_t j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (IsDigit(a[i]) && IsDigit(b[j])) {
+      const std::string x = TakeNumber(a, i);
+      const std::string y = TakeNumber(b, j);
+      if (x.size() != y.size()) return x.size() < y.size();
+      if (x != y) return x < y;
+    } else if (a[i] != b[j]) {
+      return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
+    } else {
+      ++i, ++j;
+    }
+  }
+  if (i < a.size() || j < b.size()) return i == a.size();
+  return a < b;  // 01 and 1
+}
+
+std::unique_ptr<FrameSource> OpenFrames(const fs::path& path, const FrameOptions& options) {
+  if (options.every < 1) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_every", "every must be 1 or more");
+  }
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return std::make_unique<VideoFrames>(path, options.every);
+  try {
+    return std::make_unique<FolderFrames>(path, options);
+  } catch (const fs::filesystem_error& failure) {
+    throw Error(ErrorCode::kNotFound, "cannot_read",
+                path.string() + " cannot be read: " + failure.code().message());
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What tracking looks like: the mesh over the frame, the object laid flat beside it, and a contact
+// sheet of many frames for a paper.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "descriptor/image.h"
+#include "index/tracking/pipeline.h"
+
+namespace pliant {
+
+// The frame with the mesh (where it can be believed) and the outline drawn over it.
+Image DrawMesh(const Image& frame, const Location& location);
+
+// The template as the frame shows it: un-warped, template.width x height, colour; crossed out when
+// the object is lost.
+Image DrawUnwarped(const Image& frame, const Location& location, const TemplateBox& box);
+
+// "frame 12  3.4 s  inliers 120/210" or "frame 12  3.4 s  lost: too few key points match".
+std::string Caption(const TrackedFrame& tracked);
+
+// DrawMesh with the caption, and DrawUnwarped at the same height beside it. All pictures of one
+// tracker have one size.
+Image DrawTracked(const TrackedFrame& tracked, const TemplateBox& box);
+
+// Collects frames while they come, however many, and lays a few of them out.
+class ContactSheet {
+ public:
+  // `reference` is the template's cut-out picture. At most `cells` frames will be shown.
+  ContactSheet(Image reference, int cells = 12);
+
+  void Add(const TrackedFrame& tracked, const TemplateBox& box);
+  // The template first, then frames evenly over time, each un-warped beside it. At least one frame
+  // must have been added: kInvalidArgument otherwise.
+  Image Draw(const std::string& title) const;
+
+ private:
+  struct Cell {
+    Image picture;
+    std::string caption;
+  };
+
+  Image reference_;
+  std::size_t cells_;
+  std::int64_t seen_ = 0;
+  std::int64_t step_ = 1;   // every how many frames one is kept
+  std::vector<Cell> kept_;  // at most twice as many as will be shown
+};
+
+}  // namespace pliant

@@ -1,0 +1,145 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/tracking/tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "descriptor/distance.h"
+#include "descriptor/error.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kLeastSide = 16;
+// Described around the region as well, so that key points at its border see what is beside them.
+constexpr double kMargin = 0.25;
+
+Image Cut(const Image& image, const TemplateBox& box) {
+  Image cut{box.width, box.height, image.channels, {}};
+  const std::size_t row = static_cast<std::size_t>(box.width) * image.channels;
+  for (int y = box.y; y < box.y + box.height; ++y) {
+    const std::uint8_t* from = image.pixels.data() + (static_cast<std::size_t>(y) * image.width +
+                                                      static_cast<std::size_t>(box.x)) *
+                                                         image.channels;
+    cut.pixels.insert(cut.pixels.end(), from, from + row);
+  }
+  return cut;
+}
+
+TemplateBox BoxOfMask(const Image& mask) {
+  int left = mask.width, top = mask.height, right = -1, bottom = -1;
+  for (int y = 0; y < mask.height; ++y) {
+    for (int x = 0; x < mask.width; ++x) {
+      if (mask.pixels[static_cast<std::size_t>(y) * mask.width + x] == 0) continue;
+      left = std::min(left, x), right = std::max(right, x);
+      top = std::min(top, y), bottom = y;
+    }
+  }
+  if (right < 0) {
+    throw Error(ErrorCode::kInvalidArgument, "mask_invalid",
+                "the mask is black all over; it must be white where the object is");
+  }
+  return {left, top, right - left + 1, bottom - top + 1};
+}
+
+TemplateBox FindBox(const Image& reference, const TrackerOptions& options) {
+  const Image& mask = options.mask;
+  if (!mask.empty() &&
+      (mask.channels != 1 || mask.width != reference.width || mask.height != reference.height)) {
+    throw Error(ErrorCode::kInvalidArgument, "mask_invalid",
+                "the mask must have the size of the template picture, " +
+                    std::to_string(reference.width) + " x " + std::to_string(reference.height));
+  }
+  TemplateBox box{0, 0, reference.width, reference.height};
+  if (options.region) {
+    box = *options.region;
+  } else if (!mask.empty()) {
+    box = BoxOfMask(mask);
+  }
+  if (box.x < 0 || box.y < 0 || box.width < kLeastSide || box.height < kLeastSide ||
+      box.x > reference.width - box.width || box.y > reference.height - box.height) {
+    throw Error(ErrorCode::kInvalidArgument, "region_invalid",
+                "the region must lie within the template picture (" +
+                    std::to_string(reference.width) + " x " + std::to_string(reference.height) +
+                    " pixels) and be at least " + std::to_string(kLeastSide) +
+                    " pixels wide and "
+                    "high");
+  }
+  return box;
+}
+
+TemplateBox WithMargin(const TemplateBox& box, const Image& reference) {
+  const int margin = static_cast<int>(std::lround(kMargin * std::max(box.width, box.height)));
+  const int left = std::max(0, box.x - margin);
+  const int top = std::max(0, box.y - margin);
+  return {left, top, std::min(reference.width, box.x + box.width + margin) - left,
+          std::min(reference.height, box.y + box.height + margin) - top};
+}
+
+}  // namespace
+
+Features FeaturesInside(const Features& features, const TemplateBox& box, const Image& mask,
+                        std::size_t most) {
+  Features inside;
+  inside.width = box.width;
+  inside.height = box.height;
+  inside.model_id = features.model_id;
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < features.keypoints.size() && rows.size() < most; ++i) {
+    Keypoint k = features.keypoints[i];
+    const auto x = static_cast<int>(std::lround(k.x));
+    const auto y = static_cast<int>(std::lround(k.y));
+    if (x < box.x || y < box.y || x >= box.x + box.width || y >= box.y + box.height) continue;
+    if (!mask.empty() && mask.pixels[static_cast<std::size_t>(y) * mask.width + x] == 0) continue;
+    k.x -= static_cast<float>(box.x);
+    k.y -= static_cast<float>(box.y);
+    inside.keypoints.push_back(k);
+    rows.push_back(i);
+  }
+  inside.descriptors = SelectRows(features.descriptors, rows);
+  return inside;
+}
+
+Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
+                 TrackerOptions options)
+    : options_(std::move(options)),
+      extractor_(std::move(descriptor), options_.extraction),
+      box_(FindBox(reference, options_)) {
+  Validate(options_.locate);
+  picture_ = Cut(reference, box_);
+  const TemplateBox around = WithMargin(box_, reference);
+  // Key points of the margin must not push out those of the region.
+  ExtractionOptions extraction = options_.extraction;
+  const int most = extraction.keypoints.max_keypoints;
+  extraction.keypoints.max_keypoints = std::min(4 * most, 4096);
+  const FeatureExtractor extractor(
+      std::shared_ptr<const Descriptor>(std::shared_ptr<void>(), &extractor_.descriptor()),
+      extraction);
+  const Features found = extractor.ExtractFrom(Cut(reference, around), options_.threads);
+  const Image mask = options_.mask.empty() ? Image{} : Cut(options_.mask, around);
+  features_ = FeaturesInside(found, {box_.x - around.x, box_.y - around.y, box_.width, box_.height},
+                             mask, static_cast<std::size_t>(most));
+  const auto least = static_cast<std::size_t>(options_.locate.min_inliers);
+  if (features_.keypoints.size() < least) {
+    throw Error(ErrorCode::kUnprocessable, "too_few_features",
+                "the template's region has " + std::to_string(features_.keypoints.size()) +
+                    " key points; at least " + std::to_string(least) +
+                    " are needed. Choose a larger region, or one with more to see");
+  }
+}
+
+Features Tracker::Describe(const Image& frame) const {
+  return extractor_.ExtractFrom(frame, options_.threads);
+}
+
+Location Tracker::Find(const Features& frame) const {
+  const Verifier verifier(frame, options_.locate.verification);
+  return Locate(verifier, frame, features_, options_.locate);
+}
+
+}  // namespace pliant

@@ -1,0 +1,65 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Follows a region of a template picture through frames while the object bends (Potje et al. 2021,
+// section 4.3). Every frame is looked at for itself: an object that was lost is found again.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "descriptor/descriptor.h"
+#include "descriptor/image.h"
+#include "index/tracking/location.h"
+
+namespace pliant {
+
+// A box of whole pixels of the template picture.
+struct TemplateBox {
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
+};
+
+// The key points of `features` inside the box where `mask` (empty, or a grey picture of the size of
+// the features' picture) is not 0, the first `most` of them, in pixels of the box.
+Features FeaturesInside(const Features& features, const TemplateBox& box, const Image& mask,
+                        std::size_t most);
+
+struct TrackerOptions {
+  ExtractionOptions extraction;  // of the template's region and of each frame
+  LocateOptions locate;
+  std::optional<TemplateBox> region;  // nothing: the mask's box, or the whole picture
+  // Grey, of the template picture's size, 0 where the object is not; empty: all of the region.
+  Image mask;
+  int threads = 0;  // for the description of one frame; 0 = all cores
+};
+
+// Immutable and thread-safe once made.
+class Tracker {
+ public:
+  // Describes the template. Throws kInvalidArgument "region_invalid" for a region that does not lie
+  // within the picture or is below 16 x 16, "mask_invalid", what Validate throws; kUnprocessable
+  // "too_few_features" for a region without enough key points.
+  Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
+          TrackerOptions options);
+
+  // The template: the region's box. Locations map its pixels.
+  const TemplateBox& box() const { return box_; }
+  const Image& picture() const { return picture_; }  // the box cut out, as given
+  const Features& features() const { return features_; }
+  const TrackerOptions& options() const { return options_; }
+
+  Features Describe(const Image& frame) const;
+  Location Find(const Features& frame) const;
+
+ private:
+  TrackerOptions options_;
+  FeatureExtractor extractor_;
+  TemplateBox box_;
+  Image picture_;
+  Features features_;
+};
+
+}  // namespace pliant
