@@ -27,6 +27,9 @@ install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/signature.h vocab/vocabu
 install(FILES index/engine.h index/explanation.h index/filter.h index/verification.h index/warp_mesh.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)
 
+install(FILES index/tracking/location.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index/tracking)
+
 install(EXPORT PliantTargets NAMESPACE Pliant:: DESTINATION ${PLIANT_CMAKE_DIR})
 configure_package_config_file(cmake/PliantConfig.cmake.in
                               ${PROJECT_BINARY_DIR}/PliantConfig.cmake

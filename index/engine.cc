@@ -196,6 +196,11 @@ SearchResult Engine::Search(Bytes encoded, const SearchOptions& options) {
   return impl_->Search(encoded, options);
 }
 
+ObjectLocation Engine::Locate(Bytes encoded, const std::string& collection,
+                              const std::string& object, int threads) {
+  return impl_->Locate(encoded, collection, object, threads);
+}
+
 SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptions& options) {
   return impl_->SearchStored(image_id, options);
 }

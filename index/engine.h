@@ -20,6 +20,7 @@
 #include "descriptor/descriptor.h"
 #include "index/explanation.h"
 #include "index/filter.h"
+#include "index/tracking/location.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -181,6 +182,18 @@ struct SearchResult {
   SearchTimings timings;
 };
 
+// Where one object is in a picture.
+struct ObjectLocation {
+  std::string object;
+  std::string image_id;  // the object's picture that agrees best; its pixels are what the mesh maps
+  Location location;
+  std::size_t compared = 0;  // pictures of the object that were looked at
+  int query_width = 0;       // of the original upright picture that was sent
+  int query_height = 0;
+  ExtractionTimings timings;
+  double locate_ms = 0;
+};
+
 struct VocabularyRecord {
   std::int64_t id = 0;
   std::string collection;
@@ -260,6 +273,13 @@ class Engine {
   // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+
+  // Where the object is in the picture, as the tracker asks of every frame. All of an object's
+  // pictures are compared when they are few, those with the most similar words when there are many.
+  // Not found is no error. `threads`: 0 = all cores. Throws what DecodeImage throws, kNotFound
+  // "collection_not_found", "object_not_found".
+  ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
+                        int threads);
 
   // Vocabularies. Training makes a new version beside the old and re-quantises the pictures from
   // their stored descriptors; UseVocabulary switches atomically.

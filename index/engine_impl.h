@@ -37,6 +37,10 @@ class Engine::Impl {
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
 
+  // Locating (engine_locate.cc)
+  ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
+                        int threads);
+
   // Vocabularies (engine_vocabularies.cc)
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
   void UseVocabulary(const std::string& collection, std::int64_t id);
@@ -75,6 +79,9 @@ class Engine::Impl {
   AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
   SearchResult SearchFeatures(Features features, const SearchOptions& options,
                               const ExtractionTimings& timings);
+  std::vector<std::string> MostSimilar(const Features& query, const std::string& collection,
+                                       const std::string& object, int threads,
+                                       std::vector<std::string> some);
   // The candidates, verified and grouped, before the other hits.
   std::vector<VerifiedPicture> VerifyCandidates(const Features& query, const SearchOptions& options,
                                                 std::vector<RankedPicture> candidates);

@@ -18,8 +18,8 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status);
 void AddSimulateCommand(CLI::App& program, ExitStatus& status);
 void AddMatchCommand(CLI::App& program, ExitStatus& status);
 void AddEvalCommand(CLI::App& program, ExitStatus& status);
+void AddTrackCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
-void AddTrackCommand(CLI::App& program, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -35,9 +35,7 @@ ExitStatus Run(int argc, char** argv) {
   for (const auto add :
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
         pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
-        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand}) {
-    pliant::cli::AddTrackCommand
-  }) {
+        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
     add(program, status);
   }
   try {

@@ -1,6 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Objects: what pictures show.
+// Objects: what pictures show, and where one is in a picture.
+#include <chrono>
+
+#include "index/tracking/location.h"
 #include "server/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
@@ -57,6 +60,22 @@ Response Remove(Service& service, const Request& request) {
   return JsonResponse({{"object", object}, {"deleted", removed}});
 }
 
+Response Locate(Service& service, const Request& request) {
+  const auto start = std::chrono::steady_clock::now();
+  const UploadedImage image = ImageOf(request);
+  ObjectLocation found;
+  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
+    found = service.engine().Locate(image.bytes, CollectionOf(request), request.captures.at("o"),
+                                    cores);
+  });
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+  Json json = {{"object", found.object},       {"image_id", found.image_id},
+               {"took_ms", took.count()},      {"width", found.query_width},
+               {"height", found.query_height}, {"compared", found.compared}};
+  json.update(Json::parse(LocationJson(found.location)));
+  return JsonResponse(json);
+}
+
 }  // namespace
 
 void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
@@ -72,6 +91,13 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
                     .pattern = "/v1/collections/{c}/objects/{o}",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Get(service, request);
+                    }});
+  routes.push_back({.name = "objects.locate",
+                    .method = "POST",
+                    .pattern = "/v1/collections/{c}/objects/{o}/locate",
+                    .body = BodyKind::kImage,
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      return Locate(service, request);
                     }});
   routes.push_back({.name = "objects.delete",
                     .method = "DELETE",
