@@ -90,6 +90,39 @@ TEST_P(VerificationKinds, FindsTheBentObjectAndItsOutline) {
   EXPECT_LT(std::hypot(result.outline[0].x - corner.x, result.outline[0].y - corner.y), 12);
 }
 
+TEST_P(VerificationKinds, FindsTheObjectAgainElsewhere) {
+  const auto reference = Picture(300, GetParam(), 3);
+  // A view of it, then the same view once more to the right, among key points of neither.
+  const auto view = BentView(reference, 150, 4);
+  Features query = view;
+  query.width = 3 * kWidth;
+  const auto again = BentView(reference, 110, 5);
+  for (std::size_t i = 0; i < again.keypoints.size(); ++i) {
+    query.keypoints.push_back(again.keypoints[i]);
+    query.keypoints.back().x += 2 * kWidth;
+  }
+  query.descriptors.rows += again.descriptors.rows;
+  query.descriptors.floats.insert(query.descriptors.floats.end(), again.descriptors.floats.begin(),
+                                  again.descriptors.floats.end());
+  query.descriptors.bytes.insert(query.descriptors.bytes.end(), again.descriptors.bytes.begin(),
+                                 again.descriptors.bytes.end());
+  const auto once = Verifier(query).Verify(reference);
+  EXPECT_TRUE(once.others.empty());
+  const auto result = Verifier(query, {.max_instances = 3}).Verify(reference);
+  EXPECT_EQ(result.inliers.size(), once.inliers.size());
+  ASSERT_EQ(result.others.size(), 1U);
+  const auto is_right = [&](const MatchedPair& pair) {
+    return query.keypoints[pair.query].x > 1.5 * kWidth;
+  };
+  const bool first_is_right = is_right(result.inliers[0]);
+  for (const MatchedPair& pair : result.inliers) EXPECT_EQ(is_right(pair), first_is_right);
+  const FurtherInstance& other = result.others[0];
+  EXPECT_GE(other.inliers.size(), 80U);
+  for (const MatchedPair& pair : other.inliers) EXPECT_NE(is_right(pair), first_is_right);
+  for (const Vec2 corner : other.outline) EXPECT_NE(corner.x > 1.5 * kWidth, first_is_right);
+  EXPECT_THROW(Verifier(query, {.max_instances = 0}), Error);
+}
+
 TEST_P(VerificationKinds, DifferentPicturesDoNotAgree) {
   int verified = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
