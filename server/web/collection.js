@@ -57,8 +57,10 @@ function vocabularyRow(vocabulary) {
   else {
     use.append(make("button", {
       type: "button", class: "small", text: "Use", "aria-label": `Use vocabulary ${vocabulary.id}`,
-      onclick: () => change(() => api.ask(api.address(`/vocabularies/${vocabulary.id}/active`),
-                                          { method: "PUT" }), `Vocabulary ${vocabulary.id} is in use.`),
+      onclick: () => change(
+        () => api.ask(api.address(`/vocabularies/${vocabulary.id}/active`), { method: "PUT" }),
+        ({ state }) => (state ? "The switch has begun: pictures are written in its words first." :
+                                `Vocabulary ${vocabulary.id} is in use.`)),
     }));
   }
   return make("tr", {}, make("th", { scope: "row", text: vocabulary.id }),
@@ -68,11 +70,11 @@ function vocabularyRow(vocabulary) {
               make("td", { text: shortTime(vocabulary.created_at) }), use);
 }
 
+// done(answer): what to say then.
 async function change(action, done) {
   const status = byId("retrain-status");
   try {
-    await action();
-    say(status, done);
+    say(status, done(await action()));
   } catch (error) {
     say(status, error.message, true);
   }
@@ -81,7 +83,7 @@ async function change(action, done) {
 
 byId("retrain").addEventListener("click", () => change(
   () => api.askJson(api.address("/vocabularies"), "POST", {}),
-  "Training has begun. Searches go on with the old words until it is done."));
+  () => "Training has begun. Searches go on with the old words until it is done."));
 
 // --- jobs
 

@@ -21,8 +21,8 @@ export async function refreshDemonstration() {
     byId("welcome").hidden = record.images > 0;
     byId("filters").hidden = record.images === 0;
     showExamples(demo);
-    if (!byId("search-status").textContent && record.images) {
-      say(byId("search-status"), `${collectionWords(record)} to find.`);
+    if (!byId("view-search").classList.contains("has-query")) {
+      say(byId("search-status"), record.images ? `${collectionWords(record)} to find.` : "");
     }
   } catch (error) {
     say(byId("search-status"), error.message, true);

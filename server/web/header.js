@@ -29,8 +29,10 @@ choice.addEventListener("change", () => {
   showCurrent();
 });
 
+let wanted = false;  // the server has asked for a key
+
 function showKeyState() {
-  byId("key-button").hidden = !api.getKey();
+  byId("key-button").hidden = !api.getKey() && !wanted;
 }
 
 function openKeyDialog() {
@@ -39,7 +41,11 @@ function openKeyDialog() {
   dialog.showModal();
 }
 
-document.addEventListener("pliant-key-wanted", openKeyDialog);
+document.addEventListener("pliant-key-wanted", () => {
+  wanted = true;
+  showKeyState();
+  openKeyDialog();
+});
 byId("key-button").addEventListener("click", openKeyDialog);
 byId("key-cancel").addEventListener("click", () => dialog.close());
 byId("key-forget").addEventListener("click", () => {

@@ -10,7 +10,8 @@ const kKinds = {
   train: "Choosing a vocabulary",
   demo: "Loading demonstration objects",
   import: "Adding pictures",
-  requantize: "Writing pictures in the words of a vocabulary",
+  activate: "Switching the vocabulary",
+  backup: "Backing up",
 };
 const kStates = { queued: "waiting", running: "running", done: "done", failed: "failed",
                   cancelled: "stopped" };

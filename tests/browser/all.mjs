@@ -7,5 +7,6 @@ import "./cases/region.mjs";
 import "./cases/add.mjs";
 import "./cases/browse.mjs";
 import "./cases/collection.mjs";
+import "./cases/keys.mjs";
 import "./cases/looks.mjs";
 import "./cases/modules.mjs";

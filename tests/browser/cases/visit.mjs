@@ -62,7 +62,8 @@ test("the page is small, and a second visit transfers nothing again", async () =
     if (!/\/v1\//.test(response.url())) bodies.push(response.body());
   });
   page.faults.length = 0;
-  await page.goto(server.address, { waitUntil: "networkidle" });
+  await page.goto(server.address);
+  await page.locator("#examples-list button").first().waitFor();  // every module has run
   const bytes = (await Promise.all(bodies)).reduce((sum, body) => sum + body.length, 0);
   assert.ok(bodies.length > 10 && bytes > 20_000, `${bodies.length} files, ${bytes} bytes`);
   assert.ok(bytes < kLargestPage, `${bytes} bytes`);

@@ -1,0 +1,64 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A server that wants a key: the page asks for it, keeps it in the tab, and says what a key may not do.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import * as house from "../house.mjs";
+
+const server = await house.server("demonstration");
+const kKey = "pliant_secret";
+
+// Answers every request for data as a server with keys would, going by the key that comes with it.
+function guard(page, allowed) {
+  return page.route("**/v1/**", async (route) => {
+    const shown = await route.request().headerValue("Authorization");
+    const refuse = (status, code, headers = {}) => route.fulfill({
+      status, headers, contentType: "application/problem+json",
+      body: JSON.stringify({ status, code, detail: "refused" }) });
+    if (shown !== `Bearer ${kKey}`) return refuse(401, "unauthorized");
+    if (allowed(route.request().method())) return route.continue();
+    return refuse(403, "forbidden");
+  });
+}
+
+test("the page asks for a key, uses it for everything, and forgets it when told", async () => {
+  await house.loadDemonstration(server.address);
+  const page = await house.openPage("about:blank");
+  await guard(page, (method) => method !== "DELETE");
+  page.faults.length = 0;
+  await page.goto(server.address);
+  await page.locator("#key-dialog").waitFor();
+  await house.checkAccessibility(page, "key dialog");
+  await house.shoot(page, "key");
+  await page.getByRole("button", { name: "Cancel" }).click();
+  await page.getByRole("button", { name: "Key", exact: true }).click();  // there is a way back
+  await page.locator("#key-input").fill("wrong");
+  await page.keyboard.press("Enter");
+  await page.locator("#key-dialog").waitFor();  // again
+  await house.waitForText(page, "#search-status.error", /asks for a key/);
+  await page.locator("#key-input").fill(kKey);
+  await page.getByRole("button", { name: "Use it" }).click();
+  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+  assert.match((await house.hitNames(page))[0], /town map/);
+  await page.waitForFunction(() => document.querySelector("#results img").naturalWidth > 0);
+
+  await page.goto(`${server.address}/#/objects`);
+  await page.getByRole("button", { name: "Delete poster with its pictures" }).click();
+  await page.mouse.move(5, 5);
+  await house.waitForText(page, "#objects-list", /not allowed to do this/);
+
+  await page.getByRole("button", { name: "Key", exact: true }).click();
+  await page.getByRole("button", { name: "Forget it" }).click();
+  assert.equal(await page.evaluate(() => sessionStorage.length + localStorage.length), 0);
+  await page.context().close();
+});
+
+test("too many requests are said in words when waiting would take long", async () => {
+  const page = await house.openPage(server.address);
+  await page.route("**/search", (route) => route.fulfill({
+    status: 429, headers: { "Retry-After": "60" }, contentType: "application/problem+json",
+    body: JSON.stringify({ status: 429, code: "rate_limited", detail: "slow down" }) }));
+  await page.getByRole("button", { name: "crumpled picture of: poster" }).click();
+  await house.waitForText(page, "#search-status.error", /Too many requests.*again in 60 s/);
+  await house.closePage(page);
+});
