@@ -205,6 +205,10 @@ SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptio
   return impl_->SearchStored(image_id, options);
 }
 
+SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options) {
+  return impl_->SearchFeatures(features, options);
+}
+
 VocabularyRecord Engine::TrainVocabulary(const TrainOptions& options) {
   return impl_->TrainVocabulary(options);
 }

@@ -273,6 +273,9 @@ class Engine {
   // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+  // With features that were extracted elsewhere with the database's model (else kConflict
+  // "model_mismatch"): what Search gives for the picture they are of.
+  SearchResult SearchFeatures(const Features& features, const SearchOptions& options);
 
   // Where the object is in the picture, as the tracker asks of every frame. All of an object's
   // pictures are compared when they are few, those with the most similar words when there are many.

@@ -36,6 +36,7 @@ class Engine::Impl {
   // Search (engine_search.cc)
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+  SearchResult SearchFeatures(const Features& features, const SearchOptions& options);
 
   // Locating (engine_locate.cc)
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
@@ -77,11 +78,11 @@ class Engine::Impl {
                                            const AddRequest& request, const std::string& sha256);
   Prepared Prepare(const AddRequest& request, const std::string& sha256);
   AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
-  SearchResult SearchFeatures(Features features, const SearchOptions& options,
-                              const ExtractionTimings& timings);
   std::vector<std::string> MostSimilar(const Features& query, const std::string& collection,
                                        const std::string& object, int threads,
                                        std::vector<std::string> some);
+  SearchResult Answer(Features features, const SearchOptions& options,
+                      const ExtractionTimings& timings);
   // The candidates, verified and grouped, before the other hits.
   std::vector<VerifiedPicture> VerifyCandidates(const Features& query, const SearchOptions& options,
                                                 std::vector<RankedPicture> candidates);

@@ -31,7 +31,7 @@ std::vector<std::string> Engine::Impl::MostSimilar(const Features& query,
   search.verify = Verification::kNone;
   search.limit = kMostCompared;
   search.threads = threads;
-  const SearchResult ranked = SearchFeatures(query, search, {});
+  const SearchResult ranked = Answer(query, search, {});
   if (ranked.hits.empty()) return some;
   some.clear();
   for (const Hit& hit : ranked.hits) some.push_back(hit.image_id);

@@ -108,16 +108,26 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
   ExtractionTimings timings;
   Features features = extractor().Extract(encoded, options.threads, &timings);
-  return SearchFeatures(InStoredPrecision(features), options, timings);
+  return Answer(InStoredPrecision(features), options, timings);
 }
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
   Validate(options);
-  return SearchFeatures(GetFeatures(options.collection, image_id), options, {});
+  return Answer(GetFeatures(options.collection, image_id), options, {});
 }
 
-SearchResult Engine::Impl::SearchFeatures(Features features, const SearchOptions& options,
-                                          const ExtractionTimings& timings) {
+SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options) {
+  Validate(options);
+  if (features.model_id != model_.info.model_id) {
+    throw Error(ErrorCode::kConflict, "model_mismatch",
+                "the features are of " + features.model_id + ", the database holds " +
+                    model_.info.model_id);
+  }
+  return Answer(InStoredPrecision(features), options, {});
+}
+
+SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
+                                  const ExtractionTimings& timings) {
   const CollectionView view = CurrentView(options.collection);
   if (!view.quantizer) {
     throw Error(ErrorCode::kConflict, "no_vocabulary",

@@ -53,6 +53,21 @@ Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random) {
   return cast;
 }
 
+// The same for a scene of the preset objects: others come from the half of the textures that scenes
+// take last. As long as a set has no more objects than the other half, no picture shows one object
+// behind another, which would make both answers to "which object is this?" right.
+Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
+                    Random& random) {
+  Cast cast{textures.Get(own)};
+  const std::size_t count = textures.size();
+  for (std::size_t i = 0; i < kOthers && count > 1; ++i) {
+    const int number = random.Integer(static_cast<int>(count / 2), static_cast<int>(count) - 1);
+    const std::size_t other = TextureOfScene(count, seed, static_cast<std::uint64_t>(number));
+    if (other != own) cast.push_back(textures.Get(other));
+  }
+  return cast;
+}
+
 const Texture* AnyOther(const Cast& cast, Random& random) {
   if (cast.size() < 2) return nullptr;
   return cast[static_cast<std::size_t>(random.Integer(1, static_cast<int>(cast.size()) - 1))].get();
@@ -346,7 +361,12 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
   }
   Random random(seed, index);
   const std::size_t own = TextureOfScene(textures.size(), seed, index);
-  Stage stage{DrawCast(textures, own, random), options, {}, {}};
+  const bool objects = options.preset == Preset::kObjects;
+  const auto draw_cast = [&] {
+    return objects ? DrawObjectCast(textures, own, seed, random) : DrawCast(textures, own, random);
+  };
+  const Cast first_cast = draw_cast();  // the materials point into it
+  Stage stage{first_cast, options, {}, {}};
   stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
   Scene scene;
   scene.preset = options.preset;
@@ -367,8 +387,10 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
   } else if (options.preset == Preset::kRotation || options.preset == Preset::kScale) {
     TakeSweep(stage, random, scene);
   } else {
-    while (static_cast<int>(scene.views.size()) < options.views)
+    while (static_cast<int>(scene.views.size()) < options.views) {
+      if (objects) stage.cast = draw_cast();  // each view at a place of its own
       scene.views.push_back(TakeDeformedView(stage, random));
+    }
   }
   return scene;
 }

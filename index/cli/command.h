@@ -21,5 +21,6 @@ void AddEvalCommand(CLI::App& program, ExitStatus& status);
 void AddTrackCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
+void AddEvalRetrieval(CLI::App& eval, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -9,6 +9,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/safetensors_writer.h"
+#include "index/picture_files.h"
 #include "index/text.h"
 
 namespace pliant::cli {

@@ -3,9 +3,8 @@
 // Options that several subcommands share.
 #pragma once
 
-#include <filesystem>
-#include <map>
 #include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -17,8 +16,8 @@ namespace pliant::cli {
 void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection);
 // --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how pictures are described.
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine);
-
-// The whole file. Throws kNotFound when it cannot be read, kTooLarge above `max_bytes`.
-std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
+// The same with several names, NAME,... (commands that compare descriptors).
+void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
+                            DescriptorOptions& descriptor, ExtractionOptions& extraction);
 
 }  // namespace pliant::cli

@@ -9,24 +9,11 @@
 #include <thread>
 
 #include "descriptor/error.h"
-#include "index/cli/engine_flags.h"
 #include "index/cli/progress.h"
 #include "index/text.h"
 
 namespace pliant::cli {
 namespace {
-
-bool ConcernsOnePicture(ErrorCode code) {
-  switch (code) {
-    case ErrorCode::kUnsupportedMediaType:
-    case ErrorCode::kTooLarge:
-    case ErrorCode::kUnprocessable:
-    case ErrorCode::kInvalidArgument:
-      return true;
-    default:
-      return false;
-  }
-}
 
 class Job {
  public:

@@ -14,6 +14,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
+#include "index/picture_files.h"
 #include "index/verification.h"
 
 namespace pliant::cli {

@@ -8,7 +8,9 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
+#include "index/cli/query_pictures.h"
 #include "index/filter.h"
+#include "index/picture_files.h"
 #include "index/result_json.h"
 
 namespace pliant::cli {
@@ -20,6 +22,7 @@ struct Options {
   std::filesystem::path image;
   std::vector<double> region;
   std::string filter;
+  QueryPictureOptions pictures;
   bool json = false;
 };
 
@@ -75,16 +78,25 @@ ExitStatus Run(Options& options) {
   options.engine.create = false;
   Engine engine(options.engine);
   const auto start = std::chrono::steady_clock::now();
-  const SearchResult result = engine.Search(bytes, options.search);
+  const bool explain = options.search.explain;
+  if (!options.pictures.draw.empty() || !options.pictures.unwarp.empty())
+    options.search.explain = true;
+  SearchResult result = engine.Search(bytes, options.search);
   const double took_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  options.pictures.collection = options.search.collection;
+  options.pictures.decode = options.engine.extraction.decode;
+  const bool drawn = WriteQueryPictures(engine, bytes, result, options.pictures);
+  if (!explain) {  // it was for the pictures only
+    for (Hit& hit : result.hits) hit.explanation.reset();
+  }
   if (options.json) {
     Print(SearchResultJson(result, took_ms));
   } else {
     PrintText(engine, options, result, took_ms);
     PrintExplanations(result);
   }
-  return ExitStatus::kDone;
+  return drawn ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
 template <typename Enum>
@@ -145,6 +157,13 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--explain", search.explain,
                 "with every hit: why it is one, its matched points and the map of its surface");
+  app->add_option("--draw", options->pictures.draw,
+                  "draw the query and its hits with outlines and matching points to this PNG file")
+      ->type_name("FILE");
+  app->add_option("--unwarp", options->pictures.unwarp,
+                  "draw the object laid flat beside the hit: the best verified hit to a PNG file, "
+                  "or all of them into a folder")
+      ->type_name("FILE|DIR");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

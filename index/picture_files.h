@@ -1,13 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which files below the given folders are pictures, and what they show.
+// Which files below the given folders are pictures, what they show, and their bytes.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
-namespace pliant::cli {
+#include "descriptor/error.h"
+
+namespace pliant {
 
 enum class ObjectFrom {
   kAuto,    // kStem for a single folder without sub-folders that hold pictures, else kFolder
@@ -39,4 +42,15 @@ struct PictureFiles {
 // Throws kNotFound for an input that does not exist.
 PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
-}  // namespace pliant::cli
+// Whether a regular file has a picture's name (of any type, also one that Pliant does not read:
+// such a file is then refused with a reason instead of being overlooked) or a picture's content.
+bool LooksLikePicture(const std::filesystem::path& path);
+
+// The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`.
+std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
+
+// Whether an error is the fault of one picture (unreadable, no picture, too few features), so that
+// the job goes on without it, and not of all (disk full, database busy, model mismatch).
+bool ConcernsOnePicture(ErrorCode code);
+
+}  // namespace pliant

@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/picture_files.h"
+#include "index/picture_files.h"
 
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <fstream>
 #include <set>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include <sys/stat.h>
@@ -16,7 +18,7 @@
 #include "descriptor/image.h"
 #include "index/text.h"
 
-namespace pliant::cli {
+namespace pliant {
 namespace {
 
 namespace fs = std::filesystem;
@@ -56,7 +58,7 @@ class Walk {
     if (fs::is_directory(status)) {
       VisitFolder(path, depth);
     } else if (fs::is_regular_file(status)) {
-      if (depth == 0 || HasPictureName(path) || HasPictureContent(path)) {
+      if (depth == 0 || LooksLikePicture(path)) {
         found_.push_back({path, depth});
       }
     } else if (depth == 0) {
@@ -113,6 +115,10 @@ std::string ObjectOf(const fs::path& path, ObjectFrom object_from) {
 
 }  // namespace
 
+bool LooksLikePicture(const fs::path& path) {
+  return HasPictureName(path) || HasPictureContent(path);
+}
+
 PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object_from) {
   Walk walk;
   for (const fs::path& input : inputs) walk.Visit(input, 0);
@@ -133,4 +139,40 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
   return files;
 }
 
-}  // namespace pliant::cli
+std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes) {
+  const auto fail = [&](const std::string& why) {
+    throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read: " + why);
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (error) fail(error.message());
+  if (!fs::is_regular_file(status)) fail("it is no regular file");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) fail(std::generic_category().message(errno));
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) fail(error.message());
+  if (size > static_cast<std::uintmax_t>(max_bytes)) {
+    throw Error(ErrorCode::kTooLarge, "image_too_large",
+                path.string() + " has " + std::to_string(size) + " bytes; the limit is " +
+                    std::to_string(max_bytes));
+  }
+  std::vector<std::uint8_t> bytes(size);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
+  if (file.bad()) fail(std::generic_category().message(errno));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));  // it may have shrunk meanwhile
+  return bytes;
+}
+
+bool ConcernsOnePicture(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kUnsupportedMediaType:
+    case ErrorCode::kTooLarge:
+    case ErrorCode::kUnprocessable:
+    case ErrorCode::kInvalidArgument:
+      return true;
+    default:
+      return false;
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant eval retrieval DIR
+#include <memory>
+
+#include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
+#include "index/cli/eval_retrieval_output.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+#include "index/cli/write_file.h"
+
+namespace pliant::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  RetrievalOptions retrieval;
+  fs::path folder;
+  RetrievalLayout layout = RetrievalLayout::kAuto;
+  std::vector<fs::path> distractors;
+  std::vector<fs::path> peers;
+  fs::path csv;
+  fs::path plot;
+  bool json = false;
+  bool list = false;
+};
+
+// Pictures are counted; the steps after them, each short, are named by the line's unit.
+class Steps {
+ public:
+  void Tell(const std::string& what, std::size_t done, std::size_t total) {
+    const std::lock_guard lock(mutex_);
+    if (what != what_) {
+      line_.reset();  // two at once would overwrite each other
+      line_ = std::make_unique<Progress>(what);
+      what_ = what;
+    }
+    line_->Count(done, total);
+  }
+
+ private:
+  std::mutex mutex_;  // guards the rest
+  std::string what_;
+  std::unique_ptr<Progress> line_;
+};
+
+ExitStatus Run(Options& options) {
+  const RetrievalSet set = ReadRetrievalSet(options.folder, options.layout, options.distractors);
+  if (options.list) {
+    for (const SkippedFile& file : set.skipped)
+      Message("skipped " + file.file + ": " + file.reason);
+    Print(RetrievalSetJson(set));
+    return set.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+  }
+  const Interrupt interrupt;
+  options.retrieval.stop = interrupt.token();
+  RetrievalReport report;
+  {
+    Steps steps;
+    options.retrieval.progress = [&](const std::string& what, std::size_t done, std::size_t total) {
+      steps.Tell(what, done, total);
+    };
+    report = EvaluateRetrieval(set, options.retrieval);
+  }
+  for (const fs::path& file : options.peers) AddPeers(file, &report);
+  for (const SkippedFile& file : report.skipped) {
+    Message("skipped " + file.file + ": " + file.reason);
+  }
+  if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
+  if (!options.plot.empty()) {
+    const std::vector<std::uint8_t> png = EncodePng(DrawPlots(RetrievalPlots(report)));
+    WriteFile(options.plot,
+              std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
+  }
+  Print(options.json ? RetrievalReportJson(report) : RetrievalReportText(report));
+  return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
+void AddSetFlags(CLI::App& app, Options& options) {
+  app.add_option("DIR", options.folder, "the pictures")->required();
+  app.add_option("--layout", options.layout,
+                 "how DIR names objects and queries; default: told from its names")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, RetrievalLayout>{{"auto", RetrievalLayout::kAuto},
+                                                 {"objects", RetrievalLayout::kObjects},
+                                                 {"ukbench", RetrievalLayout::kUkbench},
+                                                 {"pairs", RetrievalLayout::kPairs},
+                                                 {"labels", RetrievalLayout::kLabels}}))
+      ->option_text("auto|objects|ukbench|pairs|labels");
+  app.add_option("--distractors", options.distractors,
+                 "folder of pictures that show none of the objects; may be given more than once")
+      ->allow_extra_args(false)
+      ->type_name("DIR");
+}
+
+void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
+  app.add_option("--protocol", retrieval.protocols,
+                 "paper: 10 words, histograms; default: what query does; unverified: the same "
+                 "without verification (default: paper,default)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, RetrievalProtocol>{{"paper", RetrievalProtocol::kPaper},
+                                                   {"default", RetrievalProtocol::kDefault},
+                                                   {"unverified", RetrievalProtocol::kUnverified}}))
+      ->option_text("paper,default,unverified");
+  app.add_option("--seeds", retrieval.seeds, "vocabularies trained for each row")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--words", retrieval.words,
+                 "sizes of the vocabulary, each a row (not the paper's); 0 = as index chooses")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option(
+         "--sample", retrieval.sample,
+         "descriptors that vocabularies are trained on (not the paper's); 0 = as index does")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app.add_option("--cache", retrieval.cache,
+                 "keep the features in this folder, so that the next run is quick")
+      ->type_name("DIR");
+}
+
+}  // namespace
+
+void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  RetrievalOptions& retrieval = options->retrieval;
+  CLI::App* app = eval.add_subcommand(
+      "retrieval", "Ask for pictures of known objects among others, and count the right answers");
+  AddSetFlags(*app, *options);
+  AddDescriptorListFlags(*app, retrieval.descriptors, retrieval.descriptor_options,
+                         retrieval.extraction);
+  AddRunFlags(*app, retrieval);
+  app->add_option(
+         "--peers", options->peers,
+         "results of another program on the same pictures, to be listed as well; may be given "
+         "more than once")
+      ->allow_extra_args(false)
+      ->type_name("FILE");
+  app->add_option("--csv", options->csv, "write the table to this file")->type_name("FILE");
+  app->add_option("--plot", options->plot, "draw accuracy over K to this PNG file")
+      ->type_name("FILE");
+  app->add_flag("--list", options->list,
+                "measure nothing; print which pictures would be asked for and searched, as JSON");
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

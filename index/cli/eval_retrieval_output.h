@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The retrieval report as text, JSON and CSV, and results of peers in the same JSON form.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "index/cli/plot.h"
+#include "index/evaluation/retrieval_evaluation.h"
+
+namespace pliant::cli {
+
+// Accuracy and times, a row for each descriptor and protocol.
+std::string RetrievalReportText(const RetrievalReport& report);
+
+// One document: {"layout", "pictures", "distractors", "queries", "objects", "seeds", "results":
+// [{"descriptor", "protocol", "words", "accuracy_at": [20], "map", "top1", "mrr", "ns_score",
+// "object_top1", "object_mrr", "spread": {...}, "seconds_per_query", "milliseconds": {...},
+// "bytes_per_picture": {...}}], "skipped": [{"file", "reason", "code"}], "seconds"}.
+std::string RetrievalReportJson(const RetrievalReport& report);
+
+// A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
+std::string RetrievalReportCsv(const RetrievalReport& report);
+
+// Accuracy over K, a chart a protocol with a curve for each descriptor (the paper's figure of its
+// retrieval experiment); bars: the spread over seeds.
+std::vector<Plot> RetrievalPlots(const RetrievalReport& report);
+
+// What would be measured, for scripts that ask other programs the same: {"layout", "counts_itself",
+// "pictures": [{"file", "object" or null, "query", "searched"}]}.
+std::string RetrievalSetJson(const RetrievalSet& set);
+
+// Adds the results in a file of the form above (what tests/accuracy's scripts for other programs
+// write). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form, and
+// kConflict "peers_differ" when they were measured with other numbers of pictures or queries.
+void AddPeers(const std::filesystem::path& file, RetrievalReport* report);
+
+}  // namespace pliant::cli

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What `pliant query --draw` and `--unwarp` write.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "index/engine.h"
+
+namespace pliant::cli {
+
+struct QueryPictureOptions {
+  std::filesystem::path draw;    // PNG file; empty = none
+  std::filesystem::path unwarp;  // PNG file for the best verified hit, else a folder for all
+  std::string collection = kDefaultCollection;
+  DecodeOptions decode;  // its limits; sizes and colour are set here
+};
+
+// Writes what is asked for, from a result with explanations. false: no hit was verified, so that
+// there was nothing to unwarp (said on standard error). Throws kNoSpace "write_failed".
+bool WriteQueryPictures(Engine& engine, Bytes query, const SearchResult& result,
+                        const QueryPictureOptions& options);
+
+}  // namespace pliant::cli

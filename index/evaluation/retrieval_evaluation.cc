@@ -1,0 +1,245 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/evaluation/retrieval_evaluation.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <set>
+#include <system_error>
+
+#include <stdlib.h>
+
+#include "descriptor/error.h"
+#include "descriptor/sha256.h"
+#include "index/text.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kPaperWords = 10;
+constexpr int kPaperSample = 10'000;
+constexpr std::size_t kKeyDigits = 12;
+
+[[noreturn]] void ThrowInvalid(const std::string& field, const std::string& message) {
+  throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
+}
+
+void Validate(const RetrievalOptions& options) {
+  if (options.descriptors.empty()) ThrowInvalid("descriptors", "must name one at least");
+  if (options.protocols.empty()) ThrowInvalid("protocols", "must name one at least");
+  if (options.words.empty()) ThrowInvalid("words", "must name one size at least");
+  if (options.seeds < 1) ThrowInvalid("seeds", "must be 1 or more");
+  if (options.sample < 0) ThrowInvalid("sample", "must not be negative");
+  if (options.jobs < 0) ThrowInvalid("jobs", "must not be negative");
+  for (const int words : options.words) {
+    if (words < 0) ThrowInvalid("words", "must not be negative");
+  }
+}
+
+// Where the databases lie: a folder that stays, or one that goes with this object.
+class Workplace {
+ public:
+  explicit Workplace(const fs::path& cache) : path_(cache), stays_(!cache.empty()) {
+    std::error_code error;
+    if (stays_) {
+      fs::create_directories(path_, error);
+      if (error) Fail(error.message());
+      return;
+    }
+    std::string name = (fs::temp_directory_path() / "pliant-eval-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      path_ = name;
+      Fail(std::generic_category().message(errno));
+    }
+    path_ = name;
+  }
+  ~Workplace() {
+    std::error_code ignored;  // what stays behind in the system's folder for that harms nobody
+    if (!stays_) fs::remove_all(path_, ignored);
+  }
+  Workplace(const Workplace&) = delete;
+  Workplace& operator=(const Workplace&) = delete;
+
+  bool stays() const { return stays_; }
+
+  // One file for all that would be described alike.
+  fs::path Database(const DescriptorInfo& info, const ExtractionOptions& extraction) const {
+    const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
+                             '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
+                             std::to_string(extraction.keypoints.keep_repeated_orientations);
+    const std::string key =
+        Sha256Hex({reinterpret_cast<const std::uint8_t*>(what.data()), what.size()});
+    return path_ / (info.name + '-' + key.substr(0, kKeyDigits) + ".db");
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& why) const {
+    throw Error(ErrorCode::kNoSpace, "folder_unwritable",
+                "cannot make the folder " + ToDisplayText(path_.string()) + ": " + why);
+  }
+
+  fs::path path_;
+  bool stays_;
+};
+
+SearchOptions ToSearchOptions(RetrievalProtocol protocol) {
+  SearchOptions search;
+  if (protocol == RetrievalProtocol::kPaper) {
+    search.rank = RankMethod::kHistogram;
+    search.verify = Verification::kNone;
+  } else if (protocol == RetrievalProtocol::kUnverified) {
+    search.verify = Verification::kNone;
+  }
+  return search;
+}
+
+// One descriptor, all protocols and vocabularies.
+class Run {
+ public:
+  Run(RetrievalGallery& gallery, std::string descriptor, const RetrievalOptions& options)
+      : gallery_(gallery), descriptor_(std::move(descriptor)), options_(options) {
+    Tell("timing " + descriptor_, 0, 0);
+    gallery_.TimeExtraction(&extraction_);
+  }
+
+  void Measure(std::vector<RetrievalResult>* results) {
+    std::vector<RetrievalProtocol> large;
+    for (const RetrievalProtocol protocol : options_.protocols) {
+      if (protocol == RetrievalProtocol::kPaper) {
+        MeasureWith(kPaperWords, kPaperSample, {protocol}, results);
+      } else {
+        large.push_back(protocol);
+      }
+    }
+    if (large.empty()) return;
+    for (const int words : options_.words) MeasureWith(words, options_.sample, large, results);
+  }
+
+ private:
+  // Protocols that share their vocabularies.
+  void MeasureWith(int words, int sample, const std::vector<RetrievalProtocol>& protocols,
+                   std::vector<RetrievalResult>* results) {
+    std::vector<RetrievalResult> rows(protocols.size());
+    std::vector<std::vector<RetrievalMetrics>> runs(protocols.size());
+    for (int seed = 1; seed <= options_.seeds; ++seed) {
+      Tell("training vocabularies for " + descriptor_, seed, options_.seeds);
+      const std::size_t size =
+          gallery_.UseNewVocabulary(words, sample, static_cast<std::uint64_t>(seed));
+      for (std::size_t p = 0; p < protocols.size(); ++p) {
+        Tell("asking with " + descriptor_ + ", " + ToString(protocols[p]) + ", seed", seed,
+             options_.seeds);
+        const SearchOptions search = ToSearchOptions(protocols[p]);
+        runs[p].push_back(MeasureAll(gallery_.Ask(search)));
+        if (seed == 1) Describe(protocols[p], size, search, &rows[p]);
+      }
+    }
+    for (std::size_t p = 0; p < protocols.size(); ++p) {
+      rows[p].mean = Mean(runs[p]);
+      rows[p].spread = Spread(runs[p]);
+      if (gallery_.set().layout == RetrievalLayout::kUkbench) rows[p].ns_score = rows[p].mean.ns;
+      results->push_back(std::move(rows[p]));
+    }
+  }
+
+  static RetrievalMetrics MeasureAll(const std::vector<RetrievalAnswer>& answers) {
+    std::vector<RetrievalMetrics> all;
+    for (const RetrievalAnswer& answer : answers) all.push_back(MeasureAnswer(answer));
+    return Mean(all);
+  }
+
+  // What is the same for every seed, or measured with the first only.
+  void Describe(RetrievalProtocol protocol, std::size_t words, const SearchOptions& search,
+                RetrievalResult* row) {
+    row->descriptor = descriptor_;
+    row->protocol = ToString(protocol);
+    row->words = words;
+    row->times = extraction_;
+    const ObjectAnswer object = gallery_.AskForObjects(search, &row->times);
+    const auto& pictures = gallery_.set().pictures;
+    if (std::none_of(pictures.begin(), pictures.end(), [](const RetrievalPicture& picture) {
+          return picture.is_query && picture.is_searched;
+        })) {
+      row->object = object;
+    }
+    row->stored_bytes_per_picture = gallery_.StoredBytesPerPicture();
+    row->index_bytes_per_picture = gallery_.IndexBytesPerPicture();
+  }
+
+  void Tell(const std::string& what, int done, int total) const {
+    if (options_.progress) {
+      options_.progress(what, static_cast<std::size_t>(done), static_cast<std::size_t>(total));
+    }
+  }
+
+  RetrievalGallery& gallery_;
+  std::string descriptor_;
+  const RetrievalOptions& options_;
+  RetrievalTimes extraction_;
+};
+
+void DescribeSet(const RetrievalSet& set, RetrievalReport* report) {
+  report->layout = set.layout;
+  report->pictures = report->distractors = report->queries = 0;
+  std::set<std::string> objects;
+  for (const RetrievalPicture& picture : set.pictures) {
+    report->pictures += picture.is_searched ? 1 : 0;
+    report->queries += picture.is_query ? 1 : 0;
+    report->distractors += picture.object.empty() ? 1 : 0;
+    if (!picture.object.empty()) objects.insert(picture.object);
+  }
+  report->objects = objects.size();
+  for (const SkippedFile& file : set.skipped) {  // descriptors mostly skip the same
+    const bool known = std::any_of(report->skipped.begin(), report->skipped.end(),
+                                   [&](const SkippedFile& one) { return one.file == file.file; });
+    if (!known) report->skipped.push_back(file);
+  }
+}
+
+}  // namespace
+
+const char* ToString(RetrievalProtocol protocol) {
+  switch (protocol) {
+    case RetrievalProtocol::kPaper:
+      return "paper";
+    case RetrievalProtocol::kDefault:
+      return "default";
+    case RetrievalProtocol::kUnverified:
+      return "unverified";
+  }
+  return "unknown";
+}
+
+RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOptions& options) {
+  Validate(options);
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<std::shared_ptr<const Descriptor>> descriptors;  // all, before the long work begins
+  for (const std::string& name : options.descriptors) {
+    descriptors.push_back(MakeDescriptor(name, options.descriptor_options));
+  }
+  const Workplace workplace(options.cache);
+  RetrievalReport report;
+  report.seeds = options.seeds;
+  for (const auto& descriptor : descriptors) {
+    const DescriptorInfo& info = descriptor->info();
+    RetrievalGalleryOptions gallery_options;
+    gallery_options.descriptor = descriptor;
+    gallery_options.extraction = options.extraction;
+    gallery_options.database = workplace.Database(info, options.extraction);
+    gallery_options.keep_features = workplace.stays();
+    gallery_options.jobs = options.jobs;
+    gallery_options.stop = options.stop;
+    gallery_options.progress = [&](std::size_t done, std::size_t total) {
+      if (options.progress) options.progress("describing with " + info.name, done, total);
+    };
+    RetrievalGallery gallery(set, gallery_options);
+    Run(gallery, info.name, options).Measure(&report.results);
+    DescribeSet(gallery.set(), &report);
+  }
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return report;
+}
+
+}  // namespace pliant

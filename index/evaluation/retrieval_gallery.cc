@@ -1,0 +1,218 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/evaluation/retrieval_gallery.h"
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "descriptor/error.h"
+#include "descriptor/parallel.h"
+#include "descriptor/sha256.h"
+#include "index/blob_codec.h"
+#include "index/text.h"
+
+namespace pliant {
+namespace {
+
+constexpr const char* kSearched = "gallery";  // collections
+constexpr const char* kQueries = "queries";
+constexpr const char* kFeatures = "features";  // of all pictures ever, when they are kept
+
+constexpr std::size_t kTimedQueries = 20;
+constexpr std::size_t kSizedPictures = 100;
+constexpr std::size_t kIdDigits = 32;
+
+EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
+  EngineOptions engine;
+  engine.database = options.database;
+  engine.custom_descriptor = options.descriptor;
+  engine.extraction = options.extraction;
+  engine.keep_originals = false;
+  return engine;
+}
+
+// The engine's own ids are the pictures' hashes; pictures with the same bytes are told apart here.
+void NumberRepeats(std::vector<std::string>* ids) {
+  std::map<std::string, int> seen;
+  for (std::string& id : *ids) {
+    const int repeat = seen[id]++;
+    if (repeat > 0) id += '-' + std::to_string(repeat);
+  }
+}
+
+}  // namespace
+
+RetrievalGallery::RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options)
+    : set_(std::move(set)), options_(std::move(options)), engine_(ToEngineOptions(options_)) {
+  for (const char* collection : {kSearched, kQueries}) {
+    engine_.RemoveCollection(collection);
+    engine_.CreateCollection(collection);
+  }
+  if (options_.keep_features) engine_.CreateCollection(kFeatures);
+  Fill();
+  possible_ = CountRightAnswers(set_);
+  for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
+    if (set_.pictures[i].is_query) queries_.push_back(i);
+  }
+}
+
+void RetrievalGallery::Fill() {
+  const std::size_t total = set_.pictures.size();
+  std::vector<std::optional<SkippedFile>> failures(total);
+  std::vector<std::string> ids(total);
+  // Runs work(i, bytes) for each picture that is still in; notes those that cannot be used.
+  const auto for_each = [&](const auto& work) {
+    ParallelFor(total, options_.jobs, [&](std::size_t i) {
+      ThrowIfStopped();
+      if (failures[i]) return;
+      const std::filesystem::path& path = set_.pictures[i].path;
+      try {
+        work(i, ReadFile(path, options_.extraction.decode.max_bytes));
+      } catch (const Error& error) {
+        if (error.reason() != "cannot_read" && !ConcernsOnePicture(error.code())) throw;
+        failures[i] = {ToDisplayText(path.string()), error.reason(), ToDisplayText(error.what())};
+      }
+    });
+  };
+  for_each([&](std::size_t i, Bytes bytes) { ids[i] = Sha256Hex(bytes).substr(0, kIdDigits); });
+  NumberRepeats(&ids);
+  std::atomic<std::size_t> done{0};
+  for_each([&](std::size_t i, Bytes bytes) {
+    Add(set_.pictures[i], ids[i], bytes);
+    const std::size_t now = ++done;
+    if (options_.progress) options_.progress(now, total);
+  });
+  std::map<std::filesystem::path, std::string> id_of;
+  std::vector<RetrievalPicture> kept;
+  for (std::size_t i = 0; i < total; ++i) {
+    if (failures[i]) {
+      set_.skipped.push_back(*std::move(failures[i]));
+    } else {
+      id_of[set_.pictures[i].path] = std::move(ids[i]);
+      kept.push_back(std::move(set_.pictures[i]));
+    }
+  }
+  set_.pictures = std::move(kept);
+  CheckRetrievalSet(&set_);  // may take out more
+  for (const RetrievalPicture& picture : set_.pictures) ids_.push_back(id_of[picture.path]);
+}
+
+void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes) {
+  AddRequest request;
+  request.bytes = bytes;
+  request.id = id;
+  if (options_.keep_features) {  // the others then find the features there, by the same bytes
+    request.collection = kFeatures;
+    engine_.Add(request);
+  }
+  request.object = picture.object;
+  if (picture.is_searched) {
+    request.collection = kSearched;
+    engine_.Add(request);
+  }
+  if (picture.is_query) {
+    request.collection = kQueries;
+    engine_.Add(request);
+  }
+}
+
+void RetrievalGallery::ThrowIfStopped() const {
+  if (!options_.stop.stop_requested()) return;
+  throw Error(ErrorCode::kCancelled, "evaluation_cancelled", "stopped on request");
+}
+
+std::size_t RetrievalGallery::UseNewVocabulary(int words, int sample, std::uint64_t seed) {
+  TrainOptions train;
+  train.collection = kSearched;
+  train.words = words;
+  if (sample > 0) train.sample = sample;
+  train.seed = seed;
+  train.stop = options_.stop;
+  const VocabularyRecord vocabulary = engine_.TrainVocabulary(train);
+  engine_.UseVocabulary(kSearched, vocabulary.id);
+  return vocabulary.words;
+}
+
+Features RetrievalGallery::QueryFeatures(std::size_t picture) {
+  ThrowIfStopped();
+  return engine_.GetFeatures(kQueries, ids_[picture]);
+}
+
+std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search) {
+  search.collection = kSearched;
+  search.group_by = GroupBy::kImage;
+  search.limit = 0;
+  std::vector<RetrievalAnswer> answers;
+  for (const std::size_t q : queries_) {
+    RetrievalAnswer answer;
+    answer.possible = possible_[q];
+    const std::string& object = set_.pictures[q].object;
+    for (const Hit& hit : engine_.SearchFeatures(QueryFeatures(q), search).hits) {
+      if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
+      answer.right.push_back(hit.object == object);
+    }
+    answers.push_back(std::move(answer));
+  }
+  return answers;
+}
+
+ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search, RetrievalTimes* times) {
+  search.collection = kSearched;
+  ObjectAnswer mean;
+  const double share = 1.0 / static_cast<double>(queries_.size());
+  for (const std::size_t q : queries_) {
+    const SearchResult result = engine_.SearchFeatures(QueryFeatures(q), search);
+    times->quantize += share * result.timings.quantize_ms;
+    times->rank += share * result.timings.rank_ms;
+    times->verify += share * result.timings.verify_ms;
+    for (const Hit& hit : result.hits) {
+      if (hit.object != set_.pictures[q].object) continue;
+      mean.mrr += share / static_cast<double>(hit.rank);
+      if (hit.rank == 1) mean.top1 += share;
+      break;
+    }
+  }
+  return mean;
+}
+
+void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
+  const FeatureExtractor extractor(options_.descriptor, options_.extraction);
+  const std::size_t count = std::min(queries_.size(), kTimedQueries);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto bytes =
+        ReadFile(set_.pictures[queries_[i]].path, options_.extraction.decode.max_bytes);
+    ExtractionTimings passed;
+    extractor.Extract(bytes, 0, &passed);
+    times->decode += passed.decode_ms / static_cast<double>(count);
+    times->detect += passed.detect_ms / static_cast<double>(count);
+    times->describe += passed.describe_ms / static_cast<double>(count);
+  }
+}
+
+double RetrievalGallery::StoredBytesPerPicture() {
+  std::vector<std::string> searched;
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    if (set_.pictures[i].is_searched) searched.push_back(ids_[i]);
+  }
+  const std::size_t step = std::max<std::size_t>(1, searched.size() / kSizedPictures);
+  double bytes = 0;
+  double pictures = 0;
+  for (std::size_t i = 0; i < searched.size(); i += step) {
+    bytes +=
+        static_cast<double>(EncodeFeatures(engine_.GetFeatures(kSearched, searched[i])).size());
+    ++pictures;
+  }
+  return bytes / pictures;
+}
+
+double RetrievalGallery::IndexBytesPerPicture() {
+  const auto searched =
+      std::count_if(set_.pictures.begin(), set_.pictures.end(),
+                    [](const RetrievalPicture& picture) { return picture.is_searched; });
+  return static_cast<double>(engine_.Stats().index_bytes) / static_cast<double>(searched);
+}
+
+}  // namespace pliant

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A retrieval set described by one descriptor, in a database of the engine: what is measured is the
+// product, not a copy of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "index/engine.h"
+#include "index/evaluation/retrieval_metrics.h"
+#include "index/evaluation/retrieval_set.h"
+
+namespace pliant {
+
+struct RetrievalGalleryOptions {
+  std::shared_ptr<const Descriptor> descriptor;
+  ExtractionOptions extraction;
+  std::filesystem::path database;  // made when it is not there
+  // Keep the features of all pictures in the database, so that the next run with it describes only
+  // new ones. Pictures and vocabularies of the last run are dropped either way.
+  bool keep_features = false;
+  int jobs = 0;                                                       // threads; 0 = one a core
+  std::function<void(std::size_t done, std::size_t total)> progress;  // pictures; from any thread
+  std::stop_token stop;
+};
+
+// Mean milliseconds a query.
+struct RetrievalTimes {
+  double decode = 0, detect = 0, describe = 0;
+  double quantize = 0, rank = 0, verify = 0;
+
+  double total() const { return decode + detect + describe + quantize + rank + verify; }
+};
+
+// How a query with object grouping and default page fares: what `pliant query` prints first.
+struct ObjectAnswer {
+  double top1 = 0;  // the first object is right
+  double mrr = 0;   // 1 / rank of the right object; 0 when it is not on the page
+};
+
+// Not thread-safe.
+class RetrievalGallery {
+ public:
+  // Describes and stores all pictures. Those that are unreadable or have too few features are taken
+  // out of the set and named in its `skipped`. Throws what Engine throws when all are concerned,
+  // kCancelled on a stop, and what CheckRetrievalSet throws for what is left.
+  RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
+
+  const RetrievalSet& set() const { return set_; }
+
+  // Trains a vocabulary as `pliant index` does (TrainOptions's own choice when words or sample is
+  // 0) and searches with it from now on. Returns its size.
+  std::size_t UseNewVocabulary(int words, int sample, std::uint64_t seed);
+
+  // Every query's answer by picture, under `search` (collection, grouping and paging are set here).
+  std::vector<RetrievalAnswer> Ask(SearchOptions search);
+
+  // The same by object on the first page, with the times of quantisation, ranking and verification.
+  // Only for sets whose queries are not searched themselves are the ranks worth anything.
+  ObjectAnswer AskForObjects(SearchOptions search, RetrievalTimes* times);
+
+  // Decoding, detection and description of the first queries (20 at most), one at a time.
+  void TimeExtraction(RetrievalTimes* times);
+
+  double StoredBytesPerPicture();  // key points and descriptors, mean of 100 pictures
+  double IndexBytesPerPicture();   // of the inverted index in memory
+
+ private:
+  void Fill();
+  void Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes);
+  void ThrowIfStopped() const;
+  Features QueryFeatures(std::size_t picture);
+
+  RetrievalSet set_;
+  RetrievalGalleryOptions options_;
+  Engine engine_;
+  std::vector<std::size_t> queries_;   // positions in set_.pictures
+  std::vector<std::size_t> possible_;  // right answers, by position
+  std::vector<std::string> ids_;       // by position
+};
+
+}  // namespace pliant

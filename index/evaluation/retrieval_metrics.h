@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// How good the answers of a search are.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace pliant {
+
+// One query's answer: what came back, best first, and what could have.
+struct RetrievalAnswer {
+  std::vector<bool> right;   // whether the picture at each rank shows the query's object
+  std::size_t possible = 0;  // right pictures in the gallery, found or not; 1 or more
+};
+
+inline constexpr std::size_t kAccuracyRanks = 20;
+inline constexpr std::size_t kNsRanks = 4;
+
+struct RetrievalMetrics {
+  // [K - 1]: right pictures among the first K, by K (the paper, section 4.3); ranks that the answer
+  // does not reach count as wrong.
+  std::array<double, kAccuracyRanks> accuracy_at = {};
+  double map = 0;   // mean average precision; right pictures that are missing count as 0
+  double top1 = 0;  // the first picture is right
+  double mrr = 0;   // 1 / rank of the first right picture; 0 when there is none
+  double ns = 0;    // right pictures among the first four, 0..4 (UKBench's N-S score)
+};
+
+// Of one query. Throws kInvalidArgument when nothing is possible, or more is right than possible.
+RetrievalMetrics MeasureAnswer(const RetrievalAnswer& answer);
+
+// Field by field. All zero for nothing.
+RetrievalMetrics Mean(std::span<const RetrievalMetrics> all);
+
+// Sample standard deviation, field by field; zero for fewer than two.
+RetrievalMetrics Spread(std::span<const RetrievalMetrics> all);
+
+}  // namespace pliant

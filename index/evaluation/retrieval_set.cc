@@ -1,0 +1,261 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/evaluation/retrieval_set.h"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "descriptor/error.h"
+#include "index/text.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kUkbenchName = "ukbench";
+constexpr std::size_t kUkbenchDigits = 5;
+constexpr unsigned long kUkbenchViews = 4;
+
+[[noreturn]] void ThrowUnprocessable(const std::string& reason, const std::string& message) {
+  throw Error(ErrorCode::kUnprocessable, reason, message);
+}
+
+// The number in ukbenchNNNNN.jpg.
+std::optional<unsigned long> UkbenchNumber(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  if (stem.size() != kUkbenchName.size() + kUkbenchDigits || !stem.starts_with(kUkbenchName))
+    return std::nullopt;
+  const std::string digits = stem.substr(kUkbenchName.size());
+  if (!std::all_of(digits.begin(), digits.end(), [](unsigned char c) { return std::isdigit(c); }))
+    return std::nullopt;
+  return std::stoul(digits);
+}
+
+bool IsAsciiAlnum(char c) {
+  return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+// "mug12" of "mug12_front.jpg" and of "mug12-3.jpg".
+std::string Label(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  const auto end =
+      std::find_if(stem.begin(), stem.end(), [](char c) {  // letters beyond ASCII are letters too
+        return !IsAsciiAlnum(c) && (static_cast<unsigned char>(c) & 0x80) == 0;
+      });
+  return ToDisplayText(end == stem.begin() ? stem : std::string(stem.begin(), end));
+}
+
+bool IsReference(const fs::path& file) {
+  std::string start = file.filename().string().substr(0, 3);
+  std::transform(start.begin(), start.end(), start.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return start == "ref";
+}
+
+class Reader {
+ public:
+  Reader(fs::path folder, RetrievalSet* set) : folder_(std::move(folder)), set_(*set) {
+    std::error_code error;
+    if (!fs::is_directory(folder_, error)) {
+      throw Error(ErrorCode::kNotFound, "folder_not_found",
+                  DisplayPath() + " is no folder that can be read");
+    }
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+      if (entry.path().filename().native().starts_with('.')) continue;
+      if (entry.is_directory()) {
+        folders_.push_back(entry.path());
+      } else if (LooksLikePicture(entry.path())) {
+        files_.push_back(entry.path());
+      }
+    }
+    std::sort(folders_.begin(), folders_.end());
+    std::sort(files_.begin(), files_.end());
+  }
+
+  RetrievalLayout Guess() const {
+    if (Has("query") && Has("gallery")) return RetrievalLayout::kPairs;
+    if (Has("query") && Has("ref")) return RetrievalLayout::kLabels;
+    if (std::any_of(files_.begin(), files_.end(),
+                    [](const fs::path& file) { return UkbenchNumber(file).has_value(); }))
+      return RetrievalLayout::kUkbench;
+    if (!folders_.empty()) return RetrievalLayout::kObjects;
+    ThrowUnprocessable(
+        "layout_unknown",
+        DisplayPath() + (files_.empty() ? " holds no pictures" : " has pictures but no folders") +
+            "; expected one folder an object, ukbenchNNNNN.jpg files, query/ and gallery/, or "
+            "query/ and ref/ (--layout objects, ukbench, pairs, labels)");
+  }
+
+  void ReadObjects() {
+    for (const fs::path& file : files_) Skip(file, "it lies in no object's folder");
+    bool has_references = false;
+    for (const fs::path& folder : folders_) {
+      const std::string object = ToDisplayText(folder.filename().string());
+      for (const fs::path& file : PicturesBelow(folder)) {
+        const bool reference = IsReference(file);
+        has_references = has_references || reference;
+        set_.pictures.push_back({file, object, reference, !reference});
+      }
+    }
+    if (has_references) return;
+    for (RetrievalPicture& picture : set_.pictures) picture.is_query = true;
+  }
+
+  void ReadUkbench() {
+    set_.counts_itself = true;
+    for (const fs::path& file : files_) {
+      const auto number = UkbenchNumber(file);
+      if (!number) {
+        Skip(file, "its name is not of the form ukbenchNNNNN.jpg");
+        continue;
+      }
+      set_.pictures.push_back({file, std::to_string(*number / kUkbenchViews), true, true});
+    }
+  }
+
+  template <typename Name>
+  void ReadFolders(const char* queries, const char* searched, const Name& name) {
+    for (const char* folder : {queries, searched}) {
+      if (!Has(folder)) {
+        ThrowUnprocessable("layout_unknown", DisplayPath() + " has no folder " + folder +
+                                                 "/, which this layout needs");
+      }
+    }
+    for (const fs::path& file : PicturesBelow(folder_ / queries)) {
+      set_.pictures.push_back({file, name(file), true, false});
+    }
+    for (const fs::path& file : PicturesBelow(folder_ / searched)) {
+      set_.pictures.push_back({file, name(file), false, true});
+    }
+  }
+
+  std::vector<fs::path> PicturesBelow(const fs::path& folder) {
+    PictureFiles found = FindPictures({folder}, ObjectFrom::kNone);
+    set_.skipped.insert(set_.skipped.end(), found.skipped.begin(), found.skipped.end());
+    std::vector<fs::path> files;
+    for (PictureFile& picture : found.pictures) files.push_back(std::move(picture.path));
+    return files;
+  }
+
+ private:
+  bool Has(const char* name) const {
+    return std::find(folders_.begin(), folders_.end(), folder_ / name) != folders_.end();
+  }
+  std::string DisplayPath() const { return ToDisplayText(folder_.string()); }
+  void Skip(const fs::path& file, const std::string& reason) {
+    set_.skipped.push_back({ToDisplayText(file.string()), "no_place_in_layout", reason});
+  }
+
+  fs::path folder_;
+  RetrievalSet& set_;
+  std::vector<fs::path> folders_;
+  std::vector<fs::path> files_;
+};
+
+}  // namespace
+
+const char* ToString(RetrievalLayout layout) {
+  switch (layout) {
+    case RetrievalLayout::kAuto:
+      return "auto";
+    case RetrievalLayout::kObjects:
+      return "objects";
+    case RetrievalLayout::kUkbench:
+      return "ukbench";
+    case RetrievalLayout::kPairs:
+      return "pairs";
+    case RetrievalLayout::kLabels:
+      return "labels";
+  }
+  return "unknown";
+}
+
+RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
+                              const std::vector<fs::path>& distractors) {
+  RetrievalSet set;
+  Reader reader(folder, &set);
+  set.layout = layout == RetrievalLayout::kAuto ? reader.Guess() : layout;
+  switch (set.layout) {
+    case RetrievalLayout::kUkbench:
+      reader.ReadUkbench();
+      break;
+    case RetrievalLayout::kPairs:
+      reader.ReadFolders("query", "gallery",
+                         [](const fs::path& file) { return ToDisplayText(file.stem().string()); });
+      break;
+    case RetrievalLayout::kLabels:
+      reader.ReadFolders("query", "ref", Label);
+      break;
+    default:
+      reader.ReadObjects();
+  }
+  for (const fs::path& more : distractors) {
+    const std::vector<fs::path> files = reader.PicturesBelow(more);
+    if (files.empty()) {
+      ThrowUnprocessable("no_distractors", ToDisplayText(more.string()) + " holds no pictures");
+    }
+    for (const fs::path& file : files) set.pictures.push_back({file, "", false, true});
+  }
+  CheckRetrievalSet(&set);
+  return set;
+}
+
+std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set) {
+  std::map<std::string, std::size_t> searched;
+  for (const RetrievalPicture& picture : set.pictures) {
+    if (picture.is_searched && !picture.object.empty()) ++searched[picture.object];
+  }
+  std::vector<std::size_t> right;
+  right.reserve(set.pictures.size());
+  for (const RetrievalPicture& picture : set.pictures) {
+    const auto found = searched.find(picture.object);
+    const std::size_t all = found == searched.end() ? 0 : found->second;
+    right.push_back(all - (picture.is_searched && !set.counts_itself && all > 0 ? 1 : 0));
+  }
+  return right;
+}
+
+void CheckRetrievalSet(RetrievalSet* set) {
+  const std::vector<std::size_t> right = CountRightAnswers(*set);
+  std::vector<RetrievalPicture> kept;
+  std::set<std::string> objects;
+  std::size_t queries = 0;
+  std::size_t searched = 0;
+  bool has_distractors = false;
+  for (std::size_t i = 0; i < set->pictures.size(); ++i) {
+    RetrievalPicture& picture = set->pictures[i];
+    if (picture.is_query && right[i] == 0) {
+      picture.is_query = false;
+      if (!picture.is_searched) {
+        set->skipped.push_back({ToDisplayText(picture.path.string()), "no_right_answer",
+                                "no searched picture shows the object " + picture.object});
+        continue;
+      }
+    }
+    queries += picture.is_query ? 1 : 0;
+    searched += picture.is_searched ? 1 : 0;
+    if (picture.object.empty()) {
+      has_distractors = true;
+    } else {
+      objects.insert(picture.object);
+    }
+    kept.push_back(std::move(picture));
+  }
+  set->pictures = std::move(kept);
+  const std::string layout = std::string(" (layout ") + ToString(set->layout) + ")";
+  if (searched == 0) ThrowUnprocessable("nothing_to_search", "no picture to search" + layout);
+  if (objects.size() == 1 && !has_distractors) {
+    ThrowUnprocessable("one_object", "all pictures show one object, " + *objects.begin() +
+                                         ", so every answer would be right" + layout);
+  }
+  if (queries == 0) {
+    ThrowUnprocessable("no_queries",
+                       "no query has a right answer among the searched pictures" + layout);
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,59 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Folders of pictures that measure retrieval: which picture shows which object, which ones are
+// asked for, and which ones are searched.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "index/picture_files.h"
+
+namespace pliant {
+
+enum class RetrievalLayout {
+  kAuto,  // told from the names in the folder
+  // DIR/<object>/*: files whose name starts with "ref" are the queries, the rest is searched;
+  // without such files every picture is searched for among all others.
+  kObjects,
+  // DIR/ukbenchNNNNN.*: object = NNNNN / 4; every picture is searched for among all, itself
+  // included (Nister and Stewenius, "Scalable Recognition with a Vocabulary Tree", CVPR 2006).
+  kUkbench,
+  kPairs,   // DIR/query/<id>.* and DIR/gallery/<id>.*
+  kLabels,  // DIR/query/* and DIR/ref/* (searched): object = leading letters and digits of the name
+};
+const char* ToString(RetrievalLayout layout);
+
+struct RetrievalPicture {
+  std::filesystem::path path;
+  std::string object;  // empty: a distractor, which is never a right answer
+  bool is_query = false;
+  bool is_searched = false;  // belongs to the gallery
+};
+
+struct RetrievalSet {
+  RetrievalLayout layout = RetrievalLayout::kObjects;
+  std::vector<RetrievalPicture> pictures;  // by name, distractors last
+  // A query that is searched itself counts as an answer to itself; otherwise it is left out of its
+  // own answers.
+  bool counts_itself = false;
+  std::vector<SkippedFile> skipped;  // files that the layout has no place for, and why
+};
+
+// Reads the names only, not the pictures. `distractors`: folders of pictures that show none of the
+// objects. Throws kNotFound for a folder that is not there, kUnprocessable "layout_unknown" and
+// what CheckRetrievalSet throws.
+RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayout layout,
+                              const std::vector<std::filesystem::path>& distractors = {});
+
+// For each picture of the set, how many other pictures (itself too when counts_itself) are right
+// answers to it.
+std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set);
+
+// Takes the role of query from pictures that have no right answer; those that are nothing else then
+// are named in `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries"
+// when nothing can be measured with what is left.
+void CheckRetrievalSet(RetrievalSet* set);
+
+}  // namespace pliant

@@ -1,0 +1,172 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Asks COLMAP's vocabulary-tree retriever (Debian's package colmap) what `pliant eval retrieval` asks
+Pliant, and writes its results in the same JSON form:
+
+    tests/accuracy/compare_colmap.py DIR --pliant build/release/bin/pliant --out colmap.json
+    pliant eval retrieval DIR --peers colmap.json
+
+COLMAP extracts SIFT as it does by default, trains a tree on the searched pictures, and ranks once by
+words alone and once with its own spatial verification of the best.
+"""
+import argparse
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+RANKS = 20
+HIT = re.compile(r"image_id=\d+, image_name=([^,]+), score=")
+
+
+def run(arguments, log):
+    """Runs a command; its output, which also goes to the log."""
+    environment = dict(os.environ, QT_QPA_PLATFORM="offscreen")
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=False)
+    log.write(" ".join(arguments) + "\n" + done.stdout + done.stderr)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(arguments)} ended with {done.returncode}:\n{done.stdout[-2000:]}"
+                 f"{done.stderr[-2000:]}")
+    return done.stdout
+
+
+def read_set(options):
+    """What is asked, from the program that will be compared."""
+    command = [options.pliant, "eval", "retrieval", str(options.folder), "--list"]
+    for folder in options.distractors:
+        command += ["--distractors", str(folder)]
+    if options.layout:
+        command += ["--layout", options.layout]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 3):
+        sys.exit(done.stderr)
+    return json.loads(done.stdout)
+
+
+def extract(pictures, work, options, log):
+    """Links the pictures under flat names and has COLMAP describe them. Names in pictures' order."""
+    images = work / "images"
+    images.mkdir()
+    names = []
+    for number, picture in enumerate(pictures):
+        source = pathlib.Path(picture["file"]).resolve()
+        names.append(f"{number:06d}{source.suffix}")
+        (images / names[-1]).symlink_to(source)
+    command = ["colmap", "feature_extractor", "--database_path", str(work / "colmap.db"),
+               "--image_path", str(images), "--SiftExtraction.use_gpu", "0",
+               "--SiftExtraction.num_threads", str(options.threads)]
+    if options.max_keypoints:
+        command += ["--SiftExtraction.max_num_features", str(options.max_keypoints)]
+    run(command, log)
+    return names
+
+
+def measure(answers, pictures, right):
+    """The metrics of index/evaluation/retrieval_metrics.h, mean over the queries."""
+    sums = {"map": 0.0, "top1": 0.0, "mrr": 0.0, "ns": 0.0}
+    accuracy = [0.0] * RANKS
+    for query, answer in answers.items():
+        hits = [pictures[hit]["object"] == pictures[query]["object"] for hit in answer]
+        found = 0
+        for rank in range(1, max(len(hits), RANKS) + 1):
+            if rank <= len(hits) and hits[rank - 1]:
+                found += 1
+                sums["map"] += found / rank / right[query]
+                sums["mrr"] += 1 / rank if found == 1 else 0
+                sums["ns"] += 1 if rank <= 4 else 0
+            if rank <= RANKS:
+                accuracy[rank - 1] += found / rank
+    count = len(answers)
+    means = {key: value / count for key, value in sums.items()}
+    means["accuracy_at"] = [value / count for value in accuracy]
+    means["top1"] = means["accuracy_at"][0]
+    return means
+
+
+def ask(verified, names, asked, work, options, log):
+    """Each query's answer as picture numbers, best first, and the seconds all queries took."""
+    command = ["colmap", "vocab_tree_retriever", "--database_path", str(work / "colmap.db"),
+               "--vocab_tree_path", str(work / "tree.bin"),
+               "--database_image_list_path", str(work / "searched.txt"),
+               "--query_image_list_path", str(work / "queries.txt"),
+               "--num_images_after_verification", str(verified)]
+    if options.max_keypoints:
+        command += ["--max_num_features", str(options.max_keypoints)]
+    start = time.monotonic()
+    output = run(command, log)
+    seconds = time.monotonic() - start
+    number_of = {name: number for number, name in enumerate(names)}
+    answers = {}
+    current = None
+    for line in output.splitlines():
+        if line.startswith("Querying for image"):
+            current = number_of[line.split()[3]]
+            answers[current] = []
+        elif (hit := HIT.search(line)) is not None:
+            answers[current].append(number_of[hit.group(1)])
+    if sorted(answers) != asked:
+        sys.exit(f"COLMAP answered {len(answers)} of {len(asked)} queries; see the log")
+    return answers, seconds
+
+
+def compare(work, options, log):
+    retrieval_set = read_set(options)
+    pictures = retrieval_set["pictures"]
+    names = extract(pictures, work, options, log)
+    searched = [i for i, picture in enumerate(pictures) if picture["searched"]]
+    asked = [i for i, picture in enumerate(pictures) if picture["query"]]
+    (work / "searched.txt").write_text("".join(names[i] + "\n" for i in searched))
+    (work / "queries.txt").write_text("".join(names[i] + "\n" for i in asked))
+    run(["colmap", "vocab_tree_builder", "--database_path", str(work / "colmap.db"),
+         "--vocab_tree_path", str(work / "tree.bin"), "--num_visual_words", str(options.words)],
+        log)
+    counts_itself = retrieval_set["counts_itself"]
+    right = {q: sum(pictures[i]["object"] == pictures[q]["object"] and (counts_itself or i != q)
+                    for i in searched) for q in asked}
+    results = []
+    for protocol, verified in (("words", 0), ("verified", options.verify)):
+        answers, seconds = ask(verified, names, asked, work, options, log)
+        if not counts_itself:
+            answers = {q: [i for i in answer if i != q] for q, answer in answers.items()}
+        means = measure(answers, pictures, right)
+        results.append({"descriptor": "colmap", "protocol": protocol, "words": options.words,
+                        "accuracy_at": means["accuracy_at"], "map": means["map"],
+                        "top1": means["top1"], "mrr": means["mrr"],
+                        "ns_score": means["ns"] if retrieval_set["layout"] == "ukbench" else None,
+                        "seconds_per_query": seconds / len(asked)})
+    return {"layout": retrieval_set["layout"], "pictures": len(searched), "queries": len(asked),
+            "results": results}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("folder", type=pathlib.Path, metavar="DIR")
+    parser.add_argument("--pliant", default="pliant", help="the program that reads the layout")
+    parser.add_argument("--layout")
+    parser.add_argument("--distractors", action="append", default=[], type=pathlib.Path)
+    parser.add_argument("--words", type=int, default=16384, help="visual words of the tree")
+    parser.add_argument("--verify", type=int, default=100, help="pictures verified in the second row")
+    parser.add_argument("--max-keypoints", type=int, default=0, help="0 = COLMAP's own limit")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--log", type=pathlib.Path, help="what COLMAP prints")
+    parser.add_argument("--out", type=pathlib.Path, help="default: standard output")
+    options = parser.parse_args()
+    if shutil.which("colmap") is None:
+        sys.exit("there is no program colmap; on Debian: apt-get install colmap")
+    with tempfile.TemporaryDirectory(prefix="pliant-colmap-") as work, \
+            open(options.log or os.devnull, "w", encoding="utf-8") as log:
+        report = json.dumps(compare(pathlib.Path(work), options, log))
+    if options.out:
+        options.out.write_text(report + "\n")
+    else:
+        print(report)
+
+
+if __name__ == "__main__":
+    main()

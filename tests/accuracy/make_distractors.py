@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes a folder of distractors for `pliant eval retrieval --distractors`: pictures that show none of
+the objects. Every picture below the given folders gives two halves that do not overlap, or itself
+alone when it is small; what shows nearly nothing is left out. The same folders give the same files.
+
+    tests/accuracy/make_distractors.py textures/train --out distractors --count 2000
+
+descriptor/simulation/gather_textures.py makes such folders from Debian packages. Never use pictures
+that objects of the set were made from.
+"""
+import argparse
+import hashlib
+import pathlib
+import sys
+
+import cv2
+import numpy as np
+
+SIDE = 640  # of the longer side of a distractor, pixels
+SMALLEST = 300  # a half with a shorter side below this many pixels is no picture of its own
+PLAIN = 25.0  # variance of the Laplacian at SIDE below which nothing could be found in it
+
+
+def pictures(folders):
+    """All files below the folders, in an order that depends on their contents only."""
+    files = []
+    for folder in folders:
+        if not folder.is_dir():
+            sys.exit(f"{folder} is no folder")
+        files += [path for path in folder.rglob("*") if path.is_file()]
+    by_content = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in sorted(files)}
+    return [by_content[key] for key in sorted(by_content)]
+
+
+def halves(image):
+    height, width = image.shape[:2]
+    if max(height, width) // 2 < SMALLEST or min(height, width) < SMALLEST:
+        return [image]
+    if width >= height:
+        return [image[:, : width // 2], image[:, width // 2 :]]
+    return [image[: height // 2], image[height // 2 :]]
+
+
+def scaled(image):
+    factor = SIDE / max(image.shape[:2])
+    method = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    return cv2.resize(image, None, fx=factor, fy=factor, interpolation=method)
+
+
+def is_plain(image):
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return float(np.var(cv2.Laplacian(grey, cv2.CV_32F))) < PLAIN
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("folders", nargs="+", type=pathlib.Path, metavar="FOLDER")
+    parser.add_argument("--out", required=True, type=pathlib.Path, help="folder that is not there yet")
+    parser.add_argument("--count", type=int, default=2000)
+    options = parser.parse_args()
+    part = options.out.with_name("." + options.out.name + ".part")
+    if options.out.exists() or part.exists():
+        sys.exit(f"{options.out} or {part} is there already")
+    part.mkdir(parents=True)
+    made = 0
+    for path in pictures(options.folders):
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if image is None:
+            print(f"skipped {path}: no picture", file=sys.stderr)
+            continue
+        for half in map(scaled, halves(image)):
+            if made == options.count or is_plain(half):
+                continue
+            made += 1
+            cv2.imwrite(str(part / f"{made:05d}.jpg"), half, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    if made < options.count:
+        sys.exit(f"only {made} distractors could be made; they are in {part}")
+    part.rename(options.out)
+    print(f"{made} distractors in {options.out}")
+
+
+if __name__ == "__main__":
+    main()
