@@ -68,11 +68,14 @@ Colour ColourOfPlace(Vec2 p, const Explanation& e) {
 
 void DrawRow(Image& sheet, const DecodedImage& query, const ShownHit& shown, int top) {
   DrawText(sheet, kGap, top + kCaption - 10, Caption(shown.hit), colours::kWhite, kLetters);
-  const Placed left = Fit(query, kGap, top + kCaption);
+  Placed left = Fit(query, kGap, top + kCaption);
+  std::vector<Vec2> outline;  // drawn before pasting, so that it ends at the picture's border
+  for (const Point& p : shown.hit.polygon) {
+    const Vec2 at = left.OnSheet({p.x, p.y});
+    outline.push_back({at.x - left.x, at.y - left.y});
+  }
+  if (!outline.empty()) DrawPolyline(left.image, outline, true, kOutline, 2);
   PastePicture(sheet, left.image, left.x, left.y);
-  std::vector<Vec2> outline;
-  for (const Point& p : shown.hit.polygon) outline.push_back(left.OnSheet({p.x, p.y}));
-  if (!outline.empty()) DrawPolyline(sheet, outline, true, kOutline, 2);
   const int right_x = 2 * kGap + kBoxWidth;
   if (!shown.picture) {
     DrawText(sheet, right_x + 20, top + kCaption + kBoxHeight / 2,
