@@ -22,5 +22,6 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
 void AddEvalRetrieval(CLI::App& eval, ExitStatus& status);
+void AddEvalTracking(CLI::App& eval, ExitStatus& status);
 
 }  // namespace pliant::cli

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant eval matching | retrieval: each benchmark adds itself.
+// pliant eval matching | retrieval | tracking: each benchmark adds itself.
 #include "index/cli/command.h"
 
 namespace pliant::cli {
@@ -10,6 +10,7 @@ void AddEvalCommand(CLI::App& program, ExitStatus& status) {
   app->require_subcommand(1);
   AddEvalMatching(*app, status);
   AddEvalRetrieval(*app, status);
+  AddEvalTracking(*app, status);
 }
 
 }  // namespace pliant::cli

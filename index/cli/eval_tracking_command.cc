@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant eval tracking DIR
+#include <memory>
+
+#include "index/cli/command.h"
+#include "index/cli/eval_tracking_output.h"
+#include "index/cli/interrupt.h"
+#include "index/cli/output.h"
+#include "index/cli/progress.h"
+#include "index/cli/track_flags.h"
+#include "index/cli/track_output.h"
+#include "index/cli/write_file.h"
+
+namespace pliant::cli {
+namespace {
+
+struct Options {
+  TrackingBenchmarkOptions benchmark;
+  std::filesystem::path folder;
+  std::filesystem::path csv;
+  std::filesystem::path plot;
+  bool json = false;
+};
+
+ExitStatus Run(Options& options) {
+  if (!options.plot.empty()) CheckPictureName(options.plot);
+  const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
+  const Interrupt interrupt;
+  TrackingReport report;
+  {
+    Progress progress("frames");
+    options.benchmark.progress = [&](std::uint64_t done, std::uint64_t total) {
+      progress.Count(done, total);
+      return !interrupt.requested();
+    };
+    report = RunTrackingBenchmark(sequences, options.benchmark);
+  }
+  if (!options.csv.empty()) WriteFile(options.csv, TrackingReportCsv(report));
+  if (!options.plot.empty()) WritePicture(options.plot, PlotTrackingReport(report));
+  Print(options.json ? TrackingReportJson(report) : TrackingReportText(report));
+  return ExitStatus::kDone;
+}
+
+}  // namespace
+
+void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  TrackingBenchmarkOptions& benchmark = options->benchmark;
+  CLI::App* app = eval.add_subcommand(
+      "tracking",
+      "Follow simulated objects whose every point is known (simulate --preset sequence)");
+  app->add_option("DIR", options->folder, "scenes, or a folder of such folders (groups)")
+      ->required();
+  app->add_option("--descriptor", benchmark.descriptors,
+                  "rows of the table, separated by commas (default: deal, deal-fixed, rootsift, "
+                  "sift, orb)")
+      ->delimiter(',')
+      ->type_name("NAME,...");
+  app->add_option("--model", benchmark.model, "weight file for deal and deal-fixed")
+      ->type_name("FILE");
+  app->add_option("--max-keypoints", benchmark.max_keypoints,
+                  "strongest key points of the object, and of each frame")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 4096));
+  app->add_option("--every", benchmark.every, "looks at every N-th frame only")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
+  AddTrackingFlags(*app, benchmark.locate);
+  app->add_option("--lpips", benchmark.lpips,
+                  "ONNX file of LPIPS, for that figure as well (see index/tracking/README.md)")
+      ->type_name("FILE");
+  app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one a core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app->add_option("--csv", options->csv, "write a row a frame and descriptor")->type_name("FILE");
+  app->add_option("--plot", options->plot, "draw the figures over time")->type_name("OUT.png");
+  app->add_flag("--json", options->json, "print one JSON document");
+  app->callback([options, &status] { status = Run(*options); });
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/cli/eval_tracking_output.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "index/cli/output.h"
+#include "index/cli/plot.h"
+
+namespace pliant::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kSteps = 10;  // of the curves over time
+
+int StepOf(const TrackedView& view) {
+  return std::min(kSteps - 1, static_cast<int>(view.time * kSteps));
+}
+
+std::vector<TrackingResult> AtStep(const TrackingReport& report, int step) {
+  return SummarizeViews(report.views, report.results,
+                        [step](const TrackedView& view) { return StepOf(view) == step; });
+}
+
+std::string Table(const std::vector<TrackingResult>& results) {
+  const bool lpips = std::any_of(results.begin(), results.end(),
+                                 [](const TrackingResult& r) { return r.lpips.has_value(); });
+  std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
+                                     "error px",   "tracked",     "found"};
+  if (lpips) header.emplace_back("LPIPS");
+  std::vector<std::vector<std::string>> rows;
+  for (const TrackingResult& r : results) {
+    rows.push_back({r.descriptor, FormatFixed(r.inlier_rate, 3), FormatFixed(r.ssim, 3),
+                    r.found_share > 0 ? FormatFixed(r.error_px, 2) : "-",
+                    FormatFixed(r.tracked_share, 3), FormatFixed(r.found_share, 3)});
+    if (lpips) rows.back().push_back(r.lpips ? FormatFixed(*r.lpips, 3) : "-");
+  }
+  return FormatTable(header, rows);
+}
+
+Json ResultsJson(const std::vector<TrackingResult>& results) {
+  Json json = Json::array();
+  for (const TrackingResult& r : results) {
+    json.push_back({{"descriptor", r.descriptor},
+                    {"inlier_rate", r.inlier_rate},
+                    {"ssim", r.ssim},
+                    {"error_px", r.found_share > 0 ? Json(r.error_px) : Json(nullptr)},
+                    {"tracked_share", r.tracked_share},
+                    {"found_share", r.found_share},
+                    {"lpips", r.lpips ? Json(*r.lpips) : Json(nullptr)},
+                    {"frames", r.frames},
+                    {"model_id", r.model_id}});
+  }
+  return json;
+}
+
+}  // namespace
+
+std::string TrackingReportText(const TrackingReport& report) {
+  std::string text =
+      std::to_string(report.sequences.size()) + " sequences, " + std::to_string(report.frames) +
+      " frames" +
+      (report.unseen > 0 ? ", " + std::to_string(report.unseen) + " left out (object unseen)"
+                         : "") +
+      "\n" + Table(report.results);
+  for (const TrackingReport::Subset& group : report.groups) {
+    text += "\n\n" + group.name + ": " + std::to_string(group.sequences) + " sequences, " +
+            std::to_string(group.frames) + " frames\n" + Table(group.results);
+  }
+  return text;
+}
+
+std::string TrackingReportJson(const TrackingReport& report) {
+  Json json = {{"frames", report.frames},       {"unseen", report.unseen},
+               {"sequences", report.sequences}, {"results", ResultsJson(report.results)},
+               {"groups", Json::array()},       {"over_time", Json::array()}};
+  for (const TrackingReport::Subset& group : report.groups) {
+    json["groups"].push_back({{"name", group.name},
+                              {"sequences", group.sequences},
+                              {"frames", group.frames},
+                              {"results", ResultsJson(group.results)}});
+  }
+  for (int step = 0; step < kSteps; ++step) {
+    json["over_time"].push_back(
+        {{"time", (step + 0.5) / kSteps}, {"results", ResultsJson(AtStep(report, step))}});
+  }
+  return json.dump();
+}
+
+std::string TrackingReportCsv(const TrackingReport& report) {
+  std::string csv =
+      "sequence,view,descriptor,found,reason,matches,inliers,inlier_rate,error_px,size_px,tracked,"
+      "ssim,lpips\n";
+  for (const TrackedView& view : report.views) {
+    const std::vector<std::string> cells = {report.sequences[view.sequence],
+                                            std::to_string(view.view),
+                                            report.results[view.descriptor].descriptor,
+                                            view.found ? "1" : "0",
+                                            ToString(view.reason),
+                                            std::to_string(view.matches),
+                                            std::to_string(view.inliers),
+                                            FormatFixed(view.inlier_rate, 4),
+                                            view.found ? FormatFixed(view.error_px, 3) : "",
+                                            FormatFixed(view.size_px, 1),
+                                            view.tracked ? "1" : "0",
+                                            FormatFixed(view.ssim, 4),
+                                            view.lpips ? FormatFixed(*view.lpips, 4) : ""};
+    for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + cells[i];
+    csv += "\n";
+  }
+  return csv;
+}
+
+Image PlotTrackingReport(const TrackingReport& report) {
+  Plot inliers{"RANSAC inliers", "time", "inlier rate", {}};
+  Plot tracked{"Frames within 3 % of the object's size", "time", "tracked share", {}};
+  for (const TrackingResult& result : report.results) {
+    inliers.series.push_back({result.descriptor, {}, {}});
+    tracked.series.push_back({result.descriptor, {}, {}});
+  }
+  for (int step = 0; step < kSteps; ++step) {
+    const std::vector<TrackingResult> results = AtStep(report, step);
+    for (std::size_t d = 0; d < results.size(); ++d) {
+      if (results[d].frames == 0) continue;
+      const double time = (step + 0.5) / kSteps;
+      inliers.series[d].points.push_back({time, results[d].inlier_rate});
+      tracked.series[d].points.push_back({time, results[d].tracked_share});
+    }
+  }
+  return DrawPlots({inliers, tracked});
+}
+
+}  // namespace pliant::cli

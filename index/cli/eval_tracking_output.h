@@ -1,0 +1,27 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The tracking benchmark's report as text, JSON, CSV and curves.
+#pragma once
+
+#include <string>
+
+#include "descriptor/image.h"
+#include "index/tracking/tracking_benchmark.h"
+
+namespace pliant::cli {
+
+// A table, then one a group.
+std::string TrackingReportText(const TrackingReport& report);
+
+// {"frames", "unseen", "sequences": [...], "results": [{"descriptor", "inlier_rate", "ssim",
+// "error_px", "tracked_share", ...}], "groups": [...], "over_time": [...]}. "lpips" is null unless
+// it was asked for; "error_px" is null where nothing was found.
+std::string TrackingReportJson(const TrackingReport& report);
+
+// A row a view and descriptor.
+std::string TrackingReportCsv(const TrackingReport& report);
+
+// Inlier rate and tracked share over the time of the sequences, in ten steps.
+Image PlotTrackingReport(const TrackingReport& report);
+
+}  // namespace pliant::cli

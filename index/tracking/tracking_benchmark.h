@@ -1,0 +1,112 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// How well an object is followed through simulated sequences whose every point is known; what
+// `pliant eval tracking` runs.
+//
+// The template is view 0 of a scene, its region the object. All descriptors get the same key
+// points. Of every further view:
+//   inlier rate = RANSAC's inliers / matches, also where the object counts as lost;
+//   error = mean distance of warp and truth over the template's points (every 8 pixels) that the
+//     view shows, in pixels of the view; only where found;
+//   tracked = found, and the error is at most 3 % of the object's size: the longer side of the box
+//     around those points in the view;
+//   SSIM = mean structural similarity of the un-warped view and the template at those points; 0
+//     where lost.
+// Views that show fewer than 20 of the points are left out.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/evaluation/dataset.h"
+#include "index/tracking/location.h"
+
+namespace pliant {
+
+struct TrackingSequence {
+  std::string group;  // sub-folder of the set; may be empty
+  evaluation::SceneEntry scene;
+};
+
+// The scenes of a folder that `pliant simulate` wrote, or of each of its sub-folders, which then
+// are groups. Throws what OpenDataset throws, kInvalidArgument "not_simulated" for other data sets.
+std::vector<TrackingSequence> OpenTrackingSequences(const std::filesystem::path& folder);
+
+struct TrackingBenchmarkOptions {
+  std::vector<std::string> descriptors = {"deal", "deal-fixed", "rootsift", "sift", "orb"};
+  std::filesystem::path model;  // weights; empty = DefaultModelPath()
+  int max_keypoints = 1024;     // of the template's region, and of each view
+  // max_ratio is 1: mutual nearest neighbours as they are, the paper's brute-force association.
+  LocateOptions locate = {.verification = {.max_ratio = 1}};
+  double tracked_error = 0.03;  // of the object's size
+  int every = 1;                // looks at every n-th view after the template
+  int jobs = 0;                 // threads, one sequence each; 0 = one a core
+  // An ONNX file that compares two pictures as LPIPS does (see descriptor/perceptual.h); empty:
+  // that figure is left out.
+  std::filesystem::path lpips;
+  // Told after each view, from any thread, never two at once. Returning false stops.
+  std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
+};
+
+struct TrackedView {
+  std::size_t sequence = 0;  // number in the report
+  std::size_t descriptor = 0;
+  int view = 0;
+  double time = 0;  // share of the sequence that has passed, 0..1
+  bool found = false;
+  LostReason reason = LostReason::kNone;
+  int matches = 0;
+  int inliers = 0;
+  double inlier_rate = 0;
+  double error_px = 0;  // only when found
+  double size_px = 0;   // of the object
+  bool tracked = false;
+  double ssim = 0;
+  std::optional<double> lpips;  // only when found
+};
+
+// Means over views.
+struct TrackingResult {
+  std::string descriptor;
+  std::string model_id;
+  int frames = 0;
+  double inlier_rate = 0;
+  double ssim = 0;
+  double error_px = 0;  // over the views in which it was found
+  double tracked_share = 0;
+  double found_share = 0;
+  std::optional<double> lpips;  // over the views in which it was found; lower is better
+};
+
+struct TrackingReport {
+  struct Subset {
+    std::string name;
+    int sequences = 0;
+    int frames = 0;
+    std::vector<TrackingResult> results;
+  };
+  int frames = 0;
+  int unseen = 0;                       // views left out
+  std::vector<std::string> sequences;   // "group/scene"
+  std::vector<TrackingResult> results;  // a descriptor
+  std::vector<Subset> groups;           // empty when there is only one
+  std::vector<TrackedView> views;       // by sequence, view, descriptor
+};
+
+// Deterministic whatever `jobs` is. Throws kInvalidArgument for options out of range, what
+// MakeDescriptor and the scenes' readers throw, kUnprocessable "no_frames" when nothing can be
+// measured, kCancelled "evaluation_stopped".
+TrackingReport RunTrackingBenchmark(const std::vector<TrackingSequence>& sequences,
+                                    const TrackingBenchmarkOptions& options);
+
+// Means of `views` that `take` accepts, for each of the descriptors (names and model ids of
+// `like`).
+std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views,
+                                           const std::vector<TrackingResult>& like,
+                                           const std::function<bool(const TrackedView&)>& take);
+
+}  // namespace pliant
