@@ -11,6 +11,7 @@
 #include "descriptor/cv_image.h"
 #include "descriptor/error.h"
 #include "descriptor/image_header.h"
+#include "descriptor/quiet_decoders.h"
 
 namespace pliant {
 namespace {
@@ -116,6 +117,7 @@ cv::Mat DecodePixels(Bytes bytes, int flags) {
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
                           const_cast<std::uint8_t*>(bytes.data()));  // imdecode only reads
+    const DecoderSilence silence;  // what is wrong is said once, by the Error
     pixels = cv::imdecode(encoded, flags);
   } catch (const cv::Exception& e) {
     detail = " (" + e.err + ")";

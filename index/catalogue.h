@@ -19,6 +19,8 @@ using Key = std::int64_t;  // of a row; 0 = none
 struct ModelRow {
   Key key = 0;
   DescriptorInfo info;
+  int max_keypoints = 0;  // 0 = not decided
+  int max_side_px = 0;    // 0 = not decided
 };
 
 struct CollectionRow {
@@ -37,6 +39,8 @@ struct PictureRow {
 
 // collections and models (catalogue_collections.cc)
 ModelRow ReadModel(Connection& db);
+// Only what is not decided yet.
+void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px);
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name);
 CollectionRow RequireCollection(Connection& db, const std::string& name);  // or kNotFound
 std::vector<CollectionRow> AllCollections(Connection& db);
@@ -56,6 +60,8 @@ std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
                                               const std::string& sha256);
 // Keys, ascending, of the pictures whose metadata pass. Reads the metadata of the whole collection.
 std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& filter);
+std::vector<ImageRecord> PicturesBySha256(Connection& db, Key collection,
+                                          const std::string& sha256);  // in order of id
 std::vector<ImageRecord> SelectPictures(Connection& db, Key collection, const ListOptions& options);
 // A picture of any collection with these bytes whose features were made by `model`; 0 = none.
 Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);

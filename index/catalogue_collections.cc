@@ -17,11 +17,23 @@ CollectionRow ToCollection(const Cursor& row) {
 }  // namespace
 
 ModelRow ReadModel(Connection& db) {
-  Cursor row = db.Prepare("SELECT key, name, model_id, kind, dim FROM models ORDER BY key LIMIT 1");
+  Cursor row = db.Prepare(
+      "SELECT key, name, model_id, kind, dim, coalesce(max_keypoints, 0), coalesce(max_side, 0) "
+      "FROM models ORDER BY key LIMIT 1");
   row.One();
   return {row.Int(0),
           {row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
-           row.Text(2)}};
+           row.Text(2)},
+          static_cast<int>(row.Int(5)),
+          static_cast<int>(row.Int(6))};
+}
+
+void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px) {
+  db.Prepare(
+        "UPDATE models SET max_keypoints = coalesce(max_keypoints, nullif(?1, 0)), "
+        "max_side = coalesce(max_side, nullif(?2, 0)) WHERE key = ?3")
+      .Bind(max_keypoints, max_side_px, model)
+      .Run();
 }
 
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name) {

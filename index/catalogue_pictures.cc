@@ -74,6 +74,17 @@ std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& f
   return passing;
 }
 
+std::vector<ImageRecord> PicturesBySha256(Connection& db, Key collection,
+                                          const std::string& sha256) {
+  const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
+  Cursor row =
+      db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.sha256 = ? AND p.collection = ? ORDER BY p.id");
+  row.Bind(hash, collection);
+  std::vector<ImageRecord> records;
+  while (row.Next()) records.push_back(ToPicture(row).record);
+  return records;
+}
+
 std::vector<ImageRecord> SelectPictures(Connection& db, Key collection,
                                         const ListOptions& options) {
   std::vector<ImageRecord> records;

@@ -182,4 +182,11 @@ std::vector<Key> PicturesWithoutWords(Connection& db, Key collection, Key vocabu
   return keys;
 }
 
+std::uint64_t CountPicturesWithoutWords(Connection& db, Key collection, Key vocabulary) {
+  Cursor row = db.Prepare(
+      "SELECT count(*) FROM pictures p WHERE p.collection = ?1 AND NOT EXISTS "
+      "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key)");
+  return static_cast<std::uint64_t>(row.Bind(collection, vocabulary).One().Int(0));
+}
+
 }  // namespace pliant

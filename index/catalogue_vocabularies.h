@@ -33,5 +33,6 @@ void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& 
 // Keys of at most `limit` pictures without words of this vocabulary, ascending after `after`.
 std::vector<Key> PicturesWithoutWords(Connection& db, Key collection, Key vocabulary, Key after,
                                       int limit);
+std::uint64_t CountPicturesWithoutWords(Connection& db, Key collection, Key vocabulary);
 
 }  // namespace pliant

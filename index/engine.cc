@@ -47,16 +47,19 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
       }
       const std::shared_ptr<const Descriptor> descriptor = MakeDescriptorFor(options_, "deal");
       CreateDatabase(file, descriptor->info());
-      extractor_ = std::make_unique<const FeatureExtractor>(descriptor, options_.extraction);
+      options_.custom_descriptor = descriptor;
     }
     UpgradeDatabase(file, mode, options_.busy_timeout_ms);
     readers_ = std::make_unique<ConnectionPool>(file, options_.busy_timeout_ms);
     model_ = Read([](Connection& db) { return ReadModel(db); });
-    if (extractor_)
-      CheckModel(extractor_->descriptor().info());  // another process may have been faster
+    SettleExtraction();
+    if (options_.custom_descriptor) {  // another process may have made the database meanwhile
+      CheckModel(options_.custom_descriptor->info());
+    }
     if (options_.load_descriptor) extractor();
     state_ = std::make_unique<IndexState>(
-        std::make_unique<Connection>(file, Connection::Mode::kReadOnly, options_.busy_timeout_ms));
+        std::make_unique<Connection>(file, Connection::Mode::kReadOnly, options_.busy_timeout_ms),
+        options_.loading);
     if (options_.load_index) state_->CatchUp();
     if (!options_.read_only) {
       writer_ = std::make_unique<WriteQueue>(
@@ -80,6 +83,28 @@ void Engine::Impl::CheckModel(const DescriptorInfo& info) const {
               "the database " + DisplayPath(path()) + " was made with " + model_.info.model_id +
                   ", but the descriptor is " + info.model_id +
                   "; use that one, or index into a new database");
+}
+
+void Engine::Impl::SettleExtraction() {
+  const auto settle = [&](const char* name, int stored, const std::optional<int>& wanted,
+                          int& value) {
+    if (wanted && stored != 0 && *wanted != stored) {
+      throw Error(ErrorCode::kConflict, "extraction_mismatch",
+                  "the database " + DisplayPath(path()) + " was made with " + name + " " +
+                      std::to_string(stored) + ", not " + std::to_string(*wanted) +
+                      "; leave it out to follow, or index into a new database");
+    }
+    value = stored != 0 ? stored : wanted.value_or(value);
+  };
+  int& max_keypoints = options_.extraction.keypoints.max_keypoints;
+  int& max_side_px = options_.extraction.decode.max_side_px;
+  settle("--max-keypoints", model_.max_keypoints, options_.max_keypoints, max_keypoints);
+  settle("--max-side", model_.max_side_px, options_.max_side_px, max_side_px);
+  const bool decided = model_.max_keypoints != 0 && model_.max_side_px != 0;
+  // With no limit to the side there is nothing to write down: 0 means "not decided".
+  if (decided || options_.read_only || !options_.load_descriptor) return;
+  Connection db(path(), Connection::Mode::kReadWrite, options_.busy_timeout_ms);
+  StoreExtraction(db, model_.key, max_keypoints, max_side_px);
 }
 
 const FeatureExtractor& Engine::Impl::extractor() {
@@ -218,8 +243,15 @@ std::vector<VocabularyRecord> Engine::ListVocabularies(const std::string& collec
       [&](Connection& db) { return SelectVocabularies(db, RequireCollection(db, collection)); });
 }
 
-void Engine::UseVocabulary(const std::string& collection, std::int64_t id) {
-  impl_->UseVocabulary(collection, id);
+void Engine::UseVocabulary(const std::string& collection, std::int64_t id,
+                           const UseOptions& options) {
+  impl_->UseVocabulary(collection, id, options);
+}
+
+std::uint64_t Engine::CountUnquantized(const std::string& collection, std::int64_t id) {
+  return impl_->Read([&](Connection& db) {
+    return CountPicturesWithoutWords(db, RequireCollection(db, collection).key, id);
+  });
 }
 
 EngineStats Engine::Stats() { return impl_->Stats(); }

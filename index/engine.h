@@ -35,6 +35,12 @@ struct EngineOptions {
   std::string descriptor = "deal";
   DescriptorOptions descriptor_options;
   ExtractionOptions extraction;
+  // Key points a picture and its longer side in pixels are properties of a database, so that what
+  // is stored and what is asked are described alike. Absent: as the database was made, and what
+  // `extraction` says for a new one. Another value than the database's is Error kConflict
+  // "extraction_mismatch".
+  std::optional<int> max_keypoints;
+  std::optional<int> max_side_px;
   bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
   bool keep_originals = true;  // store the uploaded bytes too, for GET .../content
@@ -45,6 +51,9 @@ struct EngineOptions {
   bool load_descriptor = true;
   // false: the inverted index is loaded by the first call that needs it.
   bool load_index = true;
+  // Hears which share of the pictures is in memory while the index loads, 0..1, from the thread
+  // that loads.
+  std::function<void(double share)> loading;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
 };
 
@@ -65,8 +74,9 @@ struct ImageRecord {
 
 struct AddRequest {
   std::string collection = kDefaultCollection;
-  // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged),
-  // a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.
+  // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged,
+  // and Error kConflict "same_bytes" when it is given another object or other metadata than it
+  // has), a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.
   std::optional<std::string> id;
   std::string object;
   std::string metadata = "{}";
@@ -81,9 +91,16 @@ enum class AddOutcome {
   kUnchanged,  // same bytes, object and metadata were there already: no work was done
 };
 
+struct AddTimings {
+  ExtractionTimings extraction;  // 0 when stored features were used again
+  double quantize_ms = 0;
+  double database_ms = 0;  // until the write was durable
+};
+
 struct AddResult {
   AddOutcome outcome = AddOutcome::kCreated;
   ImageRecord image;
+  AddTimings timings;
 };
 
 struct ListOptions {
@@ -169,6 +186,7 @@ struct SearchTimings {
   double quantize_ms = 0;
   double rank_ms = 0;
   double verify_ms = 0;
+  double database_ms = 0;  // reading the records of the hits
 };
 
 struct SearchResult {
@@ -211,6 +229,12 @@ struct TrainOptions {
   std::uint64_t seed = 1;
   int threads = 0;
   std::function<void(double done, double loss)> progress;
+  std::stop_token stop;
+};
+
+struct UseOptions {
+  int threads = 0;  // 0 = all cores
+  std::function<void(double done)> progress;
   std::stop_token stop;
 };
 
@@ -288,7 +312,10 @@ class Engine {
   // their stored descriptors; UseVocabulary switches atomically.
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
-  void UseVocabulary(const std::string& collection, std::int64_t id);
+  void UseVocabulary(const std::string& collection, std::int64_t id,
+                     const UseOptions& options = {});
+  // Pictures that UseVocabulary would have to quantise first.
+  std::uint64_t CountUnquantized(const std::string& collection, std::int64_t id);
 
   EngineStats Stats();
   // Every invariant of the database; empty = sound. Each problem is a sentence.

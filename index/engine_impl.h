@@ -44,7 +44,7 @@ class Engine::Impl {
 
   // Vocabularies (engine_vocabularies.cc)
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
-  void UseVocabulary(const std::string& collection, std::int64_t id);
+  void UseVocabulary(const std::string& collection, std::int64_t id, const UseOptions& options);
 
   // Upkeep (engine.cc)
   EngineStats Stats();
@@ -70,6 +70,8 @@ class Engine::Impl {
   // The descriptor, made when first needed; kConflict when it differs from the database's.
   const FeatureExtractor& extractor();
   void CheckModel(const DescriptorInfo& info) const;
+  // Makes options_.extraction the database's; writes it down where it is not decided yet.
+  void SettleExtraction();
   CollectionView CurrentView(const std::string& collection);
   // Which pictures `options` admit, by key and object; empty = all.
   std::function<bool(Key, Key)> Admitted(const SearchOptions& options, Key collection);

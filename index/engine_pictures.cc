@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: adding, reading and removing pictures.
+#include <chrono>
+
 #include "descriptor/error.h"
 #include "descriptor/sha256.h"
 #include "index/blob_codec.h"
@@ -18,14 +20,47 @@ struct Engine::Impl::Prepared {
   Features features;   // in stored precision
   Key vocabulary = 0;  // that made `bow`
   Bow bow;
+  AddTimings timings;
 };
 
 namespace {
+
+class Stopwatch {
+ public:
+  double Ms() const {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+};
 
 constexpr std::size_t kGeneratedIdDigits = 32;
 
 bool IsSame(const ImageRecord& stored, const AddRequest& request) {
   return stored.object == request.object && stored.metadata == request.metadata;
+}
+
+bool OtherObject(const ImageRecord& stored, const AddRequest& request) {
+  return !request.object.empty() && request.object != stored.object;
+}
+
+bool OtherMetadata(const ImageRecord& stored, const AddRequest& request) {
+  return request.metadata != "{}" && request.metadata != stored.metadata;
+}
+
+// Without an id the bytes say which picture is meant. It must not get another object or other
+// metadata in silence, nor keep its own in silence; what is left out is not asked for.
+[[noreturn]] void ThrowSameBytes(const ImageRecord& stored, const AddRequest& request) {
+  const bool other_object = OtherObject(stored, request);
+  const std::string difference = other_object
+                                     ? "of object \"" + ToDisplayText(stored.object) +
+                                           "\", not of \"" + ToDisplayText(request.object) + "\""
+                                     : "with other metadata";
+  throw Error(ErrorCode::kConflict, "same_bytes",
+              "the same bytes are stored as picture \"" + ToDisplayText(stored.id) + "\" " +
+                  difference + "; give that id to change it, or another to store them twice");
 }
 
 void CheckEnough(std::size_t keypoints) {
@@ -59,10 +94,13 @@ AddResult Engine::Impl::Add(const AddRequest& original) {
   const auto unchanged = Read([&](Connection& db) {
     return FindUnchanged(db, RequireCollection(db, request.collection), request, sha256);
   });
-  if (unchanged) return {AddOutcome::kUnchanged, *unchanged};
+  if (unchanged) return {AddOutcome::kUnchanged, *unchanged, {}};
   const Prepared prepared = Prepare(request, sha256);
   AddResult result;
+  const Stopwatch writing;
   Write([&](Connection& db) { result = Store(db, request, prepared); });
+  result.timings = prepared.timings;
+  result.timings.database_ms = writing.Ms();
   return result;
 }
 
@@ -71,8 +109,12 @@ std::optional<ImageRecord> Engine::Impl::FindUnchanged(Connection& db,
                                                        const AddRequest& request,
                                                        const std::string& sha256) {
   if (!request.id) {
-    const auto found = FindPictureBySha256(db, collection.key, sha256);
-    return found ? std::optional(found->record) : std::nullopt;
+    const std::vector<ImageRecord> found = PicturesBySha256(db, collection.key, sha256);
+    for (const ImageRecord& stored : found) {
+      if (!OtherObject(stored, request) && !OtherMetadata(stored, request)) return stored;
+    }
+    if (!found.empty()) ThrowSameBytes(found.front(), request);
+    return std::nullopt;
   }
   const auto found = FindPicture(db, collection.key, *request.id);
   if (!found || found->record.sha256 != sha256 || !IsSame(found->record, request))
@@ -93,7 +135,8 @@ Engine::Impl::Prepared Engine::Impl::Prepare(const AddRequest& request, const st
     record = *reused;
   } else {
     const FeatureExtractor& extract = extractor();
-    const Features features = extract.Extract(request.bytes, request.threads);
+    const Features features =
+        extract.Extract(request.bytes, request.threads, &prepared.timings.extraction);
     CheckEnough(features.keypoints.size());
     prepared.features_blob = EncodeFeatures(features);
     record.media_type = MediaType(ReadImageHeader(request.bytes).format);
@@ -111,10 +154,12 @@ Engine::Impl::Prepared Engine::Impl::Prepare(const AddRequest& request, const st
   record.bytes = request.bytes.size();
   const CollectionView view = CurrentView(request.collection);
   if (view.quantizer) {
+    const Stopwatch quantizing;
     prepared.vocabulary = view.vocabulary;
     const Descriptors& descriptors = prepared.features.descriptors;
     prepared.bow =
         view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
+    prepared.timings.quantize_ms = quantizing.Ms();
   }
   return prepared;
 }
@@ -123,7 +168,7 @@ AddResult Engine::Impl::Store(Connection& db, const AddRequest& request, const P
   const CollectionRow collection = RequireCollection(db, request.collection);
   // Somebody else may have stored the same while this picture was described.
   if (const auto unchanged = FindUnchanged(db, collection, request, prepared.record.sha256)) {
-    return {AddOutcome::kUnchanged, *unchanged};
+    return {AddOutcome::kUnchanged, *unchanged, {}};
   }
   PictureRow picture{0, 0, prepared.record};
   auto replaced = FindPicture(db, collection.key, picture.record.id);
@@ -148,7 +193,7 @@ AddResult Engine::Impl::Store(Connection& db, const AddRequest& request, const P
           quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
     }
   }
-  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};
+  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record, {}};
 }
 
 Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {

@@ -94,6 +94,13 @@ Features Inside(const Features& features, const Region& region) {
   return kept;
 }
 
+void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
+  if (view.quantizer) return;
+  throw Error(ErrorCode::kConflict, "no_vocabulary",
+              "collection \"" + options.collection +
+                  "\" has no vocabulary yet; add pictures and train one: pliant vocab train");
+}
+
 void CheckQuery(const Features& features, bool has_region) {
   if (features.keypoints.size() >= kMinKeypoints) return;
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
@@ -106,6 +113,7 @@ void CheckQuery(const Features& features, bool has_region) {
 
 SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
+  CheckVocabulary(CurrentView(options.collection), options);  // before any work
   ExtractionTimings timings;
   Features features = extractor().Extract(encoded, options.threads, &timings);
   return Answer(InStoredPrecision(features), options, timings);
@@ -129,11 +137,7 @@ SearchResult Engine::Impl::SearchFeatures(const Features& features, const Search
 SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
                                   const ExtractionTimings& timings) {
   const CollectionView view = CurrentView(options.collection);
-  if (!view.quantizer) {
-    throw Error(ErrorCode::kConflict, "no_vocabulary",
-                "collection \"" + options.collection +
-                    "\" has no vocabulary yet; add pictures and train one: pliant vocab train");
-  }
+  CheckVocabulary(view, options);
   if (options.region) features = Inside(features, *options.region);
   CheckQuery(features, options.region.has_value());
 
@@ -175,7 +179,9 @@ SearchResult Engine::Impl::Answer(Features features, const SearchOptions& option
   }
   result.total = hits.size() + ranking.total;
   for (RankedPicture& picture : ranking.best) hits.push_back({std::move(picture), {}, {}});
+  start = Clock::now();
   AddHits(hits, options, &result);
+  result.timings.database_ms = MsSince(start);
   return result;
 }
 

@@ -209,7 +209,8 @@ void Engine::Impl::QuantizeRest(Connection& db, Key collection, Key vocabulary,
   }
 }
 
-void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_t id) {
+void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_t id,
+                                 const UseOptions& options) {
   CollectionRow collection;
   const auto vocabulary = Read([&](Connection& db) {
     collection = RequireCollection(db, collection_name);
@@ -227,7 +228,9 @@ void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_
     return ReadVocabulary(db, id);
   });
   const Quantizer quantizer(vocabulary);
-  QuantizeMissing(collection.key, id, quantizer, 0, {}, [](double) {});
+  QuantizeMissing(collection.key, id, quantizer, options.threads, options.stop, [&](double share) {
+    if (options.progress) options.progress(share);
+  });
   Write([&](Connection& db) {
     QuantizeRest(db, collection.key, id, quantizer);
     SetActiveVocabulary(db, collection.key, id);

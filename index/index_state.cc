@@ -56,12 +56,24 @@ void IndexState::Follow() {
   // Old removals are dropped in time: after a gap only a reload tells what is gone.
   const bool gap = reload || (newest_removal > last_removal_ && first_removal != last_removal_ + 1);
 
+  std::int64_t loaded = 0;  // of the first load, for loading_
+  const std::int64_t to_load =
+      loading_ ? watch_->Scalar(
+                     "SELECT count(*) FROM pictures p JOIN collections c "
+                     "ON c.key = p.collection WHERE c.active_vocabulary IS NOT NULL")
+               : 0;
+  const auto progress = [&](std::size_t pictures) {
+    loaded += static_cast<std::int64_t>(pictures);
+    if (loading_ && to_load > 0) {
+      loading_(std::min(1.0, static_cast<double>(loaded) / static_cast<double>(to_load)));
+    }
+  };
   Collections next;
   for (const CollectionRow& row : AllCollections(*watch_)) {
     const auto known = collections_->find(row.name);
     if (gap || known == collections_->end() || known->second.key != row.key ||
         known->second.vocabulary != row.active_vocabulary) {
-      next.emplace(row.name, Load(row));
+      next.emplace(row.name, Load(row, progress));
       continue;
     }
     const Collection& collection = known->second;
@@ -77,11 +89,13 @@ void IndexState::Follow() {
   last_picture_ = newest_picture;
   last_removal_ = newest_removal;
   reload_ = false;
+  loading_ = nullptr;
   const std::lock_guard lock(collections_mutex_);
   collections_ = std::make_shared<const Collections>(std::move(next));
 }
 
-IndexState::Collection IndexState::Load(const CollectionRow& row) {
+IndexState::Collection IndexState::Load(const CollectionRow& row,
+                                        const std::function<void(std::size_t)>& progress) {
   Collection collection{row.key, row.active_vocabulary, nullptr, nullptr};
   if (row.active_vocabulary == 0) return collection;
   collection.quantizer =
@@ -89,7 +103,9 @@ IndexState::Collection IndexState::Load(const CollectionRow& row) {
   const std::size_t words = collection.quantizer->vocabulary().size();
   collection.index = std::make_shared<InvertedIndex>(words);
   ForEachChunk(row.active_vocabulary, words, 0, [&](std::vector<IndexedPicture> chunk) {
+    const std::size_t pictures = chunk.size();
     collection.index->Append(std::move(chunk));
+    progress(pictures);
   });
   collection.index->Refresh();
   return collection;

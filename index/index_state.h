@@ -28,7 +28,9 @@ struct CollectionView {
 
 class IndexState {
  public:
-  explicit IndexState(std::unique_ptr<Connection> watch) : watch_(std::move(watch)) {}
+  // `loading` hears which share of the pictures is loaded; may be empty.
+  explicit IndexState(std::unique_ptr<Connection> watch, std::function<void(double)> loading = {})
+      : watch_(std::move(watch)), loading_(std::move(loading)) {}
 
   // Looks whether anybody has committed since the last call (PRAGMA data_version) and follows:
   // new pictures are those with greater keys, removed ones are in the table `removals`, another
@@ -54,13 +56,15 @@ class IndexState {
 
   void CatchUpLocked();
   void Follow();
-  Collection Load(const CollectionRow& row);
+  // `progress` hears how many more pictures are loaded.
+  Collection Load(const CollectionRow& row, const std::function<void(std::size_t)>& progress);
   // Words of the pictures with keys above `after`, a segment's worth at a time.
   void ForEachChunk(Key vocabulary, std::size_t words, Key after,
                     const std::function<void(std::vector<IndexedPicture>)>& work);
 
   std::mutex update_mutex_;  // guards watch_ and all up to collections_mutex_; held while following
   std::unique_ptr<Connection> watch_;
+  std::function<void(double)> loading_;  // only until the first load is complete
   std::int64_t data_version_ = -1;
   Key last_picture_ = 0;
   std::int64_t last_removal_ = 0;

@@ -7,6 +7,7 @@
 #include "index/blob_codec.h"
 #include "index/catalogue_vocabularies.h"
 #include "index/schema.h"
+#include "index/text.h"
 
 namespace pliant {
 namespace {
@@ -138,12 +139,59 @@ void CheckObjects(Connection& db, Problems& problems) {
   }
 }
 
+// Names and metadata that no program of ours would have stored.
+void CheckNames(Connection& db, Problems& problems) {
+  const auto check = [&](const std::string& whose, const auto& rule, const std::string& text) {
+    try {
+      rule(text);
+    } catch (const Error& error) {
+      problems.push_back(whose + ": " + error.what());
+    }
+  };
+  Cursor picture = db.Prepare("SELECT id, metadata, source FROM pictures");
+  while (picture.Next()) {
+    const std::string whose = "picture \"" + picture.Text(0) + "\"";
+    check(whose, CheckImageId, picture.Text(0));
+    check(whose, CheckSource, picture.Text(2));
+    const std::string metadata = picture.Text(1);
+    check(whose, CanonicalMetadata, metadata);
+  }
+  Cursor object = db.Prepare("SELECT name FROM objects");
+  while (object.Next()) check("object \"" + object.Text(0) + "\"", CheckObject, object.Text(0));
+  Cursor collection = db.Prepare("SELECT name FROM collections");
+  while (collection.Next()) {
+    check("collection \"" + collection.Text(0) + "\"", CheckCollectionName, collection.Text(0));
+  }
+  if (!FindCollection(db, kDefaultCollection)) {
+    problems.emplace_back("the collection \"default\" is missing");
+  }
+}
+
+// An index in memory follows the database by these: a key that is used twice, or a removal of a
+// picture that is there, would leave it wrong.
+void CheckKeys(Connection& db, Problems& problems) {
+  for (const char* table : {"collections", "objects", "pictures", "vocabularies"}) {
+    const std::string name = table;
+    const std::int64_t last = db.Scalar(
+        "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = '" + name + "'), 0)");
+    if (db.Scalar("SELECT coalesce(max(key), 0) FROM " + name) > last) {
+      problems.push_back("table " + name + ": keys that were used may be used again");
+    }
+  }
+  if (db.Scalar("SELECT count(*) FROM removals r JOIN pictures p ON p.key = r.picture") != 0) {
+    problems.emplace_back("a picture is recorded as removed but is there");
+  }
+  if (db.Scalar("SELECT count(*) FROM models") != 1) {
+    problems.emplace_back("the database is not of exactly one model");
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> CheckDatabase(Connection& db) {
   Problems problems;
-  for (const auto check :
-       {CheckFile, CheckFeatures, CheckVocabularies, CheckWords, CheckOriginals, CheckObjects}) {
+  for (const auto check : {CheckFile, CheckFeatures, CheckVocabularies, CheckWords, CheckOriginals,
+                           CheckObjects, CheckNames, CheckKeys}) {
     try {
       check(db, problems);
     } catch (const SQLite::Exception& error) {

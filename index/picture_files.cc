@@ -175,4 +175,8 @@ bool ConcernsOnePicture(ErrorCode code) {
   }
 }
 
+bool ConcernsOnePicture(const Error& error) {
+  return error.reason() == "same_bytes" || ConcernsOnePicture(error.code());
+}
+
 }  // namespace pliant

@@ -52,5 +52,7 @@ std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64
 // Whether an error is the fault of one picture (unreadable, no picture, too few features), so that
 // the job goes on without it, and not of all (disk full, database busy, model mismatch).
 bool ConcernsOnePicture(ErrorCode code);
+// The same, and that its bytes are stored already as another object.
+bool ConcernsOnePicture(const Error& error);
 
 }  // namespace pliant

@@ -80,7 +80,8 @@ std::string SearchResultJson(const SearchResult& result, double took_ms, int ind
                        {"describe_ms", t.extraction.describe_ms},
                        {"quantize_ms", t.quantize_ms},
                        {"rank_ms", t.rank_ms},
-                       {"verify_ms", t.verify_ms}}}};
+                       {"verify_ms", t.verify_ms},
+                       {"database_ms", t.database_ms}}}};
   return json.dump(indent);
 }
 

@@ -108,7 +108,40 @@ constexpr const char* kVersion2 = R"sql(
 ALTER TABLE vocabulary_words ADD COLUMN thresholds BLOB;  -- 64 float32; NULL = none
 )sql";
 
-constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2}};
+// What a server keeps beside the pictures (service_store.h), and how pictures are described, so
+// that every program that opens the database describes alike. NULL: not decided yet.
+constexpr const char* kVersion3 = R"sql(
+ALTER TABLE models ADD COLUMN max_keypoints INTEGER;
+ALTER TABLE models ADD COLUMN max_side INTEGER;
+CREATE TABLE api_keys (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  id TEXT NOT NULL UNIQUE,
+  name TEXT NOT NULL,
+  scope TEXT NOT NULL CHECK (scope IN ('read', 'write', 'admin')),
+  hash BLOB NOT NULL UNIQUE CHECK (length(hash) = 32),  -- SHA-256 of the whole key
+  created_ms INTEGER NOT NULL,
+  revoked_ms INTEGER                                    -- NULL: it works
+);
+CREATE TABLE jobs (
+  number INTEGER PRIMARY KEY AUTOINCREMENT,
+  id TEXT NOT NULL UNIQUE,
+  kind TEXT NOT NULL,
+  collection TEXT NOT NULL,
+  parameters TEXT NOT NULL,            -- a JSON object
+  state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
+  done REAL NOT NULL,
+  total REAL NOT NULL,
+  failed INTEGER NOT NULL,
+  attempts INTEGER NOT NULL,           -- times it was begun
+  result TEXT NOT NULL,
+  report TEXT NOT NULL,                -- a JSON object: the problem, what was skipped
+  created_ms INTEGER NOT NULL,
+  finished_ms INTEGER NOT NULL         -- 0: not yet
+);
+)sql";
+
+constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
+                                    Migration{kVersion3}};
 
 }  // namespace
 

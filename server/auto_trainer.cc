@@ -7,41 +7,25 @@
 
 #include <spdlog/spdlog.h>
 
+#include "server/training_job.h"
+
 namespace pliant::server {
 
-JobStatus AddTrainingJob(Engine& engine, WorkerPool& pool, JobQueue& jobs, TrainOptions options,
-                         bool activate) {
-  const std::string collection = options.collection;
-  return jobs.Add(
-      "train", collection, [&engine, &pool, options, activate](const JobContext& context) mutable {
-        const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
-        options.threads = std::max(1, lease->cores());
-        options.stop = context.stop();
-        options.progress = [&](double done, double) { context.Report(done, 1); };
-        const VocabularyRecord made = engine.TrainVocabulary(options);
-        if (activate && !made.active) {
-          engine.UseVocabulary(options.collection, made.id);
-        }
-        spdlog::info("vocabulary {} of '{}': {} words from {} of {} descriptors", made.id,
-                     options.collection, made.words, made.origin.sampled, made.origin.available);
-        return "/v1/collections/" + options.collection + "/vocabularies/" + std::to_string(made.id);
-      });
-}
-
-AutoTrainer::AutoTrainer(Engine& engine, WorkerPool& pool, JobQueue& jobs)
-    : engine_(engine), pool_(pool), jobs_(jobs) {
+AutoTrainer::AutoTrainer(Engine& engine, JobQueue& jobs) : engine_(engine), jobs_(jobs) {
   // What an earlier run of the server left undone.
   for (const std::string& collection : engine_.ListCollections()) OnAdded(collection);
   thread_ = std::thread([this] { Run(); });
 }
 
-AutoTrainer::~AutoTrainer() {
+AutoTrainer::~AutoTrainer() { Stop(); }
+
+void AutoTrainer::Stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void AutoTrainer::OnAdded(const std::string& collection) {
@@ -109,7 +93,7 @@ std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) 
   options.collection = collection;
   options.seed = kSeed;
   options.sample = static_cast<int>(kFullSample);
-  return AddTrainingJob(engine_, pool_, jobs_, options, /*activate=*/true);
+  return AddTrainingJob(jobs_, options, /*activate=*/true);
 }
 
 }  // namespace pliant::server

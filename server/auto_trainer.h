@@ -17,14 +17,8 @@
 
 #include "index/engine.h"
 #include "server/jobs.h"
-#include "server/worker_pool.h"
 
 namespace pliant::server {
-
-// The job that trains; shared by the trainer and the route. `activate` = use the new vocabulary
-// at once. Its result is the vocabulary's address.
-JobStatus AddTrainingJob(Engine& engine, WorkerPool& pool, JobQueue& jobs, TrainOptions options,
-                         bool activate);
 
 // The policy, for each collection:
 // - no vocabulary and at least one picture: train, once uploads pause for kPause (at the latest
@@ -40,10 +34,13 @@ class AutoTrainer {
   static constexpr std::chrono::milliseconds kPause{1'000};
   static constexpr std::chrono::milliseconds kLongestWait{10'000};
 
-  AutoTrainer(Engine& engine, WorkerPool& pool, JobQueue& jobs);
+  AutoTrainer(Engine& engine, JobQueue& jobs);
   ~AutoTrainer();
   AutoTrainer(const AutoTrainer&) = delete;
   AutoTrainer& operator=(const AutoTrainer&) = delete;
+
+  // Makes no more jobs. Called by the destructor too.
+  void Stop();
 
   void OnAdded(const std::string& collection);
 
@@ -65,7 +62,6 @@ class AutoTrainer {
   std::vector<std::string> TakeDue();
 
   Engine& engine_;
-  WorkerPool& pool_;
   JobQueue& jobs_;
   std::mutex train_mutex_;  // one decision at a time
   std::mutex mutex_;        // guards all below

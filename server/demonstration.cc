@@ -3,11 +3,11 @@
 #include "server/demonstration.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "descriptor/error.h"
 #include "descriptor/image.h"
 #include "descriptor/simulation/demonstration.h"
-#include "server/auto_trainer.h"
 
 namespace pliant::server {
 
@@ -75,28 +75,32 @@ std::shared_ptr<const std::string> CrumpledPictures::Get(std::size_t number) {
   return picture.jpeg;
 }
 
-JobStatus AddDemonstrationJob(Engine& engine, WorkerPool& pool, JobQueue& jobs,
-                              AutoTrainer* trainer, CrumpledPictures& crumpled,
-                              const std::string& collection) {
+JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection) {
   engine.GetCollection(collection);  // before the job: the caller gets the error
-  return jobs.Add("demo", collection,
-                  [&engine, &pool, trainer, &crumpled, collection](const JobContext& context) {
-                    const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
-                    const std::size_t count = Names().size();
-                    const auto total = static_cast<double>(2 * count);
-                    for (std::size_t i = 0; i < count; ++i) {
-                      CheckStop(context);
-                      AddFlatPicture(engine, collection, i, std::max(1, lease->cores()));
-                      context.Report(static_cast<double>(i + 1), total);
-                    }
-                    if (trainer != nullptr) trainer->OnAdded(collection);
-                    for (std::size_t i = 0; i < count; ++i) {
-                      CheckStop(context);
-                      crumpled.Get(i);
-                      context.Report(static_cast<double>(count + i + 1), total);
-                    }
-                    return "/v1/collections/" + collection + "/demo";
-                  });
+  return jobs.Add("demo", collection, "{}");
+}
+
+void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
+                              CrumpledPictures& crumpled,
+                              std::function<void(const std::string& collection)> on_added) {
+  jobs.Register("demo", {[&engine, &pool, &crumpled, on_added = std::move(on_added)](
+                             const JobStatus& job, const JobContext& context) {
+                  const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
+                  const std::size_t count = Names().size();
+                  const auto total = static_cast<double>(2 * count);
+                  for (std::size_t i = 0; i < count; ++i) {
+                    CheckStop(context);
+                    AddFlatPicture(engine, job.collection, i, std::max(1, lease->cores()));
+                    context.Progress(static_cast<double>(i + 1), total);
+                  }
+                  on_added(job.collection);
+                  for (std::size_t i = 0; i < count; ++i) {
+                    CheckStop(context);
+                    crumpled.Get(i);
+                    context.Progress(static_cast<double>(count + i + 1), total);
+                  }
+                  return "/v1/collections/" + job.collection + "/demo";
+                }});
 }
 
 }  // namespace pliant::server

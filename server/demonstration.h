@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -15,8 +16,6 @@
 #include "server/worker_pool.h"
 
 namespace pliant::server {
-
-class AutoTrainer;
 
 // The id under which object `number` is added: "demo-town-map".
 std::string DemonstrationId(std::size_t number);
@@ -42,9 +41,13 @@ class CrumpledPictures {
 };
 
 // The job that adds the objects to the collection and renders their crumpled pictures. Those that
-// are there are left alone. `trainer` may be null. All arguments must outlive the job.
-JobStatus AddDemonstrationJob(Engine& engine, WorkerPool& pool, JobQueue& jobs,
-                              AutoTrainer* trainer, CrumpledPictures& crumpled,
-                              const std::string& collection);
+// are there are left alone. Throws Error kNotFound for the collection.
+JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection);
+
+// Kind "demo"; it begins again after a restart. `on_added` hears of the collection. All arguments
+// must outlive the queue.
+void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
+                              CrumpledPictures& crumpled,
+                              std::function<void(const std::string& collection)> on_added);
 
 }  // namespace pliant::server

@@ -37,9 +37,8 @@ std::string Encode64(const std::uint8_t* data, std::size_t bytes, const char* al
   return text;
 }
 
-}  // namespace
-
-Json ParseJsonObject(const std::string& text, const std::string& name) {
+Json Parse(const std::string& text, const std::string& name, Json::value_t top,
+           const char* top_name) {
   const auto fail = [&](const std::string& why) {
     return ProblemError("invalid_json", name + " " + why).Parameter(name);
   };
@@ -53,8 +52,18 @@ Json ParseJsonObject(const std::string& text, const std::string& name) {
   Json json = Json::parse(text, watch_depth, /*allow_exceptions=*/false);
   if (too_deep) throw fail(fmt::format("is nested more than {} deep.", kMaxJsonDepth));
   if (json.is_discarded()) throw fail("is not valid JSON.");
-  if (!json.is_object()) throw fail("must be a JSON object.");
+  if (json.type() != top) throw fail(fmt::format("must be a JSON {}.", top_name));
   return json;
+}
+
+}  // namespace
+
+Json ParseJsonObject(const std::string& text, const std::string& name) {
+  return Parse(text, name, Json::value_t::object, "object");
+}
+
+Json ParseJsonArray(const std::string& text, const std::string& name) {
+  return Parse(text, name, Json::value_t::array, "array");
 }
 
 std::string ToText(const Json& json) {

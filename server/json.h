@@ -18,6 +18,8 @@ inline constexpr int kMaxJsonDepth = 32;
 // Parses a document whose top is an object. Throws ProblemError "invalid_json" naming what is
 // wrong with `name`: it does not parse, is not an object, or is nested deeper than kMaxJsonDepth.
 Json ParseJsonObject(const std::string& text, const std::string& name);
+// The same for an array.
+Json ParseJsonArray(const std::string& text, const std::string& name);
 
 // Text that came from outside may hold bytes that are not UTF-8; they are written as U+FFFD.
 std::string ToText(const Json& json);

@@ -1,16 +1,25 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Counters and histograms for Prometheus.
+// Counters, gauges and histograms for Prometheus; README.md lists them.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 
 #include "index/engine.h"
 #include "server/http/http_server.h"
+#include "server/jobs.h"
 #include "server/worker_pool.h"
 
 namespace pliant::server {
+
+// What is looked up at the moment somebody asks.
+struct MetricsNow {
+  WorkerPool::Load load = {};
+  const EngineStats* stats = nullptr;  // null = the index is still loading
+  std::map<JobState, std::size_t> jobs = {};
+};
 
 // Thread-safe.
 class Metrics {
@@ -20,9 +29,9 @@ class Metrics {
 
   void OnRequest(const RequestRecord& record);
   void OnSearch(const SearchTimings& timings);
+  void OnAdd(const AddTimings& timings);
 
-  // The text exposition format. `stats` absent = the index is still loading.
-  std::string Text(const WorkerPool::Load& load, const EngineStats* stats);
+  std::string Text(const MetricsNow& now);  // the text exposition format
 
  private:
   class Impl;

@@ -4,12 +4,17 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <regex>
+#include <sstream>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <nlohmann/json.hpp>
 #include <sys/socket.h>
 
 #include "descriptor/error.h"
@@ -52,8 +57,8 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
       ->required()
       ->envname("PLIANT_DB");
   AddText(app, "--listen", options.listen, "HOST:PORT to listen on; port 0 takes any free one");
-  AddSwitch(app, "--allow-open-access", options.allow_open_access,
-            "Listen beyond loopback although anyone who reaches the port can do everything");
+  AddSwitch(app, "--allow-anonymous", options.allow_anonymous,
+            "Listen beyond loopback although there are no API keys and anyone can do everything");
   AddText(app, "--descriptor", options.descriptor,
           "Descriptor of a new database; empty = deal, or what the database was made with");
   AddText(app, "--model", options.model, "Weight file of deal; empty = the one that is installed");
@@ -63,6 +68,20 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
             "Train vocabularies in the background without being asked");
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(CLI::IsMember({"debug", "info", "warn", "error"}));
+  AddText(app, "--log-format", options.log_format, "text, or json: an object a line");
+  app.get_option("--log-format")->check(CLI::IsMember({"text", "json"}));
+}
+
+void DefineDoors(CLI::App& app, ServerOptions& options) {
+  AddText(app, "--import-dir", options.import_dir,
+          "Directory whose folders may be imported over HTTP; empty = none");
+  AddText(app, "--backup-dir", options.backup_dir,
+          "Directory that backups over HTTP go to; empty = none");
+  AddText(app, "--tls-cert", options.tls_cert,
+          "PEM file with the certificate and those above it; then HTTPS is spoken");
+  AddText(app, "--tls-key", options.tls_key, "PEM file with the certificate's private key");
+  AddText(app, "--cors-origins", options.cors_origins,
+          "Origins whose pages may ask, with commas between, or *; empty = only the own page");
 }
 
 void DefineLimits(CLI::App& app, ServerOptions& options) {
@@ -81,9 +100,19 @@ void DefineLimits(CLI::App& app, ServerOptions& options) {
             "Largest headers of a request in KiB");
   AddNumber(app, "--max-megapixels", options.max_megapixels, 1, 10000,
             "Largest picture in megapixels, checked before decoding");
-  AddNumber(app, "--max-keypoints", options.max_keypoints, 16, 4096, "Key points a picture");
-  AddNumber(app, "--max-side", options.max_side_px, 64, 16384,
-            "Longer side in pixels to which larger pictures are scaled before description");
+  AddNumber(app, "--max-keypoints", options.max_keypoints, 0, 4096,
+            "Key points a picture, at least 16; 0 = as the database was made, 1024 for a new one");
+  AddNumber(
+      app, "--max-side", options.max_side_px, 0, 16384,
+      "Longer side in pixels to which larger pictures are scaled before description, at least "
+      "64; 0 = as the database was made, 1024 for a new one");
+}
+
+void DefineRates(CLI::App& app, ServerOptions& options) {
+  AddNumber(app, "--rate-limit", options.rate_limit, 0, 1'000'000,
+            "Requests a second of one key (without keys: of one address); more get 429; 0 = any");
+  AddNumber(app, "--rate-burst", options.rate_burst, 1, 1'000'000,
+            "Requests that may come at once before --rate-limit counts");
 }
 
 void DefineTimes(CLI::App& app, ServerOptions& options) {
@@ -101,9 +130,13 @@ void DefineTimes(CLI::App& app, ServerOptions& options) {
 
 void Define(CLI::App& app, ServerOptions& options) {
   DefineBasics(app, options);
+  DefineDoors(app, options);
   DefineLimits(app, options);
+  DefineRates(app, options);
   DefineTimes(app, options);
   app.set_config("--config", "", "Configuration file (TOML): the flags' names without dashes");
+  app.add_flag("--print-config")
+      ->description("Print what is in force, as a configuration file, and end");
   app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
 }
 
@@ -124,6 +157,29 @@ std::vector<std::string> WithEnvironment(const CLI::App& app, int argc, const ch
   arguments.insert(arguments.end(), from_environment.begin(), from_environment.end());
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants it
   return arguments;
+}
+
+// What is in force, in the form that --config reads. There are no secrets among it: keys of
+// clients are in the database, and --tls-key is the name of a file.
+std::string ConfigText(const CLI::App& app) {
+  std::string text = "# pliant-server --config THIS\n";
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string flag = option->get_name();
+    if (option->get_envname().empty() || !flag.starts_with("--")) continue;
+    std::string value = option->count() > 0 ? option->as<std::string>() : option->get_default_str();
+    const bool bare =
+        option->get_type_name() == "BOOL" || option->get_type_name().starts_with("INT");
+    if (!bare) value = nlohmann::json(value).dump();  // TOML's basic strings escape alike
+    text += flag.substr(2) + " = " + value + "\n";
+  }
+  return text;
+}
+
+std::vector<std::string> SplitAtCommas(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
 }
 
 bool IsLoopback(const sockaddr* address) {
@@ -163,6 +219,10 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   Define(app, parsed.options);
   try {
     app.parse(WithEnvironment(app, argc, argv));
+    if (app.count("--print-config") > 0) {
+      std::fputs(ConfigText(app).c_str(), stdout);
+      parsed.finished = true;
+    }
   } catch (const CLI::ParseError& error) {
     parsed.finished = true;
     parsed.exit_status = app.exit(error) == 0 ? 0 : 2;
@@ -177,8 +237,34 @@ std::string HelpText() {
   return app.help();
 }
 
+void CheckOptions(const ServerOptions& options) {
+  const auto fail = [](const std::string& flag, const std::string& why) {
+    throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
+  };
+  for (const auto& [flag, directory] :
+       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
+    std::error_code ignored;
+    if (!directory.empty() && !std::filesystem::is_directory(directory, ignored)) {
+      fail(flag, "names no directory: " + directory);
+    }
+  }
+  if (options.tls_cert.empty() != options.tls_key.empty()) {
+    fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
+  }
+  const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
+  for (const std::string& one : SplitAtCommas(options.cors_origins)) {
+    if (!std::regex_match(one, origin)) {
+      fail("cors-origins",
+           "must be like https://shop.example, with commas between, or *, not '" + one + "'");
+    }
+  }
+}
+
 HttpOptions MakeHttpOptions(const ServerOptions& options) {
   HttpOptions http;
+  http.tls_certificate = options.tls_cert;
+  http.tls_key = options.tls_key;
+  http.allowed_origins = SplitAtCommas(options.cors_origins);
   const std::size_t colon = options.listen.rfind(':');
   const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);
@@ -210,10 +296,10 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.descriptor = options.descriptor;
   engine.descriptor_options.model_path = options.model;
   engine.keep_originals = options.keep_originals;
-  engine.extraction.decode.max_side_px = options.max_side_px;
   engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
-  engine.extraction.keypoints.max_keypoints = options.max_keypoints;
+  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
+  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
   return engine;
 }
 
@@ -223,16 +309,22 @@ WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options) {
           .queue_timeout = std::chrono::seconds(options.queue_timeout_s)};
 }
 
-void CheckExposure(const ServerOptions& options) {
-  if (options.allow_open_access) return;
+bool OpenWithoutKeys(const ServerOptions& options) {
+  if (options.allow_anonymous) return true;
   const std::string host = MakeHttpOptions(options).host;
   // RFC 6761, 6.3: this name is loopback whatever the resolver says.
-  if (host == "localhost" || AllLoopback(host)) return;
-  throw Error(ErrorCode::kInvalidArgument, "open_access",
+  return host == "localhost" || AllLoopback(host);
+}
+
+void CheckExposure(const ServerOptions& options, bool has_keys) {
+  if (has_keys || OpenWithoutKeys(options)) return;
+  throw Error(ErrorCode::kInvalidArgument, "no_keys",
               "--listen " + options.listen +
                   " is open to other machines, and there are no API keys: anyone who reaches the "
-                  "port could read, add and delete everything. Put a proxy with access control in "
-                  "front and listen on 127.0.0.1, or say --allow-open-access true.");
+                  "port could read, add and delete everything. Make a key with: pliant-server keys "
+                  "create --scope admin --name NAME --db " +
+                  options.database +
+                  "; or listen on 127.0.0.1, or say --allow-anonymous true if that is meant.");
 }
 
 }  // namespace pliant::server

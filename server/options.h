@@ -15,8 +15,9 @@ namespace pliant::server {
 struct ServerOptions {
   std::string database;
   std::string listen = "127.0.0.1:8080";  // HOST:PORT; port 0 = any free one
-  // There are no API keys yet: beyond loopback everybody who reaches the port can do everything.
-  bool allow_open_access = false;
+  bool allow_anonymous = false;           // also beyond loopback, as long as there are no API keys
+  int rate_limit = 0;                     // requests a second and key; 0 = no limit
+  int rate_burst = 100;
   std::string descriptor;      // empty: what the database was made with, deal for a new one
   std::string model;           // weight file; empty = the default one
   bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
@@ -32,8 +33,8 @@ struct ServerOptions {
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;
   int max_megapixels = 100;
-  int max_keypoints = 1024;
-  int max_side_px = 1024;
+  int max_keypoints = 0;  // 0 = as the database was made
+  int max_side_px = 0;    // 0 = as the database was made
 
   int idle_timeout_s = 5;
   int header_timeout_s = 10;
@@ -41,7 +42,14 @@ struct ServerOptions {
   int write_timeout_s = 10;
   int shutdown_timeout_s = 30;
 
-  std::string log_level = "info";  // debug, info, warn, error
+  std::string log_level = "info";   // debug, info, warn, error
+  std::string log_format = "text";  // text, json
+
+  std::string import_dir;    // pictures may be imported from below it; empty = off
+  std::string backup_dir;    // backups over HTTP go there; empty = off
+  std::string tls_cert;      // PEM file; empty = no TLS
+  std::string tls_key;       // PEM file
+  std::string cors_origins;  // "https://a.example,https://b.example", "*"; empty = none
 };
 
 struct ParsedCommandLine {
@@ -49,6 +57,10 @@ struct ParsedCommandLine {
   bool finished = false;  // help, version or a wrong flag: the program ends with exit_status
   int exit_status = 0;
 };
+
+// Throws Error kInvalidArgument naming the flag: a directory that is none, a certificate without
+// key, an origin that cannot be one.
+void CheckOptions(const ServerOptions& options);
 
 // Prints help, version or what is wrong (exit status 2).
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
@@ -61,8 +73,12 @@ HttpOptions MakeHttpOptions(const ServerOptions& options);
 EngineOptions MakeEngineOptions(const ServerOptions& options);
 WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options);
 
-// Throws Error kInvalidArgument "open_access" when the host is not loopback and that was not
-// allowed.
-void CheckExposure(const ServerOptions& options);
+// Whether everybody may do everything as long as there are no API keys: on loopback, or because
+// --allow-anonymous says so.
+bool OpenWithoutKeys(const ServerOptions& options);
+
+// Throws Error kInvalidArgument "no_keys" when the server would be open to other machines, has no
+// API keys, and was not told that this is meant.
+void CheckExposure(const ServerOptions& options, bool has_keys);
 
 }  // namespace pliant::server

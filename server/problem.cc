@@ -10,6 +10,8 @@
 #include <string_view>
 #include <utility>
 
+#include <spdlog/spdlog.h>
+
 #include "server/json.h"
 
 namespace pliant::server {
@@ -28,6 +30,8 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"duplicate_parameter", 400, "a parameter was given twice (`parameter` names it)"},
     {"invalid_cursor", 400, "the cursor was not made by this list with these parameters"},
     {"invalid_json", 400, "the JSON body does not parse, is nested too deep or is not an object"},
+    {"unauthorized", 401, "a key is needed, or the one shown does not work"},
+    {"forbidden", 403, "the scope of the key does not include this"},
     {"cross_site", 403, "a web page of another site tried to change something"},
     {"route_not_found", 404, "there is nothing at this path"},
     {"collection_not_found", 404, "no such collection"},
@@ -36,9 +40,14 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"vocabulary_not_found", 404, "no vocabulary of that number"},
     {"job_not_found", 404, "no such job, or it is long finished"},
     {"demo_not_found", 404, "no such demonstration object"},
+    {"backup_not_found", 404, "no backup of that name"},
     {"method_not_allowed", 405, "the path exists, the method does not (Allow lists those that do)"},
     {"request_timeout", 408, "the request did not arrive in time"},
     {"no_vocabulary", 409, "nothing to search with yet; the detail says what to do"},
+    {"imports_off", 409, "the operator has named no directory to import from"},
+    {"backups_off", 409, "the operator has named no directory for backups"},
+    {"backup_exists", 409, "there is a backup of that name"},
+    {"interrupted", 409, "the server ended while the job ran, and it cannot go on (of a job)"},
     {"length_required", 411, "a body needs Content-Length or chunked transfer encoding"},
     {"body_too_large", 413, "the body is larger than --max-body-mb"},
     {"uri_too_long", 414, "the address is too long"},
@@ -46,6 +55,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"unsupported_content_encoding", 415, "compressed bodies are not taken"},
     {"range_not_satisfiable", 416, "the Range header cannot be understood"},
     {"expectation_failed", 417, "the Expect header asks for what the server does not do"},
+    {"rate_limited", 429, "more requests than --rate-limit allows; Retry-After says when to go on"},
     {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
     {"internal", 500, "a defect or damaged data; the server's log has the request id"},
     {"unsupported_transfer_encoding", 501, "only chunked transfer encoding is taken"},
@@ -53,6 +63,21 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"starting", 503, "the index is still loading"},
     {"stopping", 503, "the server is being stopped"},
     {"no_space", 507, "the server's disk is full"},
+});
+
+constexpr std::array kEngineCodes = std::to_array<ProblemCode>({
+    {"content_not_kept", 404, "the uploaded bytes were not stored (--keep-originals)"},
+    {"collection_permanent", 409, "the collection `default` cannot be deleted"},
+    {"same_bytes", 409, "the bytes are stored as a picture with another object or metadata"},
+    {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
+    {"no_pictures", 409, "there is nothing to train a vocabulary from (of a job)"},
+    {"image_too_large", 413, "the picture has more pixels than --max-megapixels"},
+    {"image_type_unknown", 415, "the bytes are no picture of a type that Pliant reads"},
+    {"image_empty", 422, "the picture has no pixels"},
+    {"image_too_small", 422, "the picture is too small to be described"},
+    {"image_truncated", 422, "the picture ends too early"},
+    {"image_corrupt", 422, "the picture is damaged"},
+    {"too_few_features", 422, "the picture, or its region, is too plain to be recognised"},
 });
 
 const ProblemCode* FindCode(const std::string& code) {
@@ -104,6 +129,15 @@ Problem FromError(const Error& error) {
 }  // namespace
 
 std::span<const ProblemCode> ProblemCodes() { return kCodes; }
+std::span<const ProblemCode> EngineProblemCodes() { return kEngineCodes; }
+
+const ProblemCode& ProblemCodeOf(const std::string& code) {
+  if (const ProblemCode* known = FindCode(code)) return *known;
+  for (const ProblemCode& known : kEngineCodes) {
+    if (code == known.code) return known;
+  }
+  throw std::logic_error("unlisted problem code " + code);
+}
 
 ProblemError::ProblemError(const std::string& code, const std::string& detail)
     : ProblemError(MakeProblem(code, detail)) {}
@@ -206,6 +240,10 @@ Problem ProblemForStatus(int status) {
   return MakeProblem("bad_request", "The request is not valid HTTP.");
 }
 
+void LogProblem(const Problem& problem) {
+  if (!problem.internal.empty()) spdlog::warn("{}: {}", problem.code, problem.internal);
+}
+
 Response ProblemResponse(const Problem& problem, const std::string& request_id) {
   Json body = {{"type", "urn:pliant:problem:" + problem.code},
                {"title", StatusTitle(problem.status)},
@@ -214,11 +252,15 @@ Response ProblemResponse(const Problem& problem, const std::string& request_id) 
                {"detail", problem.detail},
                {"request_id", request_id}};
   if (!problem.parameter.empty()) body["parameter"] = problem.parameter;
+  if (problem.progress >= 0) body["progress"] = problem.progress;
   Response response;
   response.status = problem.status;
   response.content_type = "application/problem+json";
   response.body = ToText(body);
   response.headers.emplace_back("Cache-Control", "no-store");
+  if (problem.status == 401) {
+    response.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"pliant\"");
+  }
   if (!problem.allow.empty()) response.headers.emplace_back("Allow", problem.allow);
   if (problem.retry_after_s > 0) {
     response.headers.emplace_back("Retry-After", std::to_string(problem.retry_after_s));

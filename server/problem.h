@@ -20,6 +20,7 @@ struct Problem {
   std::string parameter = {};  // the parameter at fault; empty = none
   std::string allow = {};      // 405: methods that the path has
   int retry_after_s = 0;       // 429 and 503; 0 = no header
+  double progress = -1;        // "starting": which share of the index is loaded; < 0 = none
   std::string internal = {};   // for the log only
 };
 
@@ -32,6 +33,10 @@ struct ProblemCode {
 };
 
 std::span<const ProblemCode> ProblemCodes();
+// Those of the engine that clients meet.
+std::span<const ProblemCode> EngineProblemCodes();
+// Of either list. Throws std::logic_error for any other.
+const ProblemCode& ProblemCodeOf(const std::string& code);
 
 // Ends a request with a problem. The status is the one ProblemCodes() gives for the code; an
 // unknown code is a defect and becomes "internal".
@@ -57,6 +62,9 @@ Problem CurrentProblem();
 
 // For an answer that the HTTP library made by itself, which has a status and nothing else.
 Problem ProblemForStatus(int status);
+
+// One line for the log, where there is a cause that clients must not see.
+void LogProblem(const Problem& problem);
 
 Response ProblemResponse(const Problem& problem, const std::string& request_id);
 

@@ -9,10 +9,11 @@
 #include <thread>
 
 #include <pthread.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "server/auth/gate.h"
 #include "server/http/http_server.h"
+#include "server/logging.h"
 #include "server/service.h"
 
 namespace pliant::server {
@@ -38,26 +39,10 @@ bool StopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
   return sigtimedwait(&signals, nullptr, &wait) > 0;
 }
 
-void StartLog(const ServerOptions& options) {
-  auto logger = spdlog::stderr_logger_mt("pliant-server");
-  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %v");
-  logger->set_level(spdlog::level::from_str(options.log_level));
-  logger->flush_on(spdlog::level::info);
-  spdlog::set_default_logger(std::move(logger));
-}
-
-void LogRequest(const RequestRecord& record) {
-  const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
-  spdlog::log(level, "{} {} {} {} in={} out={} ms={:.1f} from={} id={}{}{}", record.method,
-              record.path, record.status, record.route, record.bytes_in, record.bytes_out,
-              record.seconds * 1000, record.remote_address, record.id,
-              record.code.empty() ? "" : " code=" + record.code,
-              record.internal.empty() ? "" : " cause=" + record.internal);
-}
-
 std::string AddressText(const HttpOptions& http, int port) {
   const bool v6 = http.host.find(':') != std::string::npos;
-  return "http://" + (v6 ? "[" + http.host + "]" : http.host) + ":" + std::to_string(port);
+  const std::string scheme = http.tls_certificate.empty() ? "http" : "https";
+  return scheme + "://" + (v6 ? "[" + http.host + "]" : http.host) + ":" + std::to_string(port);
 }
 
 // After a stop signal: a thread that cannot be joined in time must not keep the process.
@@ -109,16 +94,23 @@ int RunServer(const ServerOptions& options) {
   const sigset_t signals = BlockStopSignals();
   StartLog(options);
   try {
-    CheckExposure(options);
+    CheckOptions(options);
     const HttpOptions http_options = MakeHttpOptions(options);
+    KeyRing keys(options.database);
+    CheckExposure(options, keys.InUse());
+    Gate gate(keys, options.rate_limit, options.rate_burst, OpenWithoutKeys(options));
     Service service(options);
     const Router router(MakeRoutes(service));
-    HttpServer http(router, http_options, [&service](const RequestRecord& record) {
-      service.metrics.OnRequest(record);
-      LogRequest(record);
-    });
+    HttpServer http(
+        router, http_options,
+        [&gate](const Route& route, Request& request) { gate.Admit(route, request); },
+        [&service](const RequestRecord& record) {
+          service.metrics.OnRequest(record);
+          LogRequest(record);
+        });
     http.Start();
     OpenIndex(service, signals);
+    keys.Open();
     http.SetReady(true);
     std::printf("listening on %s\n", AddressText(http_options, http.port()).c_str());
     std::fflush(stdout);

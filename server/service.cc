@@ -2,27 +2,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service.h"
 
+#include "server/import_job.h"
 #include "server/routes/routes.h"
+#include "server/training_job.h"
 
 namespace pliant::server {
 
 Service::Service(const ServerOptions& server_options)
     : options(server_options),
       pool(MakeWorkerPoolOptions(server_options)),
-      jobs(std::make_unique<JobQueue>()) {}
+      backups(server_options.backup_dir) {}
 
-// Who uses something ends before it: the trainer uses jobs, jobs use the engine and the pool.
+// Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
+// tell the trainer what they add.
 Service::~Service() {
   ready_ = false;
-  auto_trainer_.reset();
+  if (auto_trainer_) auto_trainer_->Stop();
   jobs.reset();
+  auto_trainer_.reset();
 }
 
 void Service::Open() {
-  engine_ = std::make_unique<Engine>(MakeEngineOptions(options));
-  if (options.auto_train) {
-    auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, pool, *jobs);
-  }
+  EngineOptions engine_options = MakeEngineOptions(options);
+  engine_options.loading = [this](double share) { loaded_ = share; };
+  engine_ = std::make_unique<Engine>(engine_options);
+  store_ = std::make_unique<ServiceStore>(options.database);
+  jobs = std::make_unique<JobQueue>(store_.get());
+  RegisterVocabularyJobs(*jobs, *engine_, pool);
+  const auto on_added = [this](const std::string& collection) {
+    if (auto_trainer_) auto_trainer_->OnAdded(collection);
+  };
+  RegisterImportJob(*jobs, *engine_, pool,
+                    {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
+  RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
+  backups.RegisterJob(*jobs, *engine_);
+  if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
+  jobs->Start();
+  loaded_ = 1;
   ready_ = true;
 }
 
@@ -33,11 +49,14 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddCollectionRoutes(service, routes);
   AddImageRoutes(service, routes);
   AddImageDataRoutes(service, routes);
+  AddBatchRoutes(service, routes);
   AddObjectRoutes(service, routes);
   AddSearchRoutes(service, routes);
   AddVocabularyRoutes(service, routes);
   AddDemoRoutes(service, routes);
   AddJobRoutes(service, routes);
+  AddBackupRoutes(service, routes);
+  AddDocumentRoute(routes);
   return routes;
 }
 

@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "index/engine.h"
+#include "index/service_store.h"
 #include "server/auto_trainer.h"
+#include "server/backups.h"
 #include "server/demonstration.h"
 #include "server/http/router.h"
 #include "server/jobs.h"
@@ -31,6 +33,7 @@ class Service {
 
   Engine& engine() { return *engine_; }
   bool ready() const { return ready_; }
+  double loaded() const { return loaded_; }                    // which share of the index, 0..1
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
 
   const ServerOptions options;
@@ -38,13 +41,16 @@ class Service {
   ThumbnailCache thumbnails;
   CrumpledPictures crumpled_pictures;
   Metrics metrics;
-  // Jobs use the engine, so they end first: see ~Service.
+  const Backups backups;
+  // Jobs use the engine, so they end first: see ~Service. Null before Open().
   std::unique_ptr<JobQueue> jobs;
 
  private:
   std::unique_ptr<Engine> engine_;
+  std::unique_ptr<ServiceStore> store_;
   std::unique_ptr<AutoTrainer> auto_trainer_;
   std::atomic<bool> ready_{false};
+  std::atomic<double> loaded_{0};
 };
 
 // The route table. `service` must outlive it.

@@ -25,6 +25,7 @@ struct WorkerPool::Task {
   const std::function<void(int)>* work = nullptr;
   State state = State::kWaiting;
   std::exception_ptr error;
+  bool background = false;
 };
 
 WorkerPool::WorkerPool(WorkerPoolOptions options)
@@ -38,7 +39,7 @@ WorkerPool::~WorkerPool() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
-    for (Queue* waiting : {&searches_, &uploads_}) {
+    for (Queue* waiting : {&searches_, &uploads_, &background_}) {
       for (const auto& task : *waiting) task->state = Task::State::kDropped;
       waiting->clear();
     }
@@ -53,9 +54,10 @@ WorkerPool::~WorkerPool() {
 void WorkerPool::Run(Lane lane, const std::function<void(int cores)>& work) {
   const auto task = std::make_shared<Task>();
   task->work = &work;
+  task->background = lane == Lane::kBackground;
   std::unique_lock lock(mutex_);
   if (stopping_) throw ProblemError("stopping", "The server is being stopped.");
-  if (queue(lane).size() >= static_cast<std::size_t>(options_.queue_length)) {
+  if (!task->background && queue(lane).size() >= static_cast<std::size_t>(options_.queue_length)) {
     throw ProblemError("busy", "The queue is full. Try again shortly.")
         .RetryAfter(RetryAfterSeconds());
   }
@@ -74,7 +76,9 @@ void WorkerPool::Run(Lane lane, const std::function<void(int cores)>& work) {
 void WorkerPool::Await(std::unique_lock<std::mutex>& lock, Lane lane,
                        const std::shared_ptr<Task>& task) {
   const auto has_begun = [&] { return task->state != Task::State::kWaiting; };
-  if (!task_changed_.wait_until(lock, Clock::now() + options_.queue_timeout, has_begun)) {
+  if (task->background) {
+    task_changed_.wait(lock, has_begun);
+  } else if (!task_changed_.wait_until(lock, Clock::now() + options_.queue_timeout, has_begun)) {
     std::erase(queue(lane), task);
     throw ProblemError("busy", "No turn came in time. Try again shortly.")
         .RetryAfter(RetryAfterSeconds());
@@ -89,14 +93,12 @@ void WorkerPool::Await(std::unique_lock<std::mutex>& lock, Lane lane,
 void WorkerPool::Work() {
   std::unique_lock lock(mutex_);
   while (true) {
-    work_changed_.wait(lock, [&] {
-      return stopping_ ||
-             (free_cores_ > claimed_cores_ && !(searches_.empty() && uploads_.empty()));
-    });
+    work_changed_.wait(lock, [&] { return stopping_ || HasWork(); });
     if (stopping_) return;
     const std::shared_ptr<Task> task = TakeNext();
-    const int cores = ShareOfFreeCores();
+    const int cores = task->background ? 1 : ShareOfFreeCores();
     free_cores_ -= cores;
+    background_cores_ += task->background ? 1 : 0;
     task->state = Task::State::kRunning;
     task_changed_.notify_all();
 
@@ -112,13 +114,25 @@ void WorkerPool::Work() {
 
     mean_task_s_ += (seconds.count() - mean_task_s_) / 16;
     free_cores_ += cores;
+    background_cores_ -= task->background ? 1 : 0;
     task->state = Task::State::kDone;
     task_changed_.notify_all();
     work_changed_.notify_all();
   }
 }
 
+bool WorkerPool::HasWork() const {
+  if (free_cores_ <= claimed_cores_) return false;
+  if (!searches_.empty() || !uploads_.empty()) return true;
+  return !background_.empty() && background_cores_ < std::max(1, cores_ / 2);
+}
+
 std::shared_ptr<WorkerPool::Task> WorkerPool::TakeNext() {
+  if (searches_.empty() && uploads_.empty()) {
+    const std::shared_ptr<Task> task = background_.front();
+    background_.pop_front();
+    return task;
+  }
   const bool uploads_turn = searches_in_a_row_ >= kSearchesInARow && !uploads_.empty();
   const bool search = !searches_.empty() && !uploads_turn;
   searches_in_a_row_ = search ? searches_in_a_row_ + 1 : 0;
@@ -162,7 +176,7 @@ WorkerPool::Lease::~Lease() {
 
 WorkerPool::Load WorkerPool::load() const {
   const std::lock_guard lock(mutex_);
-  return {searches_.size(), uploads_.size(), cores_ - free_cores_};
+  return {searches_.size(), uploads_.size(), background_.size(), cores_ - free_cores_};
 }
 
 }  // namespace pliant::server

@@ -25,8 +25,10 @@ struct WorkerPoolOptions {
 // Thread-safe.
 class WorkerPool {
  public:
-  // Searches go first, but at most kSearchesInARow of them while uploads wait.
-  enum class Lane { kSearch, kUpload };
+  // Searches go first, but at most kSearchesInARow of them while uploads wait. Background tasks run
+  // when neither waits, on one core each and half of the cores (at least one) in all, so that
+  // however long a job is, a search finds a core soon.
+  enum class Lane { kSearch, kUpload, kBackground };
   static constexpr int kSearchesInARow = 4;
 
   explicit WorkerPool(WorkerPoolOptions options);
@@ -37,7 +39,7 @@ class WorkerPool {
   // Runs `task(cores)` and waits for its end; `cores` is how many it may use: all that are free
   // when nothing else waits, fewer when something does. Throws what the task throws, and
   // ProblemError "busy" (with Retry-After) when the lane's queue is full or no turn came in time,
-  // "stopping" during the end.
+  // "stopping" during the end. Background tasks wait as long as it takes.
   void Run(Lane lane, const std::function<void(int cores)>& task);
 
   // Takes cores away from the tasks for as long as the lease lives, leaving at least one to them.
@@ -60,6 +62,7 @@ class WorkerPool {
   struct Load {
     std::size_t waiting_searches = 0;
     std::size_t waiting_uploads = 0;
+    std::size_t waiting_background = 0;
     int busy_cores = 0;
   };
   Load load() const;
@@ -70,10 +73,13 @@ class WorkerPool {
 
   void Await(std::unique_lock<std::mutex>& lock, Lane lane, const std::shared_ptr<Task>& task);
   void Work();
-  std::shared_ptr<Task> TakeNext();  // mutex_ held, a queue is not empty
+  bool HasWork() const;              // that may run now; mutex_ held
+  std::shared_ptr<Task> TakeNext();  // mutex_ held, HasWork()
   int ShareOfFreeCores() const;      // mutex_ held
   int RetryAfterSeconds() const;     // mutex_ held
-  Queue& queue(Lane lane) { return lane == Lane::kSearch ? searches_ : uploads_; }
+  Queue& queue(Lane lane) {
+    return lane == Lane::kSearch ? searches_ : lane == Lane::kUpload ? uploads_ : background_;
+  }
 
   const WorkerPoolOptions options_;
   const int cores_;
@@ -82,6 +88,8 @@ class WorkerPool {
   std::condition_variable task_changed_;
   Queue searches_;
   Queue uploads_;
+  Queue background_;
+  int background_cores_ = 0;  // in use by background tasks
   int free_cores_;
   int lent_cores_ = 0;     // to leases, also while they still wait for them
   int claimed_cores_ = 0;  // of these, not handed over yet: tasks leave them alone

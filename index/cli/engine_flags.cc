@@ -39,7 +39,28 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
                  "what describes key points: " + KnownDescriptors() +
                      " (default: the database's own, deal for a new one)")
       ->type_name("NAME");
-  AddSizeFlags(app, engine.descriptor_options, engine.extraction);
+  app.add_option("--model", engine.descriptor_options.model_path,
+                 "weight file for deal and deal-fixed")
+      ->type_name("FILE");
+  app.add_option_function<int>(
+         "--max-keypoints",
+         [&engine](int value) {
+           engine.max_keypoints = value;
+           engine.extraction.keypoints.max_keypoints = value;
+         },
+         "strongest key points of a picture that count (default: the database's own, 1024 for a "
+         "new "
+         "one)")
+      ->check(CLI::Range(1, 4096));
+  app.add_option_function<int>(
+         "--max-side",
+         [&engine](int value) {
+           engine.max_side_px = value;
+           engine.extraction.decode.max_side_px = value;
+         },
+         "larger pictures are scaled down to this many pixels (default: the database's own, 1024 "
+         "for a new one)")
+      ->check(CLI::Range(16, 65536));
 }
 
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,

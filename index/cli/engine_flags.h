@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include "index/engine.h"
+#include "index/picture_files.h"
 
 namespace pliant::cli {
 

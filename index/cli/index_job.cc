@@ -76,7 +76,7 @@ class Job {
       const std::lock_guard lock(mutex_);
       ++(added.outcome == AddOutcome::kUnchanged ? result_.unchanged : result_.indexed);
     } catch (const Error& error) {
-      if (!ConcernsOnePicture(error.code())) throw;
+      if (!ConcernsOnePicture(error)) throw;
       Skip(file, error);
     }
   }

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <new>
 
+#include "descriptor/quiet_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/output.h"
 
@@ -64,5 +65,6 @@ int main(int argc, char** argv) {
   // A file size limit and a closed pipe come as errors of the write, not as death without a word.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
+  pliant::QuietDecoders();
   return static_cast<int>(Run(argc, argv));
 }

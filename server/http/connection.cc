@@ -47,11 +47,20 @@ void NumericName(const sockaddr_storage& address, socklen_t length, std::string&
 
 }  // namespace
 
-Connection::Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits)
-    : socket_fd_(socket_fd), wake_fd_(wake_fd), limits_(limits), buffer_(kBufferBytes) {}
+Connection::Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits,
+                       std::unique_ptr<TlsSession> tls)
+    : tls_(std::move(tls)),
+      socket_fd_(socket_fd),
+      wake_fd_(wake_fd),
+      limits_(limits),
+      buffer_(kBufferBytes) {}
+
+bool Connection::Handshake() {
+  return tls_ == nullptr || tls_->Handshake(Clock::now() + limits_.header_timeout);
+}
 
 bool Connection::AwaitRequest(std::chrono::milliseconds idle_timeout) {
-  if (begin_ < end_) return true;  // pipelined
+  if (begin_ < end_ || (tls_ && tls_->HasPending())) return true;  // pipelined
   std::array<pollfd, 2> fds = {{{socket_fd_, POLLIN, 0}, {wake_fd_, POLLIN, 0}}};
   if (PollUntil(fds.data(), fds.size(), Clock::now() + idle_timeout) <= 0) return false;
   return fds[0].revents != 0;
@@ -71,7 +80,19 @@ void Connection::BeginBody() {
   deadline_ = Clock::now() + limits_.body_timeout;
 }
 
+bool Connection::FillFromTls() {
+  const ssize_t got = tls_->Read(buffer_.data(), buffer_.size(), deadline_);
+  if (got <= 0) {
+    fault_ = got == -2 ? Fault::kTimeout : Fault::kClosed;
+    return false;
+  }
+  begin_ = 0;
+  end_ = static_cast<std::size_t>(got);
+  return true;
+}
+
 bool Connection::Fill() {
+  if (tls_) return FillFromTls();
   pollfd fd = {socket_fd_, POLLIN, 0};
   const int ready = PollUntil(&fd, 1, deadline_);
   if (ready <= 0) {
@@ -118,6 +139,10 @@ ssize_t Connection::write(const char* data, size_t size) {
   }
   const Clock::time_point deadline =
       std::min(answer_deadline_, Clock::now() + limits_.write_timeout);
+  if (tls_) {
+    const ssize_t sent = tls_->Write(data, size, deadline);
+    return sent > 0 ? sent : -1;
+  }
   pollfd fd = {socket_fd_, POLLOUT, 0};
   if (Clock::now() >= answer_deadline_ || PollUntil(&fd, 1, deadline) <= 0) return -1;
   ssize_t sent = 0;
@@ -132,7 +157,17 @@ bool Connection::is_readable() const { return begin_ < end_; }
 
 bool Connection::is_writable() const { return true; }
 
+void Connection::SendNow(const std::string& text) {
+  if (tls_) {
+    tls_->Write(text.data(), text.size(), Clock::now());
+    return;
+  }
+  [[maybe_unused]] const ssize_t sent =
+      send(socket_fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+}
+
 void Connection::LingeringClose() {
+  if (tls_) tls_->Close();
   shutdown(socket_fd_, SHUT_WR);
   const Clock::time_point deadline = Clock::now() + kLingerTime;
   std::size_t swallowed = 0;

@@ -6,10 +6,13 @@
 
 #include <chrono>
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <httplib.h>
+
+#include "server/http/tls.h"
 
 namespace pliant::server {
 
@@ -31,7 +34,13 @@ class Connection final : public httplib::Stream {
   enum class Fault { kNone, kClosed, kTimeout, kHeadersTooLarge, kBodyTooLarge };
 
   // `wake_fd` turns readable when idle connections shall end. Neither descriptor is owned.
-  Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits);
+  // `tls` may be null.
+  Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits,
+             std::unique_ptr<TlsSession> tls = nullptr);
+
+  // Greets the client where there is TLS, within the time for headers. False: it cannot be served.
+  bool Handshake();
+  bool encrypted() const { return tls_ != nullptr; }
 
   // Waits for the first byte of the next request. False: closed, idle for too long, or woken.
   bool AwaitRequest(std::chrono::milliseconds idle_timeout);
@@ -41,6 +50,9 @@ class Connection final : public httplib::Stream {
   Fault fault() const { return fault_; }
   std::size_t header_bytes() const { return header_bytes_; }
   std::size_t body_bytes() const { return body_bytes_; }
+
+  // Sends what can be sent without waiting.
+  void SendNow(const std::string& text);
 
   // Tells the client that no more comes and swallows what it still sends, so that it can read the
   // answer before the connection ends: closing with unread bytes would reset it (RFC 9112, 9.6).
@@ -55,8 +67,10 @@ class Connection final : public httplib::Stream {
   socket_t socket() const override { return socket_fd_; }
 
  private:
+  bool FillFromTls();
   bool Fill();  // the buffer is empty; false sets fault_
 
+  std::unique_ptr<TlsSession> tls_;
   int socket_fd_;
   int wake_fd_;
   ConnectionLimits limits_;

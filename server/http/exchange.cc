@@ -17,7 +17,12 @@ namespace {
 constexpr std::size_t kMaxPathBytes = 2048;
 constexpr std::size_t kLoggedPathBytes = 256;
 constexpr std::size_t kMaxParts = 64;
+constexpr std::size_t kMaxBatchParts = 1000;       // of a route that takes many pictures
 constexpr std::size_t kMaxFieldBytes = 64 * 1024;  // of a form field that is not the picture
+
+std::size_t MaxParts(const Route& route) {
+  return route.body == BodyKind::kImages ? kMaxBatchParts : kMaxParts;
+}
 
 bool IsRequestId(const std::string& id) {
   return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
@@ -108,11 +113,37 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
   }
 }
 
+bool Exchange::IsAllowedOrigin(const std::string& origin) const {
+  const auto& allowed = shared_.allowed_origins;
+  return !origin.empty() && std::any_of(allowed.begin(), allowed.end(), [&](const auto& one) {
+    return one == "*" || one == origin;
+  });
+}
+
+bool Exchange::IsPreflight() const {
+  return request_.method == "OPTIONS" && IsAllowedOrigin(request_.header("Origin")) &&
+         request_.headers.contains("Access-Control-Request-Method");
+}
+
+// What a page of an allowed origin may send here (Fetch standard, CORS-preflight).
+void Exchange::AnswerPreflight(httplib::Response& answer) {
+  const std::string methods = shared_.router.AllowedMethods(SplitPath(request_.path));
+  if (methods.empty()) throw ProblemError("route_not_found", "There is nothing at this path.");
+  Response response;
+  response.status = 204;
+  response.headers = {{"Access-Control-Allow-Methods", methods},
+                      {"Access-Control-Allow-Headers",
+                       "Authorization, X-API-Key, Content-Type, If-None-Match, X-Request-Id"},
+                      {"Access-Control-Max-Age", "600"}};
+  Answer(response, answer);
+}
+
 // A page of another site may make a browser send requests here; it must not change anything.
 void Exchange::CheckSameSite() const {
   if (request_.method == "GET") return;
   const std::string site = request_.header("Sec-Fetch-Site");
   const std::string origin = request_.header("Origin");
+  if (IsAllowedOrigin(origin)) return;
   const bool same_origin = origin.empty() || origin == "http://" + request_.header("Host") ||
                            origin == "https://" + request_.header("Host");
   if (site == "cross-site" || site == "same-site" || !same_origin) {
@@ -129,10 +160,16 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     if (request_.path.size() > kMaxPathBytes) {
       throw ProblemError("uri_too_long", "The path is too long.");
     }
+    if (IsPreflight()) {
+      AnswerPreflight(answer);
+      return complete_ = true;
+    }
     CheckSameSite();
     request_.segments = SplitPath(request_.path);
     route_ = &shared_.router.Resolve(request_);
     record_.route = route_->name;
+    shared_.admit(*route_, request_);
+    record_.key_id = request_.key_id;
     if (route_->needs_index && shared_.stopping) {
       throw ProblemError("stopping", "The server is being stopped.");
     }
@@ -192,7 +229,7 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
   std::size_t total = 0;
   const bool whole = reader(
       [&](const httplib::MultipartFormData& part) {
-        too_many = request_.parts.size() == kMaxParts;
+        too_many = request_.parts.size() == MaxParts(*route_);
         if (too_many) return false;
         request_.parts.push_back({part.name, part.filename, part.content_type, {}});
         return true;
@@ -212,7 +249,8 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
 
 void Exchange::ThrowBodyFault(bool too_large, bool too_many_parts) const {
   if (too_many_parts) {
-    throw ProblemError("bad_request", fmt::format("The form has more than {} parts.", kMaxParts));
+    throw ProblemError("bad_request",
+                       fmt::format("The form has more than {} parts.", MaxParts(*route_)));
   }
   if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
     throw ProblemError("body_too_large",
@@ -243,9 +281,29 @@ void Exchange::Answer(const Response& response, httplib::Response& answer) {
   if (!response.content_type.empty()) answer.set_header("Content-Type", response.content_type);
   for (const auto& [name, value] : response.headers) answer.set_header(name, value);
   answer.set_header("X-Request-Id", request_.id);
-  answer.set_header("X-Content-Type-Options", "nosniff");
+  AddSecurityHeaders(answer);
   if (must_close_) answer.set_header("Connection", "close");
   answered_ = true;
+}
+
+// Nothing here is meant to be run, framed or loaded by pages of other sites; the page brings rules
+// of its own.
+void Exchange::AddSecurityHeaders(httplib::Response& answer) const {
+  answer.set_header("X-Content-Type-Options", "nosniff");
+  if (!answer.has_header("Content-Security-Policy")) {
+    answer.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
+  }
+  if (!answer.has_header("Referrer-Policy")) answer.set_header("Referrer-Policy", "no-referrer");
+  if (shared_.encrypted) answer.set_header("Strict-Transport-Security", "max-age=31536000");
+  const std::string origin = request_.header("Origin");
+  if (!shared_.allowed_origins.empty()) answer.set_header("Vary", "Origin");
+  if (!IsAllowedOrigin(origin)) {
+    answer.set_header("Cross-Origin-Resource-Policy", "same-origin");
+    return;
+  }
+  answer.set_header("Access-Control-Allow-Origin", origin);
+  answer.set_header("Access-Control-Expose-Headers", "ETag, Location, Retry-After, X-Request-Id");
+  answer.set_header("Cross-Origin-Resource-Policy", "cross-origin");
 }
 
 void Exchange::AnswerProblem(const Problem& problem, httplib::Response& answer) {

@@ -21,6 +21,9 @@ namespace pliant::server {
 // What all exchanges of a server share.
 struct ExchangeShared {
   const Router& router;
+  const AdmitRequest admit;
+  const std::vector<std::string> allowed_origins;
+  const bool encrypted = false;
   std::size_t max_body_bytes = 0;
   std::size_t max_inflight_bytes = 0;
   std::atomic<std::size_t> inflight_bytes{0};
@@ -56,6 +59,9 @@ class Exchange {
  private:
   void ReadHead(const httplib::Request& raw);
   void CheckFraming(const httplib::Request& raw);
+  bool IsAllowedOrigin(const std::string& origin) const;
+  bool IsPreflight() const;
+  void AnswerPreflight(httplib::Response& answer);
   void CheckSameSite() const;
   void ReserveBody(std::size_t bytes);
   void ReadMultipart(const httplib::ContentReader& reader);
@@ -63,6 +69,7 @@ class Exchange {
   [[noreturn]] void ThrowBodyFault(bool too_large, bool too_many_parts) const;
   void RunHandler(httplib::Response& answer);
   void Answer(const Response& response, httplib::Response& answer);
+  void AddSecurityHeaders(httplib::Response& answer) const;
   void AnswerProblem(const Problem& problem, httplib::Response& answer);
 
   ExchangeShared& shared_;

@@ -39,11 +39,16 @@ void SetListenOptions(socket_t listener) {
 
 class HttpServer::Impl final : public httplib::Server {
  public:
-  Impl(const Router& router, HttpOptions options,
+  Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
       : options_(std::move(options)),
         on_request_(std::move(on_request)),
-        shared_{router, options_.limits.max_body_bytes, options_.max_inflight_bytes},
+        shared_{router,
+                std::move(admit),
+                options_.allowed_origins,
+                !options_.tls_certificate.empty(),
+                options_.limits.max_body_bytes,
+                options_.max_inflight_bytes},
         wake_fd_(eventfd(0, EFD_CLOEXEC)) {
     new_task_queue = [this] {
       return new ConnectionQueue(options_.threads, options_.connection_queue, waiting_);
@@ -54,6 +59,9 @@ class HttpServer::Impl final : public httplib::Server {
         std::chrono::ceil<std::chrono::seconds>(options_.limits.idle_timeout).count());
     set_keep_alive_max_count(kMaxRequestsPerConnection);
     set_payload_max_length(options_.limits.max_body_bytes);
+    if (!options_.tls_certificate.empty()) {
+      tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
+    }
     SetHandlers();
     Bind();
   }
@@ -151,12 +159,14 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   bool process_and_close_socket(socket_t socket_fd) override {
-    Connection connection(socket_fd, wake_fd_, options_.limits);
+    std::unique_ptr<TlsSession> tls;
+    if (tls_) tls = std::make_unique<TlsSession>(*tls_, socket_fd);
+    Connection connection(socket_fd, wake_fd_, options_.limits, std::move(tls));
     if (ConnectionQueue::Rejecting()) {
       Reject(connection);
     } else {
       Track(socket_fd, true);
-      Serve(connection);
+      if (connection.Handshake()) Serve(connection);
       Track(socket_fd, false);
     }
     close(socket_fd);
@@ -201,6 +211,7 @@ class HttpServer::Impl final : public httplib::Server {
 
   void Reject(Connection& connection) {
     const Exchange exchange(shared_, connection);
+    // Under TLS there is no answer without a greeting first, and this thread must not wait for one.
     AnswerByHand(exchange, connection,
                  ProblemError("busy", "Too many connections. Try again shortly.").problem());
     shutdown(connection.socket(), SHUT_WR);
@@ -218,8 +229,7 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   // One send that does not wait: this may be the accepting thread.
-  void AnswerByHand(const Exchange& exchange, const Connection& connection,
-                    const Problem& problem) {
+  void AnswerByHand(const Exchange& exchange, Connection& connection, const Problem& problem) {
     const Response response = ProblemResponse(problem, exchange.request_id());
     std::string text = "HTTP/1.1 " + std::to_string(problem.status) + " " +
                        StatusTitle(problem.status) +
@@ -228,8 +238,7 @@ class HttpServer::Impl final : public httplib::Server {
                        "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\n";
     for (const auto& [name, value] : response.headers) text += name + ": " + value + "\r\n";
     text += "\r\n" + response.body;
-    [[maybe_unused]] const ssize_t sent =
-        send(connection.socket(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    connection.SendNow(text);
     RequestRecord record = exchange.Record(0);
     record.status = problem.status;
     record.code = problem.code;
@@ -246,6 +255,7 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   HttpOptions options_;
+  std::unique_ptr<TlsContext> tls_;
   std::function<void(const RequestRecord&)> on_request_;
   ExchangeShared shared_;
   int wake_fd_;
@@ -258,9 +268,10 @@ class HttpServer::Impl final : public httplib::Server {
   std::set<int> open_sockets_;
 };
 
-HttpServer::HttpServer(const Router& router, HttpOptions options,
+HttpServer::HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
                        std::function<void(const RequestRecord&)> on_request)
-    : impl_(std::make_unique<Impl>(router, std::move(options), std::move(on_request))) {}
+    : impl_(std::make_unique<Impl>(router, std::move(options), std::move(admit),
+                                   std::move(on_request))) {}
 
 HttpServer::~HttpServer() = default;
 

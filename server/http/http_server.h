@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "server/http/connection.h"
 #include "server/http/router.h"
@@ -23,12 +24,17 @@ struct HttpOptions {
   int connection_queue = 256;  // connections that may wait for a thread; more get 503
   std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;  // of bodies, over all requests
   ConnectionLimits limits;
+  std::string tls_certificate;  // PEM file; empty = no TLS
+  std::string tls_key;
+  // Pages of these origins ("https://shop.example") may ask (CORS); "*" = any.
+  std::vector<std::string> allowed_origins;
 };
 
 // One answered request, for logs and metrics.
 struct RequestRecord {
   std::string id;
   std::string remote_address;
+  std::string key_id;        // of the API key, not the key; empty = none
   std::string method = "-";  // "-" also when the request could not be read
   std::string path = "-";    // printable, at most 256 bytes, no query
   std::string route = "-";   // Route::name, or "-"
@@ -40,11 +46,14 @@ struct RequestRecord {
   double seconds = 0;
 };
 
+// Called when the headers of a request are there, before its body is read; throws what ends it.
+using AdmitRequest = std::function<void(const Route&, Request&)>;
+
 class HttpServer {
  public:
   // Binds at once, so that a taken port is noticed before anything else is loaded; throws Error
   // kUnavailable "address_in_use". `router` must outlive the server.
-  HttpServer(const Router& router, HttpOptions options,
+  HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
              std::function<void(const RequestRecord&)> on_request);
   ~HttpServer();
 

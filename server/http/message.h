@@ -39,6 +39,7 @@ struct Request {
   std::multimap<std::string, std::string> query;
   std::multimap<std::string, std::string, HeaderNameLess> headers;
   std::string remote_address;
+  std::string key_id;  // of the API key that was shown; empty when none was needed
 
   std::string content_type;  // media type of the body in lower case, without parameters
   std::string body;          // empty when multipart

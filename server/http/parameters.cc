@@ -25,32 +25,98 @@ bool ParseNumber(const std::string& text, T* value) {
   return error == std::errc() && stop == end && !text.empty();
 }
 
-std::string JsonText(const Json& value) {
+const Parameter* FindSpec(const Route& route, const std::string& name) {
+  const auto it = std::find_if(route.parameters.begin(), route.parameters.end(),
+                               [&](const Parameter& parameter) { return parameter.name == name; });
+  return it == route.parameters.end() ? nullptr : &*it;
+}
+
+std::string JsonText(const Parameter* spec, const Json& value) {
   if (value.is_string()) return value.get<std::string>();
   std::string text = ToText(value);
+  const bool numbers = spec != nullptr && spec->type == Parameter::Type::kNumbers;
   // An array of numbers reads like the comma-separated form.
-  if (value.is_array()) text = text.substr(1, text.size() - 2);
+  if (value.is_array() && numbers) text = text.substr(1, text.size() - 2);
   return text;
+}
+
+// Finite numbers with commas between; empty = something else.
+std::vector<double> ParseNumbers(const std::string& text) {
+  std::vector<double> values;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    double value = 0;
+    if (!ParseNumber(text.substr(begin, end - begin), &value) || !std::isfinite(value)) return {};
+    values.push_back(value);
+    begin = end + 1;
+  }
+  return values;
+}
+
+void Check(const Parameter& spec, const std::string& text) {
+  const std::string& name = spec.name;
+  switch (spec.type) {
+    case Parameter::Type::kText:
+      return;
+    case Parameter::Type::kInteger: {
+      std::int64_t value = 0;
+      if (ParseNumber(text, &value) && static_cast<double>(value) >= spec.lowest &&
+          static_cast<double>(value) <= spec.highest) {
+        return;
+      }
+      ThrowInvalid(name, fmt::format("{} must be a whole number from {:.0f} to {:.0f}.", name,
+                                     spec.lowest, spec.highest));
+    }
+    case Parameter::Type::kNumber: {
+      double value = 0;
+      if (ParseNumber(text, &value) && value >= spec.lowest && value <= spec.highest) return;
+      ThrowInvalid(
+          name, fmt::format("{} must be a number from {} to {}.", name, spec.lowest, spec.highest));
+    }
+    case Parameter::Type::kNumbers:
+      if (ParseNumbers(text).size() == spec.count) return;
+      ThrowInvalid(
+          name, fmt::format("{} must be {} numbers with commas between them.", name, spec.count));
+    case Parameter::Type::kChoice:
+      if (std::find(spec.choices.begin(), spec.choices.end(), text) != spec.choices.end()) return;
+      ThrowInvalid(name,
+                   fmt::format("{} must be one of: {}.", name, fmt::join(spec.choices, ", ")));
+    case Parameter::Type::kJson:
+      ParseJsonObject(text, name);
+      return;
+    case Parameter::Type::kJsonList:
+      ParseJsonArray(text, name);
+      return;
+  }
 }
 
 }  // namespace
 
-Parameters::Parameters(const Route& route, const Request& request) {
-  for (const auto& [name, value] : request.query) Insert(route, name, value);
+Parameters::Parameters(const Route& route, const Request& request) : route_(route) {
+  for (const auto& [name, value] : request.query) Insert(name, value);
   for (const Part& part : request.parts) {
-    if (part.name != kImagePart) Insert(route, part.name, part.content);
+    if (part.name != kImagePart) Insert(part.name, part.content);
   }
   if (request.content_type == "application/json" && !request.body.empty()) {
     const Json body = ParseJsonObject(request.body, "body");
     for (const auto& [name, value] : body.items()) {
-      if (!value.is_null()) Insert(route, name, JsonText(value));
+      if (!value.is_null()) Insert(name, JsonText(FindSpec(route_, name), value));
+    }
+  }
+  for (const Parameter& parameter : route_.parameters) {
+    if (parameter.required && Text(parameter.name).value_or("").empty()) {
+      throw ProblemError("missing_parameter", parameter.name + " is required.")
+          .Parameter(parameter.name);
     }
   }
 }
 
-void Parameters::Insert(const Route& route, const std::string& name, std::string value) {
-  const auto& known = route.parameters;
-  if (std::find(known.begin(), known.end(), name) == known.end()) {
+void Parameters::Insert(const std::string& name, std::string value) {
+  const Parameter* spec = FindSpec(route_, name);
+  if (spec == nullptr) {
+    std::vector<std::string> known;
+    for (const Parameter& parameter : route_.parameters) known.push_back(parameter.name);
     const std::string offer =
         known.empty() ? "It takes none." : fmt::format("It takes: {}.", fmt::join(known, ", "));
     throw ProblemError("unknown_parameter", fmt::format("There is no parameter '{}' here. {}",
@@ -58,78 +124,65 @@ void Parameters::Insert(const Route& route, const std::string& name, std::string
         .Parameter(name.substr(0, 64));
   }
   if (!IsValidUtf8(value)) ThrowInvalid(name, name + " is not UTF-8.");
-  if (!values_.emplace(name, std::move(value)).second) {
+  if (values_.contains(name)) {
     throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
   }
+  Check(*spec, value);
+  values_.emplace(name, std::move(value));
 }
 
-std::optional<std::string> Parameters::Text(const std::string& name) const {
+const Parameter& Parameters::Spec(const std::string& name) const {
+  if (const Parameter* spec = FindSpec(route_, name)) return *spec;
+  throw std::logic_error("route " + route_.name + " has no parameter " + name);
+}
+
+std::optional<std::string> Parameters::Value(const std::string& name, Parameter::Type type) const {
+  if (Spec(name).type != type) throw std::logic_error("parameter " + name + " is of another kind");
   const auto it = values_.find(name);
   if (it == values_.end()) return std::nullopt;
   return it->second;
 }
 
-std::string Parameters::RequiredText(const std::string& name) const {
-  std::optional<std::string> text = Text(name);
-  if (!text || text->empty()) {
-    throw ProblemError("missing_parameter", name + " is required.").Parameter(name);
-  }
-  return *text;
+std::optional<std::string> Parameters::Text(const std::string& name) const {
+  return Value(name, Spec(name).type);
 }
 
-std::optional<std::int64_t> Parameters::Integer(const std::string& name, std::int64_t lowest,
-                                                std::int64_t highest) const {
-  const std::optional<std::string> text = Text(name);
+std::optional<std::int64_t> Parameters::Integer(const std::string& name) const {
+  const auto text = Value(name, Parameter::Type::kInteger);
   if (!text) return std::nullopt;
   std::int64_t value = 0;
-  if (!ParseNumber(*text, &value) || value < lowest || value > highest) {
-    ThrowInvalid(name,
-                 fmt::format("{} must be a whole number from {} to {}.", name, lowest, highest));
-  }
+  ParseNumber(*text, &value);
   return value;
 }
 
-std::optional<double> Parameters::Number(const std::string& name, double lowest,
-                                         double highest) const {
-  const std::optional<std::string> text = Text(name);
+std::optional<double> Parameters::Number(const std::string& name) const {
+  const auto text = Value(name, Parameter::Type::kNumber);
   if (!text) return std::nullopt;
   double value = 0;
-  if (!ParseNumber(*text, &value) || !(value >= lowest && value <= highest)) {
-    ThrowInvalid(name, fmt::format("{} must be a number from {} to {}.", name, lowest, highest));
-  }
+  ParseNumber(*text, &value);
   return value;
 }
 
-std::optional<std::vector<double>> Parameters::Numbers(const std::string& name,
-                                                       std::size_t count) const {
-  const std::optional<std::string> text = Text(name);
+std::optional<std::vector<double>> Parameters::Numbers(const std::string& name) const {
+  const auto text = Value(name, Parameter::Type::kNumbers);
   if (!text) return std::nullopt;
-  std::vector<double> values;
-  std::size_t begin = 0;
-  while (begin <= text->size() && values.size() <= count) {
-    const std::size_t end = std::min(text->find(',', begin), text->size());
-    double value = 0;
-    if (!ParseNumber(text->substr(begin, end - begin), &value) || !std::isfinite(value)) {
-      values.clear();
-      break;
-    }
-    values.push_back(value);
-    begin = end + 1;
-  }
-  if (values.size() != count) {
-    ThrowInvalid(name, fmt::format("{} must be {} numbers with commas between them.", name, count));
-  }
-  return values;
+  return ParseNumbers(*text);
+}
+
+std::optional<bool> Parameters::Flag(const std::string& name) const {
+  return Choice<bool>(name, {{"true", true}, {"false", false}});
 }
 
 std::optional<std::string> Parameters::JsonObject(const std::string& name) const {
-  const std::optional<std::string> text = Text(name);
+  const auto text = Value(name, Parameter::Type::kJson);
   if (!text) return std::nullopt;
   return ToText(ParseJsonObject(*text, name));
 }
 
-void Parameters::ThrowNotOneOf(const std::string& name, const std::vector<std::string>& choices) {
-  ThrowInvalid(name, fmt::format("{} must be one of: {}.", name, fmt::join(choices, ", ")));
+std::optional<Json> Parameters::JsonList(const std::string& name) const {
+  const auto text = Value(name, Parameter::Type::kJsonList);
+  if (!text) return std::nullopt;
+  return ParseJsonArray(*text, name);
 }
 
 void ThrowInvalid(const std::string& name, const std::string& detail) {

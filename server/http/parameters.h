@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,45 +20,43 @@ namespace pliant::server {
 
 class Parameters {
  public:
-  // Throws "unknown_parameter" for a name that the route does not list, "duplicate_parameter",
-  // "invalid_json", and "invalid_parameter" for text that is not UTF-8. The part or field "image"
-  // is the picture, never a parameter.
+  // Checks everything against what the route says of its parameters. Throws "unknown_parameter" for
+  // a name that it does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
+  // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have. The
+  // part or field "image" is the picture, never a parameter. `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
   bool has(const std::string& name) const { return values_.contains(name); }
 
-  // Absent = nothing.
+  // Absent = nothing. The name must be one of the route's, of the kind asked for; else
+  // std::logic_error.
   std::optional<std::string> Text(const std::string& name) const;
-  std::string RequiredText(const std::string& name) const;
-
-  // A whole number within lowest..highest.
-  std::optional<std::int64_t> Integer(const std::string& name, std::int64_t lowest,
-                                      std::int64_t highest) const;
-  std::optional<double> Number(const std::string& name, double lowest, double highest) const;
-  // Comma-separated finite numbers, exactly `count` of them (a JSON body may give an array).
-  std::optional<std::vector<double>> Numbers(const std::string& name, std::size_t count) const;
+  std::optional<std::int64_t> Integer(const std::string& name) const;
+  std::optional<double> Number(const std::string& name) const;
+  std::optional<std::vector<double>> Numbers(const std::string& name) const;
+  std::optional<bool> Flag(const std::string& name) const;
+  // Text that is a JSON object, in one line.
+  std::optional<std::string> JsonObject(const std::string& name) const;
+  // The elements of a JSON array.
+  std::optional<Json> JsonList(const std::string& name) const;
 
   template <typename T>
   std::optional<T> Choice(const std::string& name,
                           const std::vector<std::pair<std::string, T>>& choices) const {
-    const std::optional<std::string> text = Text(name);
+    const std::optional<std::string> text = Value(name, Parameter::Type::kChoice);
     if (!text) return std::nullopt;
-    std::vector<std::string> names;
     for (const auto& [choice, value] : choices) {
       if (choice == *text) return value;
-      names.push_back(choice);
     }
-    ThrowNotOneOf(name, names);
+    throw std::logic_error("parameter " + name + " may be '" + *text + "', which has no meaning");
   }
 
-  // Text that is a JSON object, in one line.
-  std::optional<std::string> JsonObject(const std::string& name) const;
-
  private:
-  void Insert(const Route& route, const std::string& name, std::string value);
-  [[noreturn]] static void ThrowNotOneOf(const std::string& name,
-                                         const std::vector<std::string>& choices);
+  void Insert(const std::string& name, std::string value);
+  const Parameter& Spec(const std::string& name) const;
+  std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
 
+  const Route& route_;
   std::map<std::string, std::string> values_;
 };
 

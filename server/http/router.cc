@@ -3,6 +3,7 @@
 #include "server/http/router.h"
 
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -49,6 +50,20 @@ std::string DecodeSegment(std::string_view text) {
 }
 
 }  // namespace
+
+const char* ScopeName(Scope scope) {
+  switch (scope) {
+    case Scope::kPublic:
+      return "public";
+    case Scope::kRead:
+      return "read";
+    case Scope::kWrite:
+      return "write";
+    case Scope::kAdmin:
+      return "admin";
+  }
+  return "admin";
+}
 
 Router::Router(std::vector<Route> routes) : routes_(std::move(routes)) {
   std::set<std::string> seen;
@@ -98,6 +113,13 @@ std::vector<std::string> SplitPath(std::string_view path) {
   }
 }
 
+std::vector<std::string> SplitPattern(const std::string& pattern) {
+  std::vector<std::string> segments;
+  std::istringstream text(pattern.substr(1));
+  for (std::string segment; std::getline(text, segment, '/');) segments.push_back(segment);
+  return segments;
+}
+
 std::string EncodeSegment(std::string_view text) {
   std::string encoded;
   for (const char c : text) {
@@ -135,6 +157,9 @@ void CheckContentType(const Route& route, const Request& request) {
       throw ProblemError("unsupported_content_type",
                          "The body must be image/*, application/octet-stream, "
                          "multipart/form-data or application/json.");
+    case BodyKind::kImages:
+      if (type == "multipart/form-data") return;
+      throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");
   }
 }
 

@@ -10,11 +10,15 @@
 #include <vector>
 
 #include "server/http/message.h"
+#include "server/http/route_spec.h"
 
 namespace pliant::server {
 
-// What a caller must be allowed to do.
+// What a caller must be allowed to do; each includes those before it.
 enum class Scope { kPublic, kRead, kWrite, kAdmin };
+
+// "public", "read", "write", "admin"
+const char* ScopeName(Scope scope);
 
 // What a route takes as its body.
 enum class BodyKind {
@@ -22,19 +26,28 @@ enum class BodyKind {
   kJson,         // application/json, or no body
   kImage,        // image/*, application/octet-stream or multipart/form-data
   kImageOrJson,  // either
+  kImages,       // multipart/form-data with any number of pictures
 };
 
 class Parameters;
 using Handler = std::function<Response(const Request&, const Parameters&)>;
 
 struct Route {
-  std::string name;     // "images.create"; stable, used in logs and metrics
-  std::string method;   // "GET" (answers HEAD too), "POST", "PUT", "DELETE"
-  std::string pattern;  // "/v1/collections/{c}/images"; {x} captures one segment
+  std::string name;          // "images.create"; stable, used in logs and metrics
+  std::string method;        // "GET" (answers HEAD too), "POST", "PUT", "DELETE"
+  std::string pattern;       // "/v1/collections/{c}/images"; {x} captures one segment
+  std::string summary = {};  // for the OpenAPI document
   Scope scope = Scope::kRead;
   BodyKind body = BodyKind::kNone;
-  // Names it understands in the query, as form fields, or as keys of a JSON body.
-  std::vector<std::string> parameters = {};
+  // What it understands in the query, as form fields, or as keys of a JSON body.
+  std::vector<Parameter> parameters = {};
+  std::vector<Answer> answers = {};
+  // Problem codes beyond those that follow from the method, the scope, the body, the path and the
+  // parameters (openapi/route_codes.h).
+  std::vector<std::string> codes = {};
+  // A shell command that shows the route at work, with the variables that openapi/document.h
+  // explains. Run by a test.
+  std::string example = {};
   Handler handler;
   bool needs_index = true;  // answered with "starting" while the index loads
 };
@@ -62,6 +75,9 @@ class Router {
 // Splits an absolute path at '/' and percent-decodes each segment. Throws ProblemError
 // "bad_request" for a broken escape or a segment that is not UTF-8.
 std::vector<std::string> SplitPath(std::string_view path);
+
+// The same for a route's pattern, which has no escapes.
+std::vector<std::string> SplitPattern(const std::string& pattern);
 
 // Inverse for one segment: everything but RFC 3986's unreserved characters becomes %XX.
 std::string EncodeSegment(std::string_view text);

@@ -50,10 +50,16 @@ void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "collections.list",
        .method = "GET",
        .pattern = "/v1/collections",
+       .summary = "The names of all collections",
+       .answers = {{200, "in order of their names", "CollectionList"}},
+       .example = R"(curl "$PLIANT/v1/collections")",
        .handler = [&service](const Request&, const Parameters&) { return List(service); }});
   routes.push_back({.name = "collections.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}",
+                    .summary = "One collection: how much is in it, its vocabulary",
+                    .answers = {{200, "the collection", "Collection"}},
+                    .example = R"(curl "$PLIANT/v1/collections/default")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return JsonResponse(
                           CollectionJson(service.engine().GetCollection(CollectionOf(request))));
@@ -61,14 +67,22 @@ void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "collections.put",
                     .method = "PUT",
                     .pattern = "/v1/collections/{c}",
+                    .summary = "Make a collection; nothing happens when it is there",
                     .scope = Scope::kAdmin,
+                    .answers = {{201, "made", "Collection"}, {200, "it was there", "Collection"}},
+                    .codes = {"invalid_parameter"},
+                    .example = R"(curl -X PUT "$PLIANT/v1/collections/tools")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Put(service, request);
                     }});
   routes.push_back({.name = "collections.delete",
                     .method = "DELETE",
                     .pattern = "/v1/collections/{c}",
+                    .summary = "Delete a collection with everything in it; `default` stays",
                     .scope = Scope::kAdmin,
+                    .answers = {{204, "gone", "", ""}},
+                    .codes = {"collection_permanent"},
+                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/toys")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Remove(service, request);
                     }});

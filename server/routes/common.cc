@@ -35,6 +35,18 @@ Json TimeOrNull(std::int64_t unix_ms) {
 
 }  // namespace
 
+Parameter CursorParameter() {
+  return {"cursor", "`next` of the page before, for the one after it"};
+}
+
+Parameter LimitParameter() {
+  return Parameter("limit", "entries a page").Integer(1, kLargestPage).Default("50");
+}
+
+int PageLimit(const Parameters& parameters) {
+  return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
+}
+
 const std::string& CollectionOf(const Request& request) { return request.captures.at("c"); }
 
 UploadedImage ImageOf(const Request& request) {
@@ -45,20 +57,24 @@ UploadedImage ImageOf(const Request& request) {
                        "A picture is required: as the body, or as the form field 'image'.")
         .Parameter("image");
   }
-  const Part* image = nullptr;
-  for (const Part& part : request.parts) {
-    if (part.name != "image") continue;
-    if (image != nullptr) {
-      throw ProblemError("duplicate_parameter", "There is more than one form field 'image'.")
-          .Parameter("image");
-    }
-    image = &part;
+  const std::vector<UploadedImage> images = ImagesOf(request);
+  if (images.size() > 1) {
+    throw ProblemError("duplicate_parameter", "There is more than one form field 'image'.")
+        .Parameter("image");
   }
-  if (image == nullptr) {
+  return images.front();
+}
+
+std::vector<UploadedImage> ImagesOf(const Request& request) {
+  std::vector<UploadedImage> images;
+  for (const Part& part : request.parts) {
+    if (part.name == "image") images.push_back({AsBytes(part.content), BaseName(part.filename)});
+  }
+  if (images.empty()) {
     throw ProblemError("missing_parameter", "The form field 'image' is required.")
         .Parameter("image");
   }
-  return {AsBytes(image->content), BaseName(image->filename)};
+  return images;
 }
 
 std::string MakeCursor(const std::string& list, const std::string& after) {
@@ -117,19 +133,32 @@ Json JobJson(const JobStatus& job) {
   Json json = {{"id", job.id},
                {"kind", job.kind},
                {"collection", job.collection},
+               {"parameters", Json::parse(job.parameters, nullptr, /*allow_exceptions=*/false)},
                {"state", JobStateName(job.state)},
                {"done", job.done},
                {"total", job.total},
                {"failed", job.failed},
+               {"attempts", job.attempts},
                {"created_at", FormatTime(job.created_ms)},
                {"finished_at", TimeOrNull(job.finished_ms)}};
   if (!job.result.empty()) json["result"] = job.result;
-  if (job.problem) {
-    json["problem"] = {{"code", job.problem->code},
-                       {"parameter", job.problem->parameter},
-                       {"detail", job.problem->detail}};
+  for (const SkippedItem& item : job.skipped) {
+    json["skipped"].push_back({{"item", item.item}, {"code", item.code}, {"reason", item.reason}});
   }
+  if (job.problem) json["problem"] = ProblemSummary(*job.problem);
   return json;
+}
+
+Json ProblemSummary(const Problem& problem) {
+  Json json = {{"code", problem.code}, {"detail", problem.detail}};
+  if (!problem.parameter.empty()) json["parameter"] = problem.parameter;
+  return json;
+}
+
+Response JobResponse(const JobStatus& job) {
+  Response response = JsonResponse(JobJson(job), 202);
+  response.headers.emplace_back("Location", "/v1/jobs/" + job.id);
+  return response;
 }
 
 std::string ImagePath(const ImageRecord& image) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "index/engine.h"
 #include "server/http/message.h"
@@ -15,6 +16,11 @@ namespace pliant::server {
 
 inline constexpr int kDefaultPage = 50;
 inline constexpr int kLargestPage = 500;
+
+// Parameters that several routes take.
+Parameter CursorParameter();
+Parameter LimitParameter();
+int PageLimit(const Parameters& parameters);
 
 // The {c} of the path.
 const std::string& CollectionOf(const Request& request);
@@ -28,6 +34,9 @@ struct UploadedImage {
 // "missing_parameter" or "duplicate_parameter".
 UploadedImage ImageOf(const Request& request);
 
+// All parts "image". Throws ProblemError "missing_parameter" when there is none.
+std::vector<UploadedImage> ImagesOf(const Request& request);
+
 // Where a list goes on. A cursor holds what the list was asked for, so that it cannot be used with
 // another one.
 std::string MakeCursor(const std::string& list, const std::string& after);
@@ -37,6 +46,10 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
 Json ImageJson(const ImageRecord& image);
 Json VocabularyJson(const VocabularyRecord& vocabulary);
 Json JobJson(const JobStatus& job);
+Json ProblemSummary(const Problem& problem);  // code, detail, parameter
+
+// 202 with the job and its address.
+Response JobResponse(const JobStatus& job);
 
 std::string ImagePath(const ImageRecord& image);
 

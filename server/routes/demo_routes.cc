@@ -26,12 +26,7 @@ Response Get(Service& service, const Request& request) {
 }
 
 Response Load(Service& service, const Request& request) {
-  const JobStatus job =
-      AddDemonstrationJob(service.engine(), service.pool, *service.jobs, service.auto_trainer(),
-                          service.crumpled_pictures, CollectionOf(request));
-  Response response = JsonResponse(JobJson(job), 202);
-  response.headers.emplace_back("Location", "/v1/jobs/" + job.id);
-  return response;
+  return JobResponse(AddDemonstrationJob(service.engine(), *service.jobs, CollectionOf(request)));
 }
 
 Response Crumpled(Service& service, const Request& request) {
@@ -60,20 +55,30 @@ void AddDemoRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "demo.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/demo",
+                    .summary = "The demonstration objects, and whether they were added",
+                    .answers = {{200, "all of them", "Demo"}},
+                    .example = R"(curl "$PLIANT/v1/collections/default/demo")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Get(service, request);
                     }});
   routes.push_back({.name = "demo.load",
                     .method = "POST",
                     .pattern = "/v1/collections/{c}/demo",
+                    .summary = "Add the demonstration objects, in the background",
                     .scope = Scope::kWrite,
                     .body = BodyKind::kJson,
+                    .answers = {{202, "the job; Location has its address", "Job"}},
+                    .example = R"(curl -X POST "$PLIANT/v1/collections/toys/demo")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Load(service, request);
                     }});
   routes.push_back({.name = "demo.crumpled",
                     .method = "GET",
                     .pattern = "/v1/demo/{n}",
+                    .summary = "A demonstration object crumpled, to search with",
+                    .answers = {{200, "the picture", "", "image/jpeg"}},
+                    .codes = {"demo_not_found", "busy"},
+                    .example = R"(curl "$PLIANT/v1/demo/0")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Crumpled(service, request);
                     }});

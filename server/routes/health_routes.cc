@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Is it alive, is it ready, how is it doing?
+#include <fmt/format.h>
+
 #include "server/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
@@ -14,8 +16,20 @@ Response MetricsText(Service& service) {
   if (service.ready()) stats = service.engine().Stats();
   Response response;
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
-  response.body = service.metrics.Text(service.pool.load(), stats ? &*stats : nullptr);
+  MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
+  if (service.ready()) now.jobs = service.jobs->Counts();
+  response.body = service.metrics.Text(now);
   return response;
+}
+
+[[noreturn]] void ThrowStarting(const Service& service) {
+  const double share = service.loaded();
+  Problem problem =
+      ProblemError("starting", fmt::format("The index is still loading: {:.0f} % of the pictures.",
+                                           100 * share))
+          .problem();
+  problem.progress = share;
+  throw ProblemError(problem);
 }
 
 }  // namespace
@@ -24,7 +38,10 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "livez",
                     .method = "GET",
                     .pattern = "/livez",
+                    .summary = "Whether the process runs",
                     .scope = Scope::kPublic,
+                    .answers = {{200, "it does", "Status"}},
+                    .example = R"(curl "$PLIANT/livez")",
                     .handler =
                         [](const Request&, const Parameters&) {
                           return JsonResponse({{"status", "alive"}});
@@ -33,15 +50,24 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "readyz",
                     .method = "GET",
                     .pattern = "/readyz",
+                    .summary = "Whether the index is loaded",
                     .scope = Scope::kPublic,
-                    // Needs the index: the HTTP layer answers "starting" until it is there.
-                    .handler = [](const Request&, const Parameters&) {
-                      return JsonResponse({{"status", "ready"}});
-                    }});
+                    .answers = {{200, "it is", "Status"}},
+                    .codes = {"starting"},
+                    .example = R"(curl "$PLIANT/readyz")",
+                    .handler =
+                        [&service](const Request&, const Parameters&) {
+                          if (!service.ready()) ThrowStarting(service);
+                          return JsonResponse({{"status", "ready"}});
+                        },
+                    .needs_index = false});
   routes.push_back(
       {.name = "metrics",
        .method = "GET",
        .pattern = "/metrics",
+       .summary = "Counters and histograms for Prometheus",
+       .answers = {{200, "the text exposition format", "", "text/plain"}},
+       .example = R"(curl "$PLIANT/metrics")",
        .handler = [&service](const Request&, const Parameters&) { return MetricsText(service); },
        .needs_index = false});
 }

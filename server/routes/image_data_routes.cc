@@ -91,18 +91,32 @@ void AddImageDataRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.content",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images/{id}/content",
+                    .summary = "The uploaded bytes",
+                    .answers = {{200, "the picture, with ETag", "", "image/*"},
+                                {304, "If-None-Match names its ETag", "", ""}},
+                    .codes = {"image_not_found", "content_not_kept"},
+                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/content")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Content(service, request);
                     }});
   routes.push_back({.name = "images.thumbnail",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images/{id}/thumbnail",
+                    .summary = "A JPEG preview, longer side 320 pixels",
+                    .answers = {{200, "the preview, with ETag", "", "image/jpeg"},
+                                {304, "If-None-Match names its ETag", "", ""}},
+                    .codes = {"image_not_found", "content_not_kept", "busy"},
+                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/thumbnail")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Thumbnail(service, request);
                     }});
   routes.push_back({.name = "images.features",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images/{id}/features",
+                    .summary = "Key points, and descriptors as base64 of little-endian rows",
+                    .answers = {{200, "the features", "Features"}},
+                    .codes = {"image_not_found"},
+                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/features")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return FeaturesOf(service, request);
                     }});

@@ -2,25 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures: add, replace, show, list, delete.
 #include "server/problem.h"
+#include "server/routes/adding.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 
 namespace {
-
-AddResult AddOnPool(Service& service, const AddRequest& request) {
-  AddResult result;
-  service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
-    AddRequest with_cores = request;
-    with_cores.threads = cores;
-    result = service.engine().Add(with_cores);
-  });
-  if (result.outcome != AddOutcome::kUnchanged && service.auto_trainer() != nullptr) {
-    service.auto_trainer()->OnAdded(request.collection);
-  }
-  return result;
-}
 
 Response Add(Service& service, const Request& request, const Parameters& parameters,
              std::optional<std::string> id) {
@@ -43,8 +31,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
   ListOptions list;
   list.collection = CollectionOf(request);
   list.object = parameters.Text("object");
-  const int limit =
-      static_cast<int>(parameters.Integer("limit", 1, kLargestPage).value_or(kDefaultPage));
+  const int limit = PageLimit(parameters);
   const std::string name = ToText(
       Json::array({"images", list.collection, list.object ? Json(*list.object) : Json(nullptr)}));
   list.after_id = AfterFromCursor(parameters, name);
@@ -69,36 +56,58 @@ Response Remove(Service& service, const Request& request) {
 }  // namespace
 
 void AddImageRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "images.create",
-                    .method = "POST",
-                    .pattern = "/v1/collections/{c}/images",
-                    .scope = Scope::kWrite,
-                    .body = BodyKind::kImage,
-                    .parameters = {"id", "object", "metadata"},
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      std::optional<std::string> id = parameters.Text("id");
-                      if (id && id->empty()) id.reset();  // a form's field left empty
-                      return Add(service, request, parameters, std::move(id));
-                    }});
+  routes.push_back(
+      {.name = "images.create",
+       .method = "POST",
+       .pattern = "/v1/collections/{c}/images",
+       .summary = "Add a picture; the same bytes again are no work",
+       .scope = Scope::kWrite,
+       .body = BodyKind::kImage,
+       .parameters = {{"id", "what to call it; from its bytes unless told"},
+                      ObjectParameter(),
+                      MetadataParameter()},
+       .answers = {{201, "added", "Image"}, {200, "the same bytes were there: no work", "Image"}},
+       .example = R"(curl -F image=@mug.png -F object=mug )"
+                  R"("$PLIANT/v1/collections/default/images")",
+       .handler = [&service](const Request& request, const Parameters& parameters) {
+         std::optional<std::string> id = parameters.Text("id");
+         if (id && id->empty()) id.reset();  // a form's field left empty
+         return Add(service, request, parameters, std::move(id));
+       }});
   routes.push_back({.name = "images.put",
                     .method = "PUT",
                     .pattern = "/v1/collections/{c}/images/{id}",
+                    .summary = "Add or replace the picture of this id",
                     .scope = Scope::kWrite,
                     .body = BodyKind::kImage,
-                    .parameters = {"object", "metadata"},
+                    .parameters = {ObjectParameter(), MetadataParameter()},
+                    .answers = {{201, "added", "Image"},
+                                {200, "replaced, or the same was there: no work", "Image"}},
+                    .example = R"(curl -X PUT -H "Content-Type: image/png" )"
+                               R"(--data-binary @cup.png )"
+                               R"("$PLIANT/v1/collections/default/images/cup-1?object=cup")",
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return Add(service, request, parameters, request.captures.at("id"));
                     }});
   routes.push_back({.name = "images.list",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images",
-                    .parameters = {"object", "cursor", "limit"},
+                    .summary = "Pictures in order of their ids, page by page",
+                    .parameters = {{"object", "only pictures of this object"},
+                                   CursorParameter(),
+                                   LimitParameter()},
+                    .answers = {{200, "a page", "ImageList"}},
+                    .example = R"(curl "$PLIANT/v1/collections/default/images?limit=10")",
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return List(service, request, parameters);
                     }});
   routes.push_back({.name = "images.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images/{id}",
+                    .summary = "One picture's record",
+                    .answers = {{200, "the record", "Image"}},
+                    .codes = {"image_not_found"},
+                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return JsonResponse(ImageJson(
                           service.engine().Get(CollectionOf(request), request.captures.at("id"))));
@@ -106,7 +115,11 @@ void AddImageRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.delete",
                     .method = "DELETE",
                     .pattern = "/v1/collections/{c}/images/{id}",
+                    .summary = "Delete a picture; no later answer knows it",
                     .scope = Scope::kWrite,
+                    .answers = {{204, "gone", "", ""}},
+                    .codes = {"image_not_found"},
+                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/default/images/$IMAGE")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Remove(service, request);
                     }});

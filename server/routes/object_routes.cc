@@ -30,8 +30,7 @@ Json ObjectJson(Service& service, const std::string& collection, const ObjectRec
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
   const std::string collection = CollectionOf(request);
-  const int limit =
-      static_cast<int>(parameters.Integer("limit", 1, kLargestPage).value_or(kDefaultPage));
+  const int limit = PageLimit(parameters);
   const std::string name = ToText(Json::array({"objects", collection}));
   const std::string after = AfterFromCursor(parameters, name);
   std::vector<ObjectRecord> objects = service.engine().ListObjects(collection, after, limit + 1);
@@ -82,27 +81,43 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "objects.list",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/objects",
-                    .parameters = {"cursor", "limit"},
+                    .summary = "Objects in order of their names, page by page",
+                    .parameters = {CursorParameter(), LimitParameter()},
+                    .answers = {{200, "a page", "ObjectList"}},
+                    .example = R"(curl "$PLIANT/v1/collections/default/objects")",
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return List(service, request, parameters);
                     }});
   routes.push_back({.name = "objects.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/objects/{o}",
+                    .summary = "One object: how many pictures show it",
+                    .answers = {{200, "the object", "Object"}},
+                    .codes = {"object_not_found"},
+                    .example = R"(curl "$PLIANT/v1/collections/default/objects/mug")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Get(service, request);
                     }});
   routes.push_back({.name = "objects.locate",
                     .method = "POST",
                     .pattern = "/v1/collections/{c}/objects/{o}/locate",
+                    .summary = "Where the object is in the picture sent",
                     .body = BodyKind::kImage,
+                    .answers = {{200, "where, or that it is not found", "Location"}},
+                    .codes = {"object_not_found"},
+                    .example = R"(curl -F image=@mug.png )"
+                               R"("$PLIANT/v1/collections/default/objects/mug/locate")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Locate(service, request);
                     }});
   routes.push_back({.name = "objects.delete",
                     .method = "DELETE",
                     .pattern = "/v1/collections/{c}/objects/{o}",
+                    .summary = "Delete all pictures of an object",
                     .scope = Scope::kWrite,
+                    .answers = {{200, "how many are gone", "ObjectDeleted"}},
+                    .codes = {"object_not_found"},
+                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/default/objects/mug")",
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Remove(service, request);
                     }});

@@ -20,7 +20,9 @@ void AddPageRoutes(std::vector<Route>& routes) {
     routes.push_back({.name = "page",
                       .method = "GET",
                       .pattern = asset.path,
+                      .summary = "The web page",
                       .scope = Scope::kPublic,
+                      .answers = {{200, "the page or a part of it", "", asset.content_type}},
                       .handler =
                           [asset](const Request& request, const Parameters&) {
                             const std::string etag = std::string("\"") + asset.sha256 + "\"";

@@ -15,10 +15,14 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);
 void AddImageRoutes(Service& service, std::vector<Route>& routes);
 void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
+void AddBatchRoutes(Service& service, std::vector<Route>& routes);
+void AddBackupRoutes(Service& service, std::vector<Route>& routes);
 void AddObjectRoutes(Service& service, std::vector<Route>& routes);
 void AddSearchRoutes(Service& service, std::vector<Route>& routes);
 void AddVocabularyRoutes(Service& service, std::vector<Route>& routes);
 void AddDemoRoutes(Service& service, std::vector<Route>& routes);
+// Last: it describes all others.
+void AddDocumentRoute(std::vector<Route>& routes);
 void AddJobRoutes(Service& service, std::vector<Route>& routes);
 
 }  // namespace pliant::server

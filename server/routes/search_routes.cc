@@ -44,10 +44,8 @@ Filter FilterOf(const std::string& text) {
 SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
   SearchOptions options;
   options.collection = CollectionOf(request);
-  options.limit =
-      static_cast<std::size_t>(parameters.Integer("limit", 0, kLargestLimit).value_or(10));
-  options.offset =
-      static_cast<std::size_t>(parameters.Integer("offset", 0, kLargestOffset).value_or(0));
+  options.limit = static_cast<std::size_t>(parameters.Integer("limit").value_or(10));
+  options.offset = static_cast<std::size_t>(parameters.Integer("offset").value_or(0));
   options.group_by =
       parameters
           .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
@@ -60,16 +58,14 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
                        .Choice<Verification>(
                            "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
                        .value_or(options.verify);
-  options.min_score = parameters.Number("min_score", 0, 1).value_or(0);
+  options.min_score = parameters.Number("min_score").value_or(0);
   options.object = parameters.Text("object");
-  options.verify_depth =
-      static_cast<std::size_t>(parameters.Integer("verify_depth", 1, kLargestDepth).value_or(0));
-  options.max_instances = static_cast<int>(
-      parameters.Integer("instances", 1, kMostInstances).value_or(options.max_instances));
+  options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
+  options.max_instances =
+      static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
-  options.explain = parameters.Choice<bool>("explain", {{"true", true}, {"false", false}})
-                        .value_or(options.explain);
-  if (const auto numbers = parameters.Numbers("region", 4)) options.region = RegionOf(*numbers);
+  options.explain = parameters.Flag("explain").value_or(options.explain);
+  if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
   return options;
 }
 
@@ -131,19 +127,51 @@ Response Search(Service& service, const Request& request, const Parameters& para
   return JsonTextResponse(SearchResultJson(result, took.count()));
 }
 
+std::vector<Parameter> SearchParameters() {
+  return {{"image_id", "a stored picture to search with, instead of sending one"},
+          Parameter("limit", "hits a page; 0 = all").Integer(0, kLargestLimit).Default("10"),
+          Parameter("offset", "hits to leave out before").Integer(0, kLargestOffset).Default("0"),
+          Parameter("group_by", "each object once, by its best picture, or each picture")
+              .Choice({"object", "image"})
+              .Default("object"),
+          Parameter("rank", "cosine of tf-idf vectors, or the paper's histogram distance")
+              .Choice({"tfidf", "histogram"})
+              .Default("tfidf"),
+          Parameter("verify",
+                    "whether the best hits must agree with the query on one smooth warp; tps "
+                    "unless told or rank is histogram")
+              .Choice({"none", "tps"}),
+          Parameter("verify_depth",
+                    "how many of the best pictures are verified; 100 unless told, or the square "
+                    "root of the collection's size where that is more")
+              .Integer(1, kLargestDepth),
+          Parameter("instances", "how often one object is looked for in the query picture")
+              .Integer(1, kMostInstances)
+              .Default("4"),
+          Parameter("region", "x,y,width,height in pixels of the picture sent: only that counts")
+              .Numbers(4),
+          Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
+          {"object", "only pictures of this object"},
+          {"filter", "only pictures whose metadata pass: a JSON object of conditions"},
+          Parameter("explain", "with every hit: why it is one").Boolean().Default("false")};
+}
+
 }  // namespace
 
 void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "search",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/search",
-       .body = BodyKind::kImageOrJson,
-       .parameters = {"image_id", "limit", "offset", "group_by", "rank", "verify", "verify_depth",
-                      "instances", "region", "min_score", "object", "filter", "explain"},
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return Search(service, request, parameters);
-       }});
+  routes.push_back({.name = "search",
+                    .method = "POST",
+                    .pattern = "/v1/collections/{c}/search",
+                    .summary = "Which object is this?",
+                    .body = BodyKind::kImageOrJson,
+                    .parameters = SearchParameters(),
+                    .answers = {{200, "hits, best first", "SearchAnswer"}},
+                    .codes = {"image_not_found", "no_vocabulary"},
+                    .example = R"(curl -F image=@mug.png -F limit=3 )"
+                               R"("$PLIANT/v1/collections/default/search")",
+                    .handler = [&service](const Request& request, const Parameters& parameters) {
+                      return Search(service, request, parameters);
+                    }});
 }
 
 }  // namespace pliant::server

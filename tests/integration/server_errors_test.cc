@@ -372,7 +372,7 @@ TEST_F(ServerErrorsTest, CommandLine) {
   expect({}, 2, "--db");
   expect({"--db", db, "--no-such-flag"}, 2, "--no-such-flag");
   expect({"--db", db, "--cores", "-1"}, 2, "--cores");
-  expect({"--db", db, "--listen", "0.0.0.0:0"}, 1, "--allow-open-access");
+  expect({"--db", db, "--listen", "0.0.0.0:0"}, 1, "--allow-anonymous");
   expect({"--db", db, "--listen", "8080"}, 1, "--listen");
   expect({"--db", db, "--listen", "127.0.0.1:" + std::to_string(server_->port())}, 1,
          "cannot listen");

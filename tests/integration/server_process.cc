@@ -59,9 +59,12 @@ ServerProcess::ServerProcess(const std::filesystem::path& database,
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  const std::string expected = "listening on http://127.0.0.1:";
-  if (!said.starts_with(expected)) throw std::runtime_error("unexpected: " + said);
-  port_ = std::stoi(said.substr(expected.size()));
+  const std::string host = "://127.0.0.1:";
+  const std::size_t at = said.find(host);
+  if (!said.starts_with("listening on http") || at == std::string::npos) {
+    throw std::runtime_error("unexpected: " + said);
+  }
+  port_ = std::stoi(said.substr(at + host.size()));
 }
 
 int ServerProcess::Stop() {

@@ -193,7 +193,10 @@ TEST_F(ServerTest, ListsByCursorAndByObject) {
   EXPECT_EQ(Json::parse(other_list->body)["code"], "invalid_cursor");
 
   const Json objects = Json::parse(client.Get("/v1/collections/default/objects?limit=1")->body);
-  EXPECT_EQ(objects["objects"], Json::parse(R"([{"object": "even ü/1", "images": 4}])"));
+  ASSERT_EQ(objects["objects"].size(), 1U);
+  EXPECT_EQ(objects["objects"][0]["object"], "even ü/1");
+  EXPECT_EQ(objects["objects"][0]["images"], 4);
+  EXPECT_TRUE(uploaded.contains(objects["objects"][0]["image_id"].get<std::string>()));
   const std::string even = "/v1/collections/default/objects/even%20%C3%BC%2F1";
   EXPECT_EQ(Json::parse(client.Get(even)->body)["images"], 4);
   EXPECT_EQ(Json::parse(client.Delete(even)->body)["deleted"], 4);
@@ -349,7 +352,7 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   // The page needs nothing from elsewhere (the icon's XML name space is a name, not a place).
   EXPECT_THAT(std::regex_replace(page->body, std::regex("http://www.w3.org/2000/svg"), ""),
               ::testing::Not(::testing::HasSubstr("://")));
-  for (const std::string asset : {"app.css", "app.js", "api.js", "results.js"}) {
+  for (const std::string asset : {"base.css", "app.js", "api.js", "results.js"}) {
     const auto answer = client.Get("/assets/" + asset);
     EXPECT_EQ(answer->status, 200) << asset;
     EXPECT_GT(answer->body.size(), 500U) << asset;

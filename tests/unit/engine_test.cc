@@ -126,12 +126,18 @@ TEST_F(EngineTest, TheSameBytesAreNoWork) {
   const std::string id = Add(engine, RandomPng(1), "cup").image.id;
   ASSERT_EQ(descriptor_->calls, 1);
   EXPECT_EQ(Add(engine, RandomPng(1), "cup").outcome, AddOutcome::kUnchanged);
-  EXPECT_EQ(Add(engine, RandomPng(1), "other").outcome, AddOutcome::kUnchanged);
+  EXPECT_EQ(Add(engine, RandomPng(1), "").outcome, AddOutcome::kUnchanged) << "nothing was said";
   EXPECT_EQ(Add(engine, RandomPng(1), "cup", id).outcome, AddOutcome::kUnchanged);
+  // Another object or other metadata is neither taken over nor dropped in silence.
+  ExpectError(ErrorCode::kConflict, "same_bytes", [&] { Add(engine, RandomPng(1), "other"); });
+  ExpectError(ErrorCode::kConflict, "same_bytes",
+              [&] { Add(engine, RandomPng(1), "cup", {}, R"({"a":2})"); });
+  EXPECT_EQ(engine.Get("default", id).object, "cup");
   // Under another id, and with other metadata: stored anew, not described anew.
   EXPECT_EQ(Add(engine, RandomPng(1), "cup", "twin").outcome, AddOutcome::kCreated);
   EXPECT_EQ(Add(engine, RandomPng(1), "cup", "twin", R"({"a":1})").outcome, AddOutcome::kReplaced);
   EXPECT_EQ(engine.Get("default", "twin").metadata, R"({"a":1})");
+  EXPECT_EQ(Add(engine, RandomPng(1), "cup", {}, R"({"a":1})").image.id, "twin");
   EXPECT_EQ(descriptor_->calls, 1);
   EXPECT_EQ(engine.GetFeatures("default", "twin").keypoints,
             engine.GetFeatures("default", id).keypoints);
@@ -641,6 +647,12 @@ TEST_F(EngineTest, CheckFindsWhatIsBroken) {
            "UPDATE originals SET data = x'00' WHERE picture = 1",
            "INSERT INTO objects (collection, name) VALUES (1, 'lonely')",
            "UPDATE features SET model = 99 WHERE picture = 1",
+           "UPDATE pictures SET metadata = '[1]' WHERE key = 1",
+           "UPDATE pictures SET id = 'a b' WHERE key = 1",
+           "UPDATE objects SET name = char(10) WHERE key = 1",
+           "INSERT INTO removals (picture) VALUES (1)",
+           "UPDATE sqlite_sequence SET seq = 0 WHERE name = 'pictures'",
+           "UPDATE collections SET name = 'other'",
            "PRAGMA user_version = 0",
        }) {
     const std::filesystem::path broken = folder_ / "broken.db";

@@ -10,6 +10,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/openapi/document.h"
+#include "server/openapi/route_codes.h"
 #include "server/options.h"
 #include "server/problem.h"
 #include "server/service.h"
@@ -48,8 +50,8 @@ TEST(ServerReadme, ListsEveryRouteWithItsParameters) {
   for (const Route& route : MakeRoutes(service)) {
     if (route.name == "page" && route.pattern != "/") continue;
     std::string parameters;
-    for (const std::string& name : route.parameters) {
-      parameters += (parameters.empty() ? "`" : ", `") + name + "`";
+    for (const Parameter& parameter : route.parameters) {
+      parameters += (parameters.empty() ? "`" : ", `") + parameter.name + "`";
     }
     routes.insert("`" + route.method + " " + route.pattern + "` | " +
                   (parameters.empty() ? "-" : parameters) + " |");
@@ -57,12 +59,45 @@ TEST(ServerReadme, ListsEveryRouteWithItsParameters) {
   EXPECT_EQ(FirstGroups(Section("Routes"), R"(\| (`[A-Z]+ /[^|]*` \| [^|]* \|))"), routes);
 }
 
+std::vector<ProblemCode> AllCodes() {
+  std::vector<ProblemCode> codes(ProblemCodes().begin(), ProblemCodes().end());
+  codes.insert(codes.end(), EngineProblemCodes().begin(), EngineProblemCodes().end());
+  return codes;
+}
+
 TEST(ServerReadme, ListsEveryProblemCode) {
   std::set<std::string> codes;
-  for (const ProblemCode& code : ProblemCodes()) {
+  for (const ProblemCode& code : AllCodes()) {
     codes.insert(std::to_string(code.status) + " | `" + code.code + "` | " + code.meaning + " |");
   }
   EXPECT_EQ(FirstGroups(Section("Problem codes"), R"(\| (\d+ \| `[a-z_]+` \| [^|]* \|))"), codes);
+}
+
+TEST(ServerReadme, ListsEveryMetric) {
+  Metrics metrics;
+  metrics.OnRequest({});
+  metrics.OnSearch({});
+  EngineStats stats;
+  stats.vocabulary.emplace();
+  std::set<std::string> expected;
+  const std::string text = metrics.Text({.stats = &stats});
+  const std::regex help("# HELP ([a-z_]+) ([^\n]*)");
+  for (std::sregex_iterator it(text.begin(), text.end(), help), end; it != end; ++it) {
+    expected.insert("`" + (*it)[1].str() + "` | " + (*it)[2].str() + " |");
+  }
+  EXPECT_GT(expected.size(), 10U);
+  EXPECT_EQ(FirstGroups(Section("Metrics"), R"(\| (`[a-z_]+` \| [^|]* \|))"), expected);
+}
+
+TEST(Metrics, KeepsOneVocabularyAtATime) {
+  Metrics metrics;
+  EngineStats stats;
+  stats.vocabulary.emplace().id = 1;
+  EXPECT_THAT(metrics.Text({.stats = &stats}), testing::HasSubstr("id=\"1\""));
+  stats.vocabulary->id = 2;
+  const std::string text = metrics.Text({.stats = &stats});
+  EXPECT_THAT(text, testing::HasSubstr("id=\"2\""));
+  EXPECT_THAT(text, testing::Not(testing::HasSubstr("id=\"1\"")));
 }
 
 TEST(ServerReadme, ListsEveryFlagWithItsDefault) {
@@ -88,6 +123,67 @@ TEST(ServerReadme, ListsEveryFlagWithItsDefault) {
   }
 }
 
+// Collects what `$ref` leads to, wherever it stands.
+void CollectReferences(const Json& json, std::set<std::string>* found) {
+  for (const auto& [name, value] : json.items()) {
+    if (name == "$ref") found->insert(value.get<std::string>());
+    if (value.is_structured()) CollectReferences(value, found);
+  }
+}
+
+TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
+  Service service(ServerOptions{});
+  const std::vector<Route> routes = MakeRoutes(service);
+  const Json document = OpenApiDocument(routes);
+  std::size_t operations = 0;
+  std::set<std::string> codes_seen;
+  for (const Route& route : routes) {
+    if (route.name == "page" && route.pattern != "/") continue;
+    SCOPED_TRACE(route.method + " " + route.pattern);
+    std::string method = route.method;
+    for (char& c : method) c = static_cast<char>(std::tolower(c));
+    ASSERT_TRUE(document["paths"].contains(route.pattern));
+    ASSERT_TRUE(document["paths"][route.pattern].contains(method));
+    const Json& operation = document["paths"][route.pattern][method];
+    EXPECT_FALSE(operation["summary"].get<std::string>().empty());
+    EXPECT_FALSE(route.answers.empty());
+    std::set<std::string> expected;
+    for (const Parameter& parameter : route.parameters) {
+      EXPECT_FALSE(parameter.meaning.empty()) << parameter.name;
+      expected.insert(parameter.name);
+    }
+    std::set<std::string> documented;
+    for (const Json& parameter : operation.value("parameters", Json::array())) {
+      if (parameter["in"] == "query") documented.insert(parameter["name"].get<std::string>());
+    }
+    EXPECT_EQ(documented, expected);
+    for (const std::string& code : RouteCodes(route)) {
+      codes_seen.insert(code);
+      const std::string status = std::to_string(ProblemCodeOf(code).status);
+      EXPECT_THAT(operation["responses"][status].dump(), testing::HasSubstr("\"" + code + "\""))
+          << code;
+    }
+    ++operations;
+  }
+  std::size_t in_document = 0;
+  for (const auto& [path, methods] : document["paths"].items()) in_document += methods.size();
+  EXPECT_EQ(in_document, operations);
+  for (const ProblemCode& code : AllCodes()) {
+    const std::string name = code.code;
+    // Of no route, or of a job.
+    const std::set<std::string> elsewhere = {"route_not_found", "method_not_allowed", "no_pictures",
+                                             "interrupted"};
+    if (elsewhere.contains(name)) continue;
+    EXPECT_TRUE(codes_seen.contains(name)) << name << " is a code of no route";
+  }
+  std::set<std::string> references;
+  CollectReferences(document, &references);
+  EXPECT_GT(references.size(), 10U);
+  for (const std::string& reference : references) {
+    EXPECT_TRUE(document.contains(Json::json_pointer(reference.substr(1)))) << reference;
+  }
+}
+
 TEST(ServerOptions, ReadsFlagsEnvironmentAndFile) {
   const std::string file = testing::TempDir() + "pliant-server-test.toml";
   std::ofstream(file)
@@ -106,16 +202,56 @@ TEST(ServerOptions, ReadsFlagsEnvironmentAndFile) {
   EXPECT_EQ(MakeHttpOptions(parsed.options).limits.max_body_bytes, 5U << 20);
 }
 
+TEST(ServerOptions, PrintsWhatIsInForceAndReadsItAgain) {
+  const auto print = [](std::vector<const char*> arguments) {
+    arguments.insert(arguments.begin(), "pliant-server");
+    arguments.push_back("--print-config");
+    testing::internal::CaptureStdout();
+    const auto parsed = ParseCommandLine(static_cast<int>(arguments.size()), arguments.data());
+    EXPECT_TRUE(parsed.finished);
+    EXPECT_EQ(parsed.exit_status, 0);
+    return testing::internal::GetCapturedStdout();
+  };
+  const std::string first =
+      print({"--db", "a \"b\".db", "--queue-length", "7", "--auto-train", "false"});
+  EXPECT_THAT(first, testing::HasSubstr("queue-length = 7\n"));
+  EXPECT_THAT(first, testing::HasSubstr("auto-train = false\n"));
+  EXPECT_THAT(first, testing::HasSubstr("listen = \"127.0.0.1:8080\"\n"));
+  const std::string file = testing::TempDir() + "pliant-server-printed.toml";
+  std::ofstream(file) << first;
+  EXPECT_EQ(print({"--config", file.c_str()}), first);
+}
+
+TEST(ServerOptions, RefusesWhatCannotBeMeant) {
+  ServerOptions good;
+  good.cors_origins = "https://a.example,http://localhost:3000";
+  EXPECT_NO_THROW(CheckOptions(good));
+  for (const char* origins : {"a.example", "https://a.example/", "https://a.example/x", "null"}) {
+    ServerOptions options;
+    options.cors_origins = origins;
+    EXPECT_THROW(CheckOptions(options), Error) << origins;
+  }
+  ServerOptions directory;
+  directory.backup_dir = "/nowhere";
+  EXPECT_THROW(CheckOptions(directory), Error);
+  ServerOptions half;
+  half.tls_cert = "cert.pem";
+  EXPECT_THROW(CheckOptions(half), Error);
+}
+
 TEST(ServerOptions, KeepsToLoopbackUnlessTold) {
   ServerOptions options;
   for (const char* listen : {"127.0.0.1:0", "127.1.2.3:80", "localhost:8080", "[::1]:1"}) {
     options.listen = listen;
-    EXPECT_NO_THROW(CheckExposure(options)) << listen;
+    EXPECT_NO_THROW(CheckExposure(options, false)) << listen;
+    EXPECT_TRUE(OpenWithoutKeys(options)) << listen;
   }
   options.listen = "0.0.0.0:8080";
-  EXPECT_THROW(CheckExposure(options), Error);
-  options.allow_open_access = true;
-  EXPECT_NO_THROW(CheckExposure(options));
+  EXPECT_THROW(CheckExposure(options, false), Error);
+  EXPECT_NO_THROW(CheckExposure(options, true));
+  EXPECT_FALSE(OpenWithoutKeys(options));
+  options.allow_anonymous = true;
+  EXPECT_NO_THROW(CheckExposure(options, false));
   for (const char* listen : {"", "8080", ":8080", "host:", "host:x", "host:70000", "host:-1"}) {
     options.listen = listen;
     EXPECT_THROW(MakeHttpOptions(options), Error) << listen;

@@ -82,59 +82,75 @@ TEST(Router, PathsRoundTrip) {
 class ParametersTest : public testing::Test {
  protected:
   Parameters Make() { return {route_, request_}; }
+  void Make2() {
+    request_.query = {{"must", "x"}};
+    (void)Make().Integer("must");
+  }
 
-  Route route_{.name = "t",
-               .method = "POST",
-               .pattern = "/t",
-               .parameters = {"n", "x", "list", "kind", "meta"},
-               .handler = Empty};
+  Route route_{
+      .name = "t",
+      .method = "POST",
+      .pattern = "/t",
+      .parameters = {Parameter("n", "").Integer(1, 9), Parameter("x", "").Number(0, 1),
+                     Parameter("list", "").Numbers(2), Parameter("kind", "").Choice({"a", "b"}),
+                     Parameter("meta", "").Json(), Parameter("items", "").JsonList(),
+                     Parameter("on", "").Boolean(), Parameter("text", "")},
+      .handler = Empty};
   Request request_;
 };
 
 TEST_F(ParametersTest, ReadsQueryFormAndJsonAlike) {
   request_.query = {{"n", "5"}};
-  EXPECT_EQ(Make().Integer("n", 1, 9), 5);
+  EXPECT_EQ(Make().Integer("n"), 5);
   request_.query.clear();
   request_.content_type = "multipart/form-data";
   request_.parts = {{"image", "", "", "picture"}, {"n", "", "", "6"}};
-  EXPECT_EQ(Make().Integer("n", 1, 9), 6);
+  EXPECT_EQ(Make().Integer("n"), 6);
   request_.parts.clear();
   request_.content_type = "application/json";
-  request_.body = R"({"n": 7, "list": [1, 2.5], "kind": "b", "meta": {"a": {"b": 1}}, "x": null})";
+  request_.body = R"({"n": 7, "list": [1, 2.5], "kind": "b", "meta": {"a": {"b": 1}}, "x": null,
+                       "items": [{}, 1], "on": true})";
   const Parameters json = Make();
-  EXPECT_EQ(json.Integer("n", 1, 9), 7);
-  EXPECT_EQ(json.Numbers("list", 2), (std::vector<double>{1, 2.5}));
+  EXPECT_EQ(json.Integer("n"), 7);
+  EXPECT_EQ(json.Numbers("list"), (std::vector<double>{1, 2.5}));
   EXPECT_EQ((json.Choice<int>("kind", {{"a", 1}, {"b", 2}})), 2);
   EXPECT_EQ(json.JsonObject("meta"), R"({"a":{"b":1}})");
+  EXPECT_EQ(json.JsonList("items")->size(), 2U);
+  EXPECT_EQ(json.Flag("on"), true);
   EXPECT_FALSE(json.has("x"));
-  EXPECT_EQ(json.Number("x", 0, 1), std::nullopt);
+  EXPECT_EQ(json.Number("x"), std::nullopt);
 }
 
 TEST_F(ParametersTest, NamesWhatIsWrong) {
-  const auto code_for = [&](const std::string& value, auto read) {
-    request_.query = {{"n", value}};
-    const Problem problem = ProblemOf([&] { read(Make()); });
-    return problem.parameter == "n" ? problem.code : "parameter not named: " + problem.parameter;
+  const auto code_for = [&](const std::string& name, const std::string& value) {
+    request_.query = {{name, value}};
+    const Problem problem = ProblemOf([&] { Make(); });
+    return problem.parameter == name ? problem.code : "parameter not named: " + problem.parameter;
   };
-  const auto integer = [](const Parameters& p) { p.Integer("n", 1, 9); };
   for (const char* value : {"", "0", "10", "5x", " 5", "5 ", "+5", "5.0", "99999999999999999999"}) {
-    EXPECT_EQ(code_for(value, integer), "invalid_parameter") << value;
+    EXPECT_EQ(code_for("n", value), "invalid_parameter") << value;
   }
-  const auto number = [](const Parameters& p) { p.Number("n", 0, 1); };
   for (const char* value : {"", "-0.1", "1.1", "nan", "inf", "0,5"}) {
-    EXPECT_EQ(code_for(value, number), "invalid_parameter") << value;
+    EXPECT_EQ(code_for("x", value), "invalid_parameter") << value;
   }
-  const auto numbers = [](const Parameters& p) { p.Numbers("n", 2); };
   for (const char* value : {"", "1", "1,", ",1", "1,2,3", "1,nan", "1;2"}) {
-    EXPECT_EQ(code_for(value, numbers), "invalid_parameter") << value;
+    EXPECT_EQ(code_for("list", value), "invalid_parameter") << value;
   }
-  EXPECT_EQ(code_for("[]", [](const Parameters& p) { p.JsonObject("n"); }), "invalid_json");
-  EXPECT_EQ(code_for("", [](const Parameters& p) { p.RequiredText("n"); }), "missing_parameter");
-  EXPECT_EQ(code_for("\xff", integer), "invalid_parameter");
+  for (const char* value : {"", "c", "A"}) {
+    EXPECT_EQ(code_for("kind", value), "invalid_parameter") << value;
+  }
+  EXPECT_EQ(code_for("on", "1"), "invalid_parameter");
+  EXPECT_EQ(code_for("meta", "[]"), "invalid_json");
+  EXPECT_EQ(code_for("items", "{}"), "invalid_json");
+  EXPECT_EQ(code_for("n", "\xff"), "invalid_parameter");
   request_.query = {{"n", "1"}, {"n", "1"}};
   EXPECT_EQ(ProblemOf([&] { Make(); }).code, "duplicate_parameter");
   request_.query = {{"q", "1"}};
   EXPECT_EQ(ProblemOf([&] { Make(); }).code, "unknown_parameter");
+  request_.query.clear();
+  route_.parameters.push_back(Parameter("must", "").Required());
+  EXPECT_EQ(ProblemOf([&] { Make(); }).code, "missing_parameter");
+  EXPECT_THROW(Make2(), std::logic_error) << "a handler that asks for what the route does not list";
 }
 
 TEST(Json, RefusesDepthAndNonObjects) {

@@ -8,7 +8,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/jobs.h"
 #include "server/thumbnails.h"
 #include "server/worker_pool.h"
 
@@ -138,6 +137,28 @@ TEST(WorkerPool, SearchesGoFirstButUploadsGetTheirTurn) {
   EXPECT_EQ(order, "ssssussu");
 }
 
+TEST(WorkerPool, BackgroundTakesHalfOfTheCoresAndGoesLast) {
+  WorkerPool pool({.cores = 2, .queue_length = 1});
+  std::latch open(1);
+  std::atomic<int> running{0};
+  std::vector<std::future<void>> background;
+  for (int i = 0; i < 3; ++i) {  // more than the queue is long: they are not refused
+    background.push_back(Submit(pool, Lane::kBackground, [&](int cores) {
+      EXPECT_EQ(cores, 1);
+      ++running;
+      open.wait();
+    }));
+  }
+  while (pool.load().waiting_background < 2) std::this_thread::sleep_for(milliseconds(1));
+  int cores = 0;
+  pool.Run(Lane::kSearch, [&](int given) { cores = given; });
+  EXPECT_EQ(cores, 1) << "the other core is free for a search";
+  EXPECT_EQ(running, 1);
+  open.count_down();
+  for (auto& task : background) task.get();
+  EXPECT_EQ(running, 3);
+}
+
 TEST(WorkerPool, EndDropsWhatWaitsAndWaitsForWhatRuns) {
   auto pool = std::make_unique<WorkerPool>(WorkerPoolOptions{.cores = 1});
   std::latch open(1);
@@ -151,60 +172,6 @@ TEST(WorkerPool, EndDropsWhatWaitsAndWaitsForWhatRuns) {
   open.count_down();
   EXPECT_EQ(CodeOf(running), "");
   ending.get();
-}
-
-TEST(JobQueue, RunsReportsAndRemembers) {
-  JobQueue jobs;
-  const JobStatus added = jobs.Add("train", "default", [](const JobContext& context) {
-    context.Report(3, 4);
-    return std::string("/result");
-  });
-  EXPECT_TRUE(jobs.WaitFor(added.id, milliseconds(5000)));
-  const JobStatus done = jobs.Get(added.id);
-  EXPECT_EQ(done.state, JobState::kDone);
-  EXPECT_EQ(done.result, "/result");
-  EXPECT_EQ(done.done, done.total);
-  EXPECT_EQ(jobs.List().size(), 1U);
-  EXPECT_FALSE(jobs.Active("train", "default"));
-  EXPECT_THROW(jobs.Get("nothing"), ProblemError);
-}
-
-TEST(JobQueue, FailsAndCancels) {
-  JobQueue jobs;
-  const auto until_stopped = [](const JobContext& context) -> std::string {
-    while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
-    throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
-  };
-  const JobStatus running = jobs.Add("train", "a", until_stopped);
-  const JobStatus queued = jobs.Add("train", "b", until_stopped);
-  EXPECT_EQ(jobs.Active("train", "b")->id, queued.id);
-  EXPECT_FALSE(jobs.WaitFor(running.id, milliseconds(5)));
-  EXPECT_EQ(jobs.Cancel(queued.id).state, JobState::kCancelled);
-  jobs.Cancel(running.id);
-  EXPECT_TRUE(jobs.WaitFor(running.id, milliseconds(5000)));
-  EXPECT_EQ(jobs.Get(running.id).state, JobState::kCancelled);
-  const JobStatus failing = jobs.Add("train", "a", [](const JobContext&) -> std::string {
-    throw Error(ErrorCode::kConflict, "no_pictures", "none");
-  });
-  EXPECT_TRUE(jobs.WaitFor(failing.id, milliseconds(5000)));
-  EXPECT_EQ(jobs.Get(failing.id).state, JobState::kFailed);
-  EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_pictures");
-}
-
-TEST(JobQueue, EndCancelsWhatRuns) {
-  std::atomic<bool> stopped{false};
-  {
-    JobQueue jobs;
-    std::latch started(1);
-    jobs.Add("train", "a", [&](const JobContext& context) -> std::string {
-      started.count_down();
-      while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
-      stopped = true;
-      throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
-    });
-    started.wait();
-  }
-  EXPECT_TRUE(stopped);
 }
 
 TEST(ThumbnailCache, ForgetsTheLeastRecentlyUsed) {

@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/auth/api_keys.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <chrono>
+#include <string_view>
+
+#include <openssl/crypto.h>
+#include <openssl/rand.h>
+
+#include "descriptor/error.h"
+#include "descriptor/sha256.h"
+#include "index/hex.h"
+#include "server/json.h"
+#include "server/problem.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::string_view kPrefix = "plk_";
+constexpr std::size_t kIdBytes = 4;
+constexpr std::size_t kSecretBytes = 32;
+
+template <std::size_t N>
+std::array<std::uint8_t, N> RandomBytes() {
+  std::array<std::uint8_t, N> bytes{};
+  if (RAND_bytes(bytes.data(), static_cast<int>(N)) != 1) {
+    throw Error(ErrorCode::kInternal, "no_randomness", "the system gives no random numbers");
+  }
+  return bytes;
+}
+
+std::string HashOf(const std::string& key) {
+  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(key.data()), key.size()});
+}
+
+// The key in the headers; empty = none.
+std::string ShownKey(const Request& request) {
+  std::string shown = request.header("X-API-Key");
+  const std::string authorization = request.header("Authorization");
+  if (authorization.empty()) return shown;
+  constexpr std::string_view kScheme = "bearer ";
+  const std::string scheme = authorization.substr(0, kScheme.size());
+  const bool bearer = std::equal(scheme.begin(), scheme.end(), kScheme.begin(), kScheme.end(),
+                                 [](unsigned char a, char b) { return std::tolower(a) == b; });
+  if (!bearer || !shown.empty()) {
+    throw ProblemError("unauthorized",
+                       "Send the key as \"Authorization: Bearer KEY\" or as \"X-API-Key: KEY\", "
+                       "not both and nothing else.");
+  }
+  return authorization.substr(kScheme.size());
+}
+
+std::string IdOf(const std::string& key) {
+  constexpr std::size_t kIdDigits = 2 * kIdBytes;
+  const bool formed = key.starts_with(kPrefix) && key.size() > kPrefix.size() + kIdDigits &&
+                      key[kPrefix.size() + kIdDigits] == '_';
+  return formed ? key.substr(kPrefix.size(), kIdDigits) : std::string();
+}
+
+}  // namespace
+
+NewKey MakeApiKey(const std::string& name, Scope scope) {
+  const auto id = RandomBytes<kIdBytes>();
+  const auto secret = RandomBytes<kSecretBytes>();
+  NewKey made;
+  made.record.id = ToHex(id);
+  made.record.name = name;
+  made.record.scope = ScopeName(scope);
+  made.record.created_ms = std::chrono::duration_cast<std::chrono::milliseconds>(
+                               std::chrono::system_clock::now().time_since_epoch())
+                               .count();
+  made.key = std::string(kPrefix) + made.record.id + "_" +
+             Base64UrlEncode({reinterpret_cast<const char*>(secret.data()), secret.size()});
+  made.record.hash = HashOf(made.key);
+  return made;
+}
+
+std::optional<Scope> ScopeFromName(const std::string& name) {
+  for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin}) {
+    if (name == ScopeName(scope)) return scope;
+  }
+  return std::nullopt;
+}
+
+KeyRing::KeyRing(std::filesystem::path database) : database_(std::move(database)) {
+  std::error_code absent;
+  if (std::filesystem::file_size(database_, absent) == 0 || absent) return;
+  in_use_at_start_ = !ServiceStore(database_).Keys().empty();
+}
+
+void KeyRing::Open() {
+  const std::lock_guard lock(mutex_);
+  if (!store_) store_ = std::make_unique<ServiceStore>(database_);
+}
+
+void KeyRing::Refresh() {
+  const std::int64_t version = store_->Version();
+  if (version == version_) return;
+  std::map<std::string, ApiKeyRecord> keys;
+  for (ApiKeyRecord& key : store_->Keys()) {
+    const std::string id = key.id;
+    keys.emplace(id, std::move(key));
+  }
+  keys_ = std::move(keys);
+  version_ = version;
+}
+
+bool KeyRing::InUse() {
+  const std::lock_guard lock(mutex_);
+  if (!store_) return in_use_at_start_;
+  Refresh();
+  return !keys_.empty();
+}
+
+std::optional<KnownKey> KeyRing::Identify(const Request& request) {
+  const std::string shown = ShownKey(request);
+  if (shown.empty()) return std::nullopt;
+  const std::string hash = HashOf(shown);
+  const std::lock_guard lock(mutex_);
+  if (!store_) throw ProblemError("starting", "The server is starting. Try again shortly.");
+  Refresh();
+  const auto found = keys_.find(IdOf(shown));
+  if (found != keys_.end() && found->second.revoked_ms == 0 &&
+      found->second.hash.size() == hash.size() &&
+      CRYPTO_memcmp(found->second.hash.data(), hash.data(), hash.size()) == 0) {
+    if (const auto scope = ScopeFromName(found->second.scope))
+      return KnownKey{found->first, *scope};
+  }
+  throw ProblemError("unauthorized", "The key is not known, or it was revoked.");
+}
+
+}  // namespace pliant::server

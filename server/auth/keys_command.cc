@@ -1,0 +1,155 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/auth/keys_command.h"
+
+#include <cstdio>
+#include <functional>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "descriptor/error.h"
+#include "index/engine.h"
+#include "index/text.h"
+#include "server/auth/api_keys.h"
+#include "server/json.h"
+
+namespace pliant::server {
+
+namespace {
+
+struct Options {
+  EngineOptions engine;
+  std::string scope = "read";
+  std::string name;
+  std::vector<std::string> keys;
+  bool json = false;
+};
+
+void CheckName(const std::string& name) {
+  CheckObject(name);  // the same rules: UTF-8 without control characters, not too long
+  if (name.empty()) throw Error(ErrorCode::kInvalidArgument, "name_invalid", "--name is empty");
+}
+
+// Keys may be wanted before the server was ever started.
+void MakeDatabase(const Options& options) {
+  EngineOptions engine = options.engine;
+  engine.load_index = false;
+  engine.load_descriptor = false;
+  const Engine made(engine);
+}
+
+int Create(const Options& options) {
+  CheckName(options.name);
+  MakeDatabase(options);
+  ServiceStore store(options.engine.database);
+  const NewKey made = MakeApiKey(options.name, ScopeFromName(options.scope).value());
+  store.AddKey(made.record);
+  if (options.json) {
+    fmt::print("{}\n", ToText(Json{{"id", made.record.id},
+                                   {"name", made.record.name},
+                                   {"scope", made.record.scope},
+                                   {"key", made.key}}));
+  } else {
+    fmt::print("{}\n", made.key);
+    fmt::print(
+        stderr,
+        "This is the key \"{}\" (id {}, scope {}). It is shown this once and cannot be shown "
+        "again.\n",
+        made.record.name, made.record.id, made.record.scope);
+  }
+  return 0;
+}
+
+int List(const Options& options) {
+  const std::vector<ApiKeyRecord> keys = ServiceStore(options.engine.database).Keys();
+  Json list = Json::array();
+  for (const ApiKeyRecord& key : keys) {
+    list.push_back(
+        {{"id", key.id},
+         {"name", key.name},
+         {"scope", key.scope},
+         {"created_at", FormatTime(key.created_ms)},
+         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(FormatTime(key.revoked_ms))}});
+  }
+  if (options.json) {
+    fmt::print("{}\n", ToText(Json{{"keys", list}}));
+    return 0;
+  }
+  if (keys.empty()) fmt::print("no keys\n");
+  for (const ApiKeyRecord& key : keys) {
+    fmt::print("{}  {:<5}  {}  {}{}\n", key.id, key.scope, FormatTime(key.created_ms), key.name,
+               key.revoked_ms == 0 ? "" : "  (revoked " + FormatTime(key.revoked_ms) + ")");
+  }
+  return 0;
+}
+
+int Revoke(const Options& options) {
+  ServiceStore store(options.engine.database);
+  int status = 0;
+  for (const std::string& key : options.keys) {
+    if (store.RevokeKey(key)) {
+      fmt::print("revoked {}\n", key);
+    } else {
+      fmt::print(stderr, "no working key has the id or the name \"{}\"\n", ToDisplayText(key));
+      status = 1;
+    }
+  }
+  return status;
+}
+
+int Purge(const Options& options) {
+  const std::uint64_t forgotten = ServiceStore(options.engine.database).ForgetRevokedKeys();
+  fmt::print("forgot {} revoked keys\n", forgotten);
+  return 0;
+}
+
+void Define(CLI::App& app, Options& options, std::function<int()>& command) {
+  app.require_subcommand(1);
+  const auto add = [&](const char* name, const char* help, int (*run)(const Options&)) {
+    CLI::App* sub = app.add_subcommand(name, help);
+    sub->add_option("--db", options.engine.database, "the database file")
+        ->required()
+        ->envname("PLIANT_DB");
+    sub->callback(
+        [&options, &command, run] { command = [&options, run] { return run(options); }; });
+    return sub;
+  };
+  CLI::App* create = add("create", "Make a key and print it, this once", Create);
+  create->add_option("--name", options.name, "what it is for")->required();
+  create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
+      ->check(CLI::IsMember({"read", "write", "admin"}))
+      ->capture_default_str();
+  create->add_option("--descriptor", options.engine.descriptor,
+                     "of the database, where it does not exist yet");
+  create->add_option("--model", options.engine.descriptor_options.model_path,
+                     "weight file of deal, where the database does not exist yet");
+  create->add_flag("--json", options.json, "print one JSON document");
+  add("list", "Show the keys: id, scope, since when, name", List)
+      ->add_flag("--json", options.json, "print one JSON document");
+  add("revoke", "End keys; a running server follows at once", Revoke)
+      ->add_option("KEY", options.keys, "ids or names")
+      ->required();
+  add("purge", "Forget revoked keys; without any key the server is open on loopback again", Purge);
+}
+
+}  // namespace
+
+int RunKeysCommand(int argc, const char* const* argv) {
+  Options options;
+  options.engine.descriptor.clear();
+  std::function<int()> command;
+  CLI::App app("API keys of a database", "pliant-server keys");
+  Define(app, options, command);
+  try {
+    app.parse(argc, argv);
+    return command();
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "pliant-server: {}\n", error.what());
+    return 1;
+  }
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,215 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/openapi/document.h"
+
+#include <algorithm>
+#include <map>
+
+#include "server/openapi/route_codes.h"
+#include "server/problem.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr const char* kBinaryImage = "a picture: JPEG, PNG, WebP, BMP or TIFF";
+
+Json SchemaOf(const Parameter& parameter) {
+  Json schema;
+  switch (parameter.type) {
+    case Parameter::Type::kText:
+      schema = {{"type", "string"}};
+      break;
+    case Parameter::Type::kInteger:
+      schema = {{"type", "integer"},
+                {"minimum", static_cast<std::int64_t>(parameter.lowest)},
+                {"maximum", static_cast<std::uint64_t>(parameter.highest)}};
+      break;
+    case Parameter::Type::kNumber:
+      schema = {{"type", "number"}, {"minimum", parameter.lowest}, {"maximum", parameter.highest}};
+      break;
+    case Parameter::Type::kNumbers:
+      schema = {{"type", "array"},
+                {"items", {{"type", "number"}}},
+                {"minItems", parameter.count},
+                {"maxItems", parameter.count}};
+      break;
+    case Parameter::Type::kChoice:
+      schema = {{"type", "string"}, {"enum", parameter.choices}};
+      break;
+    case Parameter::Type::kJson:
+      schema = {{"type", "object"}};
+      break;
+    case Parameter::Type::kJsonList:
+      schema = {{"type", "array"}};
+      break;
+  }
+  if (parameter.default_value.empty()) return schema;
+  const Json value = Json::parse(parameter.default_value, nullptr, /*allow_exceptions=*/false);
+  schema["default"] = value.is_number() ? value : Json(parameter.default_value);
+  return schema;
+}
+
+// Every parameter may stand in the query, whatever the body is.
+Json QueryParameter(const Parameter& parameter) {
+  Json json = {{"name", parameter.name},
+               {"in", "query"},
+               {"description", parameter.meaning},
+               {"required", false}};
+  const bool is_json =
+      parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList;
+  if (is_json) {
+    json["content"] = {{"application/json", {{"schema", SchemaOf(parameter)}}}};
+  } else {
+    if (parameter.type == Parameter::Type::kNumbers) {
+      json["style"] = "form";
+      json["explode"] = false;
+    }
+    json["schema"] = SchemaOf(parameter);
+  }
+  return json;
+}
+
+Json PathParameter(const std::string& name) {
+  static const std::map<std::string, std::string> meanings = {
+      {"c", "name of a collection"}, {"id", "id of a picture or a job"},
+      {"o", "name of an object"},    {"v", "number of a vocabulary"},
+      {"b", "name of a backup"},     {"n", "number of an object"}};
+  return {{"name", name},
+          {"in", "path"},
+          {"required", true},
+          {"description", meanings.at(name)},
+          {"schema", {{"type", "string"}}}};
+}
+
+Json Properties(const Route& route) {
+  Json properties = Json::object();
+  for (const Parameter& parameter : route.parameters) {
+    properties[parameter.name] = SchemaOf(parameter);
+    properties[parameter.name]["description"] = parameter.meaning;
+  }
+  return properties;
+}
+
+Json JsonContent(const Route& route) {
+  return {{"schema", {{"type", "object"}, {"properties", Properties(route)}}}};
+}
+
+Json FormContent(const Route& route) {
+  Json properties = Properties(route);
+  const Json image = {{"type", "string"}, {"format", "binary"}, {"description", kBinaryImage}};
+  const bool many = route.body == BodyKind::kImages;
+  properties["image"] = many ? Json{{"type", "array"}, {"items", image}} : image;
+  Json schema = {{"type", "object"}, {"properties", properties}};
+  if (route.body != BodyKind::kImageOrJson) schema["required"] = {"image"};
+  return {{"schema", schema}};
+}
+
+Json RequestBody(const Route& route) {
+  Json content = Json::object();
+  if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {
+    content["image/*"] = Json::object();
+    content["application/octet-stream"] = Json::object();
+  }
+  if (route.body != BodyKind::kJson) content["multipart/form-data"] = FormContent(route);
+  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
+    content["application/json"] = JsonContent(route);
+  }
+  return {{"required", route.body != BodyKind::kJson}, {"content", content}};
+}
+
+Json AnswerJson(const Answer& answer) {
+  Json json = {{"description", answer.meaning}};
+  if (!answer.schema.empty()) {
+    json["content"][answer.content_type]["schema"] = {
+        {"$ref", "#/components/schemas/" + answer.schema}};
+  } else if (!answer.content_type.empty()) {
+    json["content"][answer.content_type] = Json::object();
+  }
+  return json;
+}
+
+// One response a status, with the codes that come with it.
+void AddProblems(const Route& route, Json& responses) {
+  std::map<int, Json> codes;
+  for (const std::string& code : RouteCodes(route)) {
+    codes[ProblemCodeOf(code).status].push_back(code);
+  }
+  for (const auto& [status, names] : codes) {
+    std::string text;
+    for (const auto& name : names) {
+      const auto code = name.get<std::string>();
+      text += (text.empty() ? "`" : "; `") + code + "`: " + ProblemCodeOf(code).meaning;
+    }
+    Json schema = {{"allOf",
+                    {{{"$ref", "#/components/schemas/Problem"}},
+                     {{"properties", {{"code", {{"enum", names}}}}}}}}};
+    responses[std::to_string(status)] = {
+        {"description", text}, {"content", {{"application/problem+json", {{"schema", schema}}}}}};
+  }
+}
+
+Json Operation(const Route& route) {
+  Json operation = {{"operationId", route.name}, {"summary", route.summary}};
+  Json parameters = Json::array();
+  for (const std::string& segment : SplitPattern(route.pattern)) {
+    if (segment.front() == '{') {
+      parameters.push_back(PathParameter(segment.substr(1, segment.size() - 2)));
+    }
+  }
+  for (const Parameter& parameter : route.parameters) {
+    parameters.push_back(QueryParameter(parameter));
+  }
+  if (!parameters.empty()) operation["parameters"] = parameters;
+  if (route.body != BodyKind::kNone) operation["requestBody"] = RequestBody(route);
+  Json responses = Json::object();
+  for (const Answer& answer : route.answers) {
+    responses[std::to_string(answer.status)] = AnswerJson(answer);
+  }
+  AddProblems(route, responses);
+  operation["responses"] = responses;
+  // Without keys (see --allow-anonymous) none is needed.
+  if (route.scope != Scope::kPublic) {
+    operation["security"] = {{{"bearer", Json::array()}}, {{"header", Json::array()}}};
+  }
+  operation["x-scope"] = ScopeName(route.scope);
+  if (!route.example.empty()) {
+    operation["x-codeSamples"] = {{{"lang", "Shell"}, {"source", route.example}}};
+  }
+  return operation;
+}
+
+std::string LowerCase(std::string method) {
+  std::transform(method.begin(), method.end(), method.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return method;
+}
+
+}  // namespace
+
+Json OpenApiDocument(const std::vector<Route>& routes) {
+  Json paths = Json::object();
+  for (const Route& route : routes) {
+    if (route.name == "page" && route.pattern != "/") continue;  // parts of the page
+    paths[route.pattern][LowerCase(route.method)] = Operation(route);
+  }
+  const Json bearer = {{"type", "http"}, {"scheme", "bearer"}};
+  const Json header = {{"type", "apiKey"}, {"in", "header"}, {"name", "X-API-Key"}};
+  return {{"openapi", "3.1.0"},
+          {"info",
+           {{"title", "Pliant"},
+            {"summary", "Find the same object again, however it is bent, folded or crumpled"},
+            {"description",
+             "Parameters may stand in the query, in form fields, or as keys of a JSON body. Errors "
+             "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
+             "X-Request-Id. HEAD works wherever GET does."},
+            {"license", {{"name", "Apache-2.0"}, {"identifier", "Apache-2.0"}}},
+            {"version", PLIANT_VERSION}}},
+          {"servers", {{{"url", "/"}}}},
+          {"paths", paths},
+          {"components",
+           {{"schemas", OpenApiSchemas()},
+            {"securitySchemes", {{"bearer", bearer}, {"header", header}}}}}};
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The OpenAPI 3.1 document, made of the route table.
+//
+// Each operation has an example as `x-codeSamples`: a shell command for a folder that holds the
+// pictures mug.png and cup.png, with these variables:
+//   $PLIANT      address of the server, http://127.0.0.1:8080
+//   $IMAGE       id of a stored picture of the object "mug"
+//   $VOCABULARY  number of a vocabulary
+//   $JOB         id of a job
+//   $BACKUP      name of a backup
+#pragma once
+
+#include <vector>
+
+#include "server/http/router.h"
+#include "server/json.h"
+
+namespace pliant::server {
+
+Json OpenApiDocument(const std::vector<Route>& routes);
+
+// components/schemas of the document, but for what is made of the routes.
+Json OpenApiSchemas();
+
+}  // namespace pliant::server

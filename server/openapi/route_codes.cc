@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/openapi/route_codes.h"
+
+#include <algorithm>
+
+namespace pliant::server {
+
+namespace {
+
+using Codes = std::set<std::string>;
+
+bool TakesImage(BodyKind body) {
+  return body == BodyKind::kImage || body == BodyKind::kImageOrJson;
+}
+
+void AddBodyCodes(const Route& route, Codes& codes) {
+  if (route.body == BodyKind::kNone) return;
+  codes.insert({"body_too_large", "busy", "length_required", "unsupported_content_type",
+                "unsupported_content_encoding", "unsupported_transfer_encoding"});
+  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
+    codes.insert("invalid_json");
+  }
+  if (!TakesImage(route.body)) return;
+  if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
+  codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",
+                "image_truncated", "image_corrupt", "image_too_small", "image_too_large",
+                "too_few_features"});
+}
+
+void AddParameterCodes(const Route& route, Codes& codes) {
+  codes.insert("unknown_parameter");
+  for (const Parameter& parameter : route.parameters) {
+    codes.insert({"invalid_parameter", "duplicate_parameter"});
+    if (parameter.required) codes.insert("missing_parameter");
+    if (parameter.name == "cursor") codes.insert("invalid_cursor");
+    if (parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList) {
+      codes.insert("invalid_json");
+    }
+  }
+}
+
+void AddScopeCodes(const Route& route, Codes& codes) {
+  if (route.scope != Scope::kPublic)
+    codes.insert({"unauthorized", "forbidden", "rate_limited", "starting"});
+  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "busy"});
+}
+
+}  // namespace
+
+std::set<std::string> RouteCodes(const Route& route) {
+  // What any request may meet, whatever it asks for.
+  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",    "expectation_failed",
+                 "request_timeout", "internal",     "range_not_satisfiable"};
+  AddScopeCodes(route, codes);
+  AddBodyCodes(route, codes);
+  AddParameterCodes(route, codes);
+  if (route.method != "GET") codes.insert("cross_site");
+  if (route.needs_index) codes.insert({"starting", "stopping"});
+  const bool in_collection = route.pattern.starts_with("/v1/collections/{c}");
+  const bool makes_it = route.pattern == "/v1/collections/{c}" && route.method == "PUT";
+  if (in_collection && !makes_it) codes.insert("collection_not_found");
+  codes.insert(route.codes.begin(), route.codes.end());
+  return codes;
+}
+
+}  // namespace pliant::server

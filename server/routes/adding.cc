@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/routes/adding.h"
+
+namespace pliant::server {
+
+AddResult AddOnPool(Service& service, const AddRequest& request) {
+  AddResult result;
+  service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
+    AddRequest with_cores = request;
+    with_cores.threads = cores;
+    result = service.engine().Add(with_cores);
+  });
+  if (result.outcome != AddOutcome::kUnchanged) {
+    service.metrics.OnAdd(result.timings);
+    if (service.auto_trainer() != nullptr) service.auto_trainer()->OnAdded(request.collection);
+  }
+  return result;
+}
+
+const char* OutcomeName(AddOutcome outcome) {
+  switch (outcome) {
+    case AddOutcome::kCreated:
+      return "created";
+    case AddOutcome::kReplaced:
+      return "replaced";
+    case AddOutcome::kUnchanged:
+      return "unchanged";
+  }
+  return "unchanged";
+}
+
+Parameter ObjectParameter() { return {"object", "what the picture shows"}; }
+
+Parameter MetadataParameter() {
+  return Parameter("metadata", "a JSON object that is kept with the picture").Json();
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,64 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Backups while the server runs, into the operator's directory.
+#include "server/problem.h"
+#include "server/routes/common.h"
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+
+namespace {
+
+Json BackupJson(const BackupFile& file) {
+  return {{"name", file.name}, {"bytes", file.bytes}, {"created_at", FormatTime(file.created_ms)}};
+}
+
+Response List(Service& service) {
+  Json items = Json::array();
+  for (const BackupFile& file : service.backups.List()) items.push_back(BackupJson(file));
+  return JsonResponse({{"backups", items}});
+}
+
+}  // namespace
+
+void AddBackupRoutes(Service& service, std::vector<Route>& routes) {
+  routes.push_back(
+      {.name = "backups.create",
+       .method = "POST",
+       .pattern = "/v1/backups",
+       .summary = "Copy the database, while it is in use, to a file in --backup-dir",
+       .scope = Scope::kAdmin,
+       .body = BodyKind::kJson,
+       .parameters = {{"name", "of the file, ending in .db; with the time in it unless told"}},
+       .answers = {{202, "the job; Location has its address", "Job"}},
+       .codes = {"backups_off", "backup_exists"},
+       .example = R"(curl -X POST "$PLIANT/v1/backups")",
+       .handler = [&service](const Request&, const Parameters& parameters) {
+         return JobResponse(
+             service.backups.Add(*service.jobs, parameters.Text("name").value_or("")));
+       }});
+  routes.push_back(
+      {.name = "backups.list",
+       .method = "GET",
+       .pattern = "/v1/backups",
+       .summary = "The backups in --backup-dir, newest first",
+       .scope = Scope::kAdmin,
+       .answers = {{200, "all of them", "BackupList"}},
+       .codes = {"backups_off"},
+       .example = R"(curl "$PLIANT/v1/backups")",
+       .handler = [&service](const Request&, const Parameters&) { return List(service); }});
+  routes.push_back({.name = "backups.get",
+                    .method = "GET",
+                    .pattern = "/v1/backups/{b}",
+                    .summary = "One backup: how large, since when",
+                    .scope = Scope::kAdmin,
+                    .answers = {{200, "the backup", "Backup"}},
+                    .codes = {"backups_off", "backup_not_found"},
+                    .example = R"(curl "$PLIANT/v1/backups/$BACKUP")",
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      return JsonResponse(
+                          BackupJson(service.backups.Get(request.captures.at("b"))));
+                    }});
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// API keys: made, shown, refused, revoked while the server runs; and how often one may ask.
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/server_process.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+using ::testing::Not;
+
+constexpr const char* kImages = "/v1/collections/default/images";
+
+class AuthTest : public ::testing::Test {
+ protected:
+  ProgramResult Keys(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "keys");
+    arguments.insert(arguments.end(), {"--db", database().string()});
+    return Program(arguments, {}, ServerPath()).Wait();
+  }
+  // The new key, one line.
+  std::string Create(const std::string& scope, const std::string& name) {
+    const ProgramResult made =
+        Keys({"create", "--scope", scope, "--name", name, "--descriptor", "rootsift"});
+    EXPECT_EQ(made.status, 0) << made.err;
+    return made.out.substr(0, made.out.find('\n'));
+  }
+  std::filesystem::path database() const { return folder_.path() / "test.db"; }
+
+  static httplib::Client With(const ServerProcess& server, const std::string& key) {
+    auto client = server.Client();
+    client.set_default_headers({{"Authorization", "Bearer " + key}});
+    return client;
+  }
+  static std::string CodeOf(const httplib::Result& answer) {
+    return Json::parse(answer->body).value("code", "");
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(AuthTest, ScopesDoWhatTheySay) {
+  const std::string read = Create("read", "page");
+  const std::string write = Create("write", "shop");
+  const std::string admin = Create("admin", "me");
+  EXPECT_THAT(read, MatchesRegex("plk_[0-9a-f]{8}_[A-Za-z0-9_-]{43}"));
+  ServerProcess server(database(), {"--auto-train", "false"});
+  auto reader = With(server, read);
+  auto writer = With(server, write);
+  auto owner = With(server, admin);
+  const std::string picture = TestPicture(1);
+  EXPECT_EQ(reader.Get("/v1/collections")->status, 200);
+  EXPECT_EQ(CodeOf(reader.Post(kImages, picture, "image/png")), "forbidden");
+  EXPECT_EQ(writer.Post(kImages, picture, "image/png")->status, 201);
+  EXPECT_EQ(writer.Get(kImages)->status, 200);
+  EXPECT_EQ(CodeOf(writer.Put("/v1/collections/toys")), "forbidden");
+  EXPECT_EQ(owner.Put("/v1/collections/toys")->status, 201);
+
+  auto stranger = server.Client();
+  EXPECT_EQ(stranger.Get("/livez")->status, 200);
+  EXPECT_EQ(CodeOf(stranger.Get("/v1/collections")), "unauthorized");
+  EXPECT_EQ(stranger.Get("/v1/collections", {{"X-API-Key", read}})->status, 200);
+  std::string wrong = read;
+  wrong.back() = wrong.back() == 'A' ? 'B' : 'A';
+  for (const std::string& shown :
+       {"Bearer " + wrong, std::string("Bearer "), std::string("Basic abc"), "bearer" + read,
+        std::string("Bearer plk_00000000_x"), "Bearer " + read + "x"}) {
+    const auto answer = stranger.Get("/v1/collections", {{"Authorization", shown}});
+    EXPECT_EQ(answer->status, 401) << shown;
+    EXPECT_EQ(CodeOf(answer), "unauthorized");
+  }
+  EXPECT_EQ(CodeOf(stranger.Get("/v1/collections",
+                                {{"Authorization", "Bearer " + read}, {"X-API-Key", read}})),
+            "unauthorized");
+
+  // What is kept is no key, and the log has its id only.
+  EXPECT_EQ(server.Stop(), 0);
+  std::ifstream file(database(), std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  for (const std::string& key : {read, write, admin}) {
+    const std::string secret = key.substr(13);
+    EXPECT_THAT(bytes.str(), Not(HasSubstr(secret)));
+    EXPECT_THAT(server.Log(), Not(HasSubstr(secret)));
+    EXPECT_THAT(server.Log(), HasSubstr("key=" + key.substr(4, 8)));
+  }
+}
+
+TEST_F(AuthTest, ARunningServerFollowsTheCommandLine) {
+  const ServerProcess server(database(), {"--auto-train", "false"});
+  auto stranger = server.Client();
+  EXPECT_EQ(stranger.Get("/v1/collections")->status, 200) << "no keys yet, and it is loopback";
+  const std::string key = Create("read", "one");
+  EXPECT_EQ(stranger.Get("/v1/collections")->status, 401);
+  auto client = With(server, key);
+  EXPECT_EQ(client.Get("/v1/collections")->status, 200);
+  const Json list = Keys({"list", "--json"}).json()["keys"];
+  ASSERT_EQ(list.size(), 1U);
+  EXPECT_EQ(list[0]["name"], "one");
+  EXPECT_EQ(list[0]["scope"], "read");
+  EXPECT_TRUE(list[0]["revoked_at"].is_null());
+  EXPECT_THAT(Keys({"list"}).out, Not(HasSubstr(key.substr(13))));
+
+  EXPECT_EQ(Keys({"revoke", "nobody"}).status, 1);
+  EXPECT_EQ(Keys({"revoke", "one"}).status, 0);
+  EXPECT_EQ(client.Get("/v1/collections")->status, 401);
+  EXPECT_EQ(stranger.Get("/v1/collections")->status, 401) << "the last key does not open it";
+  EXPECT_EQ(Keys({"purge"}).status, 0);
+  EXPECT_EQ(stranger.Get("/v1/collections")->status, 200);
+}
+
+TEST_F(AuthTest, NamesThatSeveralKeysHaveAreNotRevoked) {
+  const std::string first = Create("read", "same");
+  Create("write", "same");
+  const ProgramResult refused = Keys({"revoke", "same"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("several keys"));
+  EXPECT_EQ(Keys({"revoke", first.substr(4, 8)}).status, 0);
+  EXPECT_EQ(Keys({"revoke", "same"}).status, 0) << "one is left";
+  EXPECT_EQ(Keys({"create", "--scope", "all", "--name", "x"}).status, 2);
+  EXPECT_EQ(Keys({"create", "--scope", "read", "--name", ""}).status, 1);
+}
+
+TEST_F(AuthTest, BeyondLoopbackOnlyWithKeysOrWhenTold) {
+  const std::vector<std::string> open = {"--db",      database().string(), "--listen",
+                                         "0.0.0.0:0", "--descriptor",      "rootsift"};
+  const ProgramResult refused = Program(open, {}, ServerPath()).Wait();
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("there are no API keys"));
+  EXPECT_THAT(refused.err, HasSubstr("pliant-server keys create"));
+  const auto starts = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = open;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    Program program(arguments, {}, ServerPath());
+    while (program.IsRunning() && program.Out().find("listening on") == std::string::npos) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    program.Signal(SIGTERM);
+    return program.Wait().status == 0;
+  };
+  EXPECT_TRUE(starts({"--allow-anonymous", "true"}));
+  EXPECT_FALSE(starts({}));
+  Create("read", "one");
+  EXPECT_TRUE(starts({}));
+}
+
+TEST_F(AuthTest, TooManyRequestsOfOneKeyAreRefusedOthersAreNot) {
+  const std::string eager = Create("read", "eager");
+  const std::string calm = Create("read", "calm");
+  const ServerProcess server(database(), {"--rate-limit", "1", "--rate-burst", "5"});
+  auto client = With(server, eager);
+  int refused = 0;
+  for (int i = 0; i < 12; ++i) {
+    const auto answer = client.Get("/v1/collections");
+    if (answer->status == 200) continue;
+    ASSERT_EQ(answer->status, 429) << answer->body;
+    EXPECT_EQ(CodeOf(answer), "rate_limited");
+    EXPECT_EQ(answer->get_header_value("Retry-After"), "1");
+    ++refused;
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_EQ(With(server, calm).Get("/v1/collections")->status, 200);
+  EXPECT_EQ(client.Get("/livez")->status, 200);
+}
+
+}  // namespace
+}  // namespace pliant::testing

@@ -1,0 +1,273 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Many pictures at once: batches, imports that survive kill -9, backups that can be restored, and
+// databases that say how their pictures are described.
+#include <csignal>
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/server_process.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Items = httplib::MultipartFormDataItems;
+
+constexpr const char* kCollection = "/v1/collections/default";
+constexpr const char* kBatch = "/v1/collections/default/images:batch";
+constexpr const char* kImports = "/v1/collections/default/imports";
+constexpr const char* kSearch = "/v1/collections/default/search";
+
+class BulkTest : public ::testing::Test {
+ protected:
+  std::filesystem::path database() const { return folder_.path() / "test.db"; }
+
+  void Save(const std::string& name, const std::string& bytes) {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+  }
+
+  static Json AwaitJob(httplib::Client& client, const std::string& id) {
+    while (true) {
+      const Json job = Json::parse(client.Get("/v1/jobs/" + id)->body);
+      if (!job["finished_at"].is_null()) return job;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  }
+
+  static int Images(httplib::Client& client) {
+    return Json::parse(client.Get(kCollection)->body)["images"];
+  }
+
+  void ExpectSound(const std::filesystem::path& file) {
+    const ProgramResult check = RunProgram({"db", "check", "--db", file.string(), "--json"});
+    EXPECT_EQ(check.status, 0) << check.out << check.err;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(BulkTest, ABatchHasAResultForEachPicture) {
+  const ServerProcess server(database(), {"--auto-train", "false"});
+  auto client = server.Client();
+  const std::string mug = TestPicture(1);
+  const auto answer = client.Post(
+      kBatch,
+      Items{{"image", mug, "mug.png", "image/png"},
+            {"image", "no picture", "notes.txt", "text/plain"},
+            {"image", mug.substr(0, mug.size() / 2), "half.png", "image/png"},
+            {"image", TestPicture(2), "cup.png", "image/png"},
+            {"image", mug, "again.png", "image/png"},
+            {"object", "thing", "", ""},
+            {"items", R"([{}, {}, {}, {"id": "cup-1", "object": "cup", "metadata": {"n": 1}}, {}])",
+             "", ""}});
+  ASSERT_EQ(answer->status, 207) << answer->body;
+  const Json batch = Json::parse(answer->body);
+  const Json& results = batch["results"];
+  ASSERT_EQ(results.size(), 5U);
+  EXPECT_EQ(batch["failed"], 2);
+  EXPECT_EQ(batch["created"].get<int>() + batch["unchanged"].get<int>(), 3);
+  for (std::size_t i = 0; i < results.size(); ++i) EXPECT_EQ(results[i]["index"], i);
+  EXPECT_EQ(results[1]["status"], 415);
+  EXPECT_EQ(results[1]["source"], "notes.txt");
+  EXPECT_EQ(results[1]["problem"]["code"], "image_type_unknown");
+  EXPECT_EQ(results[2]["status"], 422);
+  EXPECT_EQ(results[2]["problem"]["code"], "image_truncated");
+  EXPECT_EQ(results[3]["image"]["id"], "cup-1");
+  EXPECT_EQ(results[3]["image"]["object"], "cup");
+  EXPECT_EQ(results[3]["image"]["metadata"]["n"], 1);
+  EXPECT_EQ(results[0]["image"]["object"], "thing");
+  EXPECT_EQ(results[0]["image"]["id"], results[4]["image"]["id"]);
+  EXPECT_EQ(Images(client), 2);
+
+  // Again: no work, nothing new.
+  const auto again = client.Post(
+      kBatch, Items{{"image", mug, "mug.png", "image/png"}, {"object", "thing", "", ""}});
+  EXPECT_EQ(Json::parse(again->body)["unchanged"], 1);
+  // The same bytes as something else are neither taken over nor dropped in silence.
+  const auto other = client.Post(
+      kBatch, Items{{"image", mug, "mug.png", "image/png"}, {"object", "other", "", ""}});
+  const Json refused = Json::parse(other->body)["results"][0];
+  EXPECT_EQ(refused["status"], 409);
+  EXPECT_EQ(refused["problem"]["code"], "same_bytes");
+  EXPECT_THAT(refused["problem"]["detail"].get<std::string>(), HasSubstr("\"thing\""));
+  EXPECT_EQ(Images(client), 2);
+}
+
+TEST_F(BulkTest, ABatchThatIsWrongAsAWholeIsRefusedAsAWhole) {
+  const ServerProcess server(database(), {"--auto-train", "false"});
+  auto client = server.Client();
+  const auto code = [&](const std::string& path, const Items& items) {
+    const auto answer = client.Post(path, items);
+    return std::to_string(answer->status) + " " + Json::parse(answer->body).value("code", "");
+  };
+  const httplib::MultipartFormData picture{"image", TestPicture(1), "a.png", "image/png"};
+  const auto items = [](const std::string& json) {
+    return httplib::MultipartFormData{"items", json, "", ""};
+  };
+  EXPECT_EQ(code(kBatch, {items("[]")}), "400 missing_parameter");
+  EXPECT_EQ(code(kBatch, {picture, items("[]")}), "400 invalid_parameter");
+  EXPECT_EQ(code(kBatch, {picture, items("[1]")}), "400 invalid_parameter");
+  EXPECT_EQ(code(kBatch, {picture, items(R"([{"objekt": "x"}])")}), "400 invalid_parameter");
+  EXPECT_EQ(code(kBatch, {picture, items(R"([{"metadata": 1}])")}), "400 invalid_parameter");
+  EXPECT_EQ(code(kBatch, {picture, items("{}")}), "400 invalid_json");
+  EXPECT_EQ(code("/v1/collections/none/images:batch", {picture}), "404 collection_not_found");
+  EXPECT_EQ(Images(client), 0);
+}
+
+TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
+  Save("shelf/mug/1.png", TestPicture(1));
+  Save("shelf/mug/2.png", TestPicture(1, 1));
+  Save("shelf/cup/1.png", TestPicture(2));
+  Save("shelf/cup/broken.png", "no picture");
+  Save("shelf/twin/1.png", TestPicture(2));
+  Save("secret/1.png", TestPicture(9));
+  std::filesystem::create_symlink(folder_ / "secret/1.png", folder_ / "shelf/cup/link.png");
+  const ServerProcess server(database(), {"--import-dir", (folder_ / "shelf").string()});
+  auto client = server.Client();
+  const auto refused = client.Post(kImports, R"({"folder": "../secret"})", "application/json");
+  EXPECT_EQ(refused->status, 400);
+  EXPECT_THAT(refused->body, Not(HasSubstr(folder_.path().string())));
+  const auto accepted = client.Post(kImports, R"({"folder": "."})", "application/json");
+  ASSERT_EQ(accepted->status, 202) << accepted->body;
+  const Json job = AwaitJob(client, Json::parse(accepted->body)["id"]);
+  EXPECT_EQ(job["state"], "done") << job;
+  EXPECT_EQ(job["total"], 6);
+  EXPECT_EQ(job["failed"], 3) << job;
+  std::map<std::string, std::string> skipped;
+  for (const Json& item : job["skipped"]) skipped[item["item"]] = item["code"];
+  EXPECT_EQ(skipped["cup/broken.png"], "image_type_unknown");
+  EXPECT_EQ(skipped["cup/link.png"], "outside");
+  EXPECT_EQ(skipped.count("cup/1.png") + skipped.count("twin/1.png"), 1U)
+      << "the same bytes in two folders are reported, whichever came first";
+  EXPECT_EQ(Images(client), 3);
+  // The vocabulary comes by itself.
+  const auto found = client.Post(kSearch, TestPicture(1, 2), "image/png");
+  ASSERT_EQ(found->status, 200) << found->body;
+  EXPECT_EQ(Json::parse(found->body)["hits"][0]["object"], "mug");
+}
+
+TEST_F(BulkTest, ImportsGoOnAfterKill) {
+  constexpr int kPictures = 60;
+  for (int i = 0; i < kPictures; ++i) {
+    Save("shelf/" + std::to_string(i) + ".png", TestPicture(i, 0, 480, 360));
+  }
+  const std::vector<std::string> flags = {"--import-dir", (folder_ / "shelf").string(),
+                                          "--auto-train", "false"};
+  std::string id;
+  {
+    ServerProcess server(database(), flags);
+    auto client = server.Client();
+    const auto accepted = client.Post(kImports, R"({"folder": "."})", "application/json");
+    ASSERT_EQ(accepted->status, 202) << accepted->body;
+    id = Json::parse(accepted->body)["id"];
+    while (Images(client) < 3) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    server.Signal(SIGKILL);
+    server.Wait();
+  }
+  ServerProcess server(database(), flags);
+  auto client = server.Client();
+  EXPECT_LT(Images(client), kPictures) << "it was not killed midway: nothing was tested";
+  const Json job = AwaitJob(client, id);
+  EXPECT_EQ(job["state"], "done") << job;
+  EXPECT_EQ(job["attempts"], 2);
+  EXPECT_EQ(Images(client), kPictures);
+  // An import that is cancelled keeps what it has, and says so.
+  const auto again = client.Post(kImports, R"({"folder": "."})", "application/json");
+  const std::string other = Json::parse(again->body)["id"];
+  EXPECT_EQ(client.Delete("/v1/jobs/" + other)->status, 202);
+  const Json ended = AwaitJob(client, other);
+  EXPECT_TRUE(ended["state"] == "cancelled" || ended["state"] == "done") << ended;
+  EXPECT_EQ(server.Stop(), 0);
+  ExpectSound(database());
+}
+
+TEST_F(BulkTest, ABackupMadeUnderLoadCanBeRestored) {
+  std::filesystem::create_directories(folder_ / "backups");
+  const std::vector<std::string> flags = {"--backup-dir", (folder_ / "backups").string()};
+  {
+    const ServerProcess server(database(), flags);
+    auto client = server.Client();
+    for (int i = 0; i < 4; ++i) {
+      client.Put(std::string(kCollection) + "/images/p" + std::to_string(i) + "?object=o" +
+                     std::to_string(i),
+                 TestPicture(i), "image/png");
+    }
+    ASSERT_EQ(client.Post(kSearch, TestPicture(1, 1), "image/png")->status, 200);
+    std::atomic<bool> stop{false};
+    std::thread uploads([&] {
+      auto other = server.Client();
+      for (int i = 100; !stop; ++i) {
+        other.Put(std::string(kCollection) + "/images/p" + std::to_string(i), TestPicture(i),
+                  "image/png");
+      }
+    });
+    const auto accepted =
+        client.Post("/v1/backups", R"({"name": "monday.db"})", "application/json");
+    ASSERT_EQ(accepted->status, 202) << accepted->body;
+    const Json job = AwaitJob(client, Json::parse(accepted->body)["id"]);
+    stop = true;
+    uploads.join();
+    EXPECT_EQ(job["state"], "done") << job;
+    EXPECT_EQ(job["result"], "/v1/backups/monday.db");
+    const auto again = client.Post("/v1/backups", R"({"name": "monday.db"})", "application/json");
+    EXPECT_EQ(Json::parse(again->body)["code"], "backup_exists");
+    const Json list = Json::parse(client.Get("/v1/backups")->body)["backups"];
+    ASSERT_EQ(list.size(), 1U);
+    EXPECT_GT(list[0]["bytes"], 100'000);
+    client.Delete(std::string(kCollection) + "/images/p1");
+  }
+  // Restoring as the README says.
+  ExpectSound(folder_ / "backups/monday.db");
+  for (const char* side : {"-wal", "-shm"}) {
+    std::filesystem::remove(database().string() + side);
+  }
+  std::filesystem::copy_file(folder_ / "backups/monday.db", database(),
+                             std::filesystem::copy_options::overwrite_existing);
+  const ServerProcess server(database(), flags);
+  auto client = server.Client();
+  EXPECT_EQ(client.Get(std::string(kCollection) + "/images/p1")->status, 200);
+  const auto found = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  ASSERT_EQ(found->status, 200) << found->body;
+  EXPECT_EQ(Json::parse(found->body)["hits"][0]["object"], "o1");
+}
+
+TEST_F(BulkTest, PicturesAreDescribedAsTheDatabaseWasMade) {
+  Save("p/a.png", TestPicture(1));
+  Save("p/b.png", TestPicture(2));
+  const std::vector<std::string> index = {
+      "index", (folder_ / "p").string(), "--db", database().string(), "--descriptor", "rootsift",
+      "--json"};
+  auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), index.begin(), index.end());
+    return RunProgram(more);
+  };
+  ASSERT_EQ(with({"--max-keypoints", "50"}).status, 0);
+  Save("p/c.png", TestPicture(3));
+  const ProgramResult mismatch = with({"--max-keypoints", "70"});
+  EXPECT_EQ(mismatch.status, 1);
+  EXPECT_EQ(mismatch.json()["error"]["code"], "extraction_mismatch") << mismatch.out;
+  EXPECT_EQ(with({}).json()["indexed"], 1) << "not told, it follows";
+  ServerProcess server(database());
+  auto client = server.Client();
+  const auto added = client.Post(std::string(kCollection) + "/images", TestPicture(4), "image/png");
+  ASSERT_EQ(added->status, 201) << added->body;
+  EXPECT_LE(Json::parse(added->body)["keypoints"], 50);
+  const auto found = client.Post(kSearch, TestPicture(2, 1), "image/png");
+  EXPECT_LE(Json::parse(found->body)["keypoints"], 50);
+  EXPECT_EQ(server.Stop(), 0);
+  const ProgramResult refused = Program({"--db", database().string(), "--listen", "127.0.0.1:0",
+                                         "--max-keypoints", "70", "--descriptor", "rootsift"},
+                                        {}, ServerPath())
+                                    .Wait();
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("--max-keypoints 50, not 70"));
+}
+
+}  // namespace
+}  // namespace pliant::testing

@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// TLS, pages of other sites, security headers, and what the log says.
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <openssl/ec.h>
+#include <openssl/evp.h>
+#include <openssl/pem.h>
+#include <openssl/x509v3.h>
+
+#include "tests/integration/server_process.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kImages = "/v1/collections/default/images";
+
+// A certificate for 127.0.0.1 that vouches for itself, and its key, as PEM files.
+void WriteCertificate(const std::filesystem::path& certificate, const std::filesystem::path& key) {
+  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> pair(EVP_EC_gen("P-256"),
+                                                                 EVP_PKEY_free);
+  const std::unique_ptr<X509, decltype(&X509_free)> x509(X509_new(), X509_free);
+  X509_set_version(x509.get(), X509_VERSION_3);
+  ASN1_INTEGER_set(X509_get_serialNumber(x509.get()), 1);
+  X509_gmtime_adj(X509_getm_notBefore(x509.get()), -3600);
+  X509_gmtime_adj(X509_getm_notAfter(x509.get()), 3600);
+  X509_set_pubkey(x509.get(), pair.get());
+  X509_NAME* name = X509_get_subject_name(x509.get());
+  X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC,
+                             reinterpret_cast<const unsigned char*>("pliant test"), -1, -1, 0);
+  X509_set_issuer_name(x509.get(), name);
+  X509V3_CTX context;
+  X509V3_set_ctx_nodb(&context);
+  X509V3_set_ctx(&context, x509.get(), x509.get(), nullptr, nullptr, 0);
+  for (const auto& [id, value] : {std::pair{NID_subject_alt_name, "IP:127.0.0.1"},
+                                  std::pair{NID_basic_constraints, "critical,CA:TRUE"}}) {
+    X509_EXTENSION* extension = X509V3_EXT_conf_nid(nullptr, &context, id, value);
+    ASSERT_NE(extension, nullptr);
+    X509_add_ext(x509.get(), extension, -1);
+    X509_EXTENSION_free(extension);
+  }
+  ASSERT_GT(X509_sign(x509.get(), pair.get(), EVP_sha256()), 0);
+  FILE* file = std::fopen(certificate.c_str(), "w");
+  ASSERT_NE(file, nullptr);
+  PEM_write_X509(file, x509.get());
+  std::fclose(file);
+  file = std::fopen(key.c_str(), "w");
+  ASSERT_NE(file, nullptr);
+  PEM_write_PrivateKey(file, pair.get(), nullptr, nullptr, 0, nullptr, nullptr);
+  std::fclose(file);
+}
+
+class DoorsTest : public ::testing::Test {
+ protected:
+  std::filesystem::path database() const { return folder_.path() / "test.db"; }
+  TemporaryFolder folder_;
+};
+
+TEST_F(DoorsTest, SpeaksTls) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  ServerProcess server(database(), {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
+                                    (folder_ / "key.pem").string(), "--header-timeout", "1",
+                                    "--idle-timeout", "1", "--auto-train", "false"});
+  httplib::SSLClient client("127.0.0.1", server.port());
+  client.set_ca_cert_path((folder_ / "cert.pem").string());
+  client.enable_server_certificate_verification(true);
+  client.set_keep_alive(true);
+  const std::string picture = TestPicture(1, 0, 1200, 900);
+  const auto made = client.Post(kImages, picture, "image/png");
+  ASSERT_TRUE(made) << httplib::to_string(made.error());
+  ASSERT_EQ(made->status, 201) << made->body;
+  EXPECT_THAT(made->get_header_value("Strict-Transport-Security"), HasSubstr("max-age="));
+  const auto content = client.Get(made->get_header_value("Location") + "/content");
+  ASSERT_TRUE(content);
+  EXPECT_EQ(content->body, picture);
+  for (int i = 0; i < 20; ++i) ASSERT_EQ(client.Get("/livez")->status, 200);
+  EXPECT_EQ(client.Post(kImages, std::string(1000, 'x'), "image/png")->status, 415);
+
+  // Somebody who does not speak it, and somebody who says nothing, are let go.
+  EXPECT_THAT(server.Talk("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n"), Not(HasSubstr("200")));
+  const auto start = std::chrono::steady_clock::now();
+  server.Talk("", std::chrono::milliseconds(10'000));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
+  EXPECT_EQ(client.Get("/livez")->status, 200);
+  EXPECT_EQ(server.Stop(), 0) << server.Log();
+}
+
+TEST_F(DoorsTest, TlsFilesThatDoNotFitAreNamed) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  WriteCertificate(folder_ / "other.pem", folder_ / "other-key.pem");
+  const auto start = [&](const std::string& certificate, const std::string& key) {
+    return Program({"--db", database().string(), "--descriptor", "rootsift", "--listen",
+                    "127.0.0.1:0", "--tls-cert", (folder_ / certificate).string(), "--tls-key",
+                    (folder_ / key).string()},
+                   {}, ServerPath())
+        .Wait();
+  };
+  EXPECT_THAT(start("none.pem", "key.pem").err, HasSubstr("--tls-cert"));
+  const ProgramResult mixed = start("cert.pem", "other-key.pem");
+  EXPECT_EQ(mixed.status, 1);
+  EXPECT_THAT(mixed.err, HasSubstr("--tls-key"));
+}
+
+TEST_F(DoorsTest, PagesOfAllowedOriginsMayAsk) {
+  const ServerProcess server(database(),
+                             {"--cors-origins", "https://shop.example", "--auto-train", "false"});
+  auto client = server.Client();
+  const httplib::Headers shop = {{"Origin", "https://shop.example"},
+                                 {"Sec-Fetch-Site", "cross-site"}};
+  const auto preflight = [&](const std::string& origin) {
+    httplib::Request request;
+    request.method = "OPTIONS";
+    request.path = kImages;
+    request.headers = {{"Origin", origin}, {"Access-Control-Request-Method", "POST"}};
+    return client.send(request);
+  };
+  const auto allowed = preflight("https://shop.example");
+  EXPECT_EQ(allowed->status, 204);
+  EXPECT_EQ(allowed->get_header_value("Access-Control-Allow-Origin"), "https://shop.example");
+  EXPECT_EQ(allowed->get_header_value("Access-Control-Allow-Methods"), "GET, HEAD, POST");
+  EXPECT_THAT(allowed->get_header_value("Access-Control-Allow-Headers"),
+              HasSubstr("Authorization"));
+  EXPECT_EQ(preflight("https://evil.example")->status, 403);
+  const auto added = client.Post(kImages, shop, TestPicture(1), "image/png");
+  EXPECT_EQ(added->status, 201) << added->body;
+  EXPECT_EQ(added->get_header_value("Access-Control-Allow-Origin"), "https://shop.example");
+  EXPECT_EQ(added->get_header_value("Vary"), "Origin");
+  const auto other = client.Get(kImages, {{"Origin", "https://evil.example"}});
+  EXPECT_FALSE(other->has_header("Access-Control-Allow-Origin"));
+}
+
+TEST_F(DoorsTest, CorsIsOffUnlessToldAndHeadersAreSafe) {
+  const ServerProcess server(database());
+  auto client = server.Client();
+  const auto answer = client.Get(kImages, {{"Origin", "https://shop.example"}});
+  EXPECT_FALSE(answer->has_header("Access-Control-Allow-Origin"));
+  EXPECT_EQ(answer->get_header_value("Cross-Origin-Resource-Policy"), "same-origin");
+  for (const char* path : {"/", "/livez", kImages, "/nothing"}) {
+    const auto each = client.Get(path);
+    EXPECT_EQ(each->get_header_value("X-Content-Type-Options"), "nosniff") << path;
+    EXPECT_EQ(each->get_header_value("Referrer-Policy"), "no-referrer") << path;
+    EXPECT_THAT(each->get_header_value("Content-Security-Policy"), HasSubstr("default-src 'none'"))
+        << path;
+    EXPECT_FALSE(each->has_header("Strict-Transport-Security")) << path;
+  }
+}
+
+TEST_F(DoorsTest, TheLogCanBeReadByPrograms) {
+  ServerProcess server(database(), {"--log-format", "json"});
+  auto client = server.Client();
+  client.Get("/v1/collections/default/images?object=secret", {{"X-Request-Id", "mine"}});
+  client.Get("/v1/%22quoted%22");
+  EXPECT_EQ(server.Stop(), 0);
+  std::istringstream log(server.Log());
+  bool seen = false;
+  int lines = 0;
+  for (std::string line; std::getline(log, line); ++lines) {
+    const Json json = Json::parse(line, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << line;
+    EXPECT_TRUE(json.contains("time")) << line;
+    EXPECT_TRUE(json.contains("level")) << line;
+    if (json.value("request_id", "") != "mine") continue;
+    seen = true;
+    EXPECT_EQ(json["event"], "request");
+    EXPECT_EQ(json["route"], "images.list");
+    EXPECT_EQ(json["status"], 200);
+    EXPECT_THAT(line, Not(HasSubstr("secret")));
+  }
+  EXPECT_TRUE(seen);
+  EXPECT_GT(lines, 2);
+}
+
+}  // namespace
+}  // namespace pliant::testing

@@ -1,0 +1,243 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Jobs in memory and over restarts, what may be imported, names of backups, and rate limits.
+#include <atomic>
+#include <fstream>
+#include <latch>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "index/engine.h"
+#include "server/auth/api_keys.h"
+#include "server/auth/rate_limiter.h"
+#include "server/backups.h"
+#include "server/import_job.h"
+#include "tests/unit/index_test_pictures.h"
+
+namespace pliant::server {
+namespace {
+
+using pliant::testing::TemporaryFolder;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPatience{20'000};
+
+JobKind Kind(std::function<std::string(const JobStatus&, const JobContext&)> run,
+             bool resumes = true) {
+  return {std::move(run), resumes};
+}
+
+std::string UntilStopped(const JobStatus&, const JobContext& context) {
+  while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
+  throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
+}
+
+std::string CodeOf(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const ProblemError& error) {
+    return error.problem().code;
+  }
+  return "";
+}
+
+class JobsTest : public ::testing::Test {
+ protected:
+  JobsTest() {
+    EngineOptions options;
+    options.database = database();
+    options.descriptor = "rootsift";
+    const Engine made(options);
+    store_ = std::make_unique<ServiceStore>(database());
+  }
+  std::filesystem::path database() { return folder_ / "x.db"; }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<ServiceStore> store_;
+};
+
+TEST_F(JobsTest, RunReportAndAreRemembered) {
+  JobQueue jobs(store_.get());
+  jobs.Register("train", Kind([](const JobStatus& job, const JobContext& context) {
+                  EXPECT_EQ(job.parameters, R"({"words":3})");
+                  context.Progress(3, 4);
+                  context.Skipped({"a.png", "image_truncated", "it ends"});
+                  return std::string("/result");
+                }));
+  jobs.Start();
+  const JobStatus added = jobs.Add("train", "default", R"({"words":3})");
+  EXPECT_TRUE(jobs.WaitFor(added.id, kPatience));
+  const JobStatus done = jobs.Get(added.id);
+  EXPECT_EQ(done.state, JobState::kDone);
+  EXPECT_EQ(done.result, "/result");
+  EXPECT_EQ(done.done, done.total);
+  EXPECT_EQ(done.failed, 1U);
+  EXPECT_EQ(jobs.List().size(), 1U);
+  EXPECT_FALSE(jobs.Active("train", "default"));
+  EXPECT_THROW(jobs.Get("nothing"), ProblemError);
+  EXPECT_EQ(jobs.Counts()[JobState::kDone], 1U);
+
+  JobQueue later(store_.get());  // another run of the server
+  later.Start();
+  const JobStatus kept = later.Get(added.id);
+  EXPECT_EQ(kept.state, JobState::kDone);
+  EXPECT_EQ(kept.result, "/result");
+  ASSERT_EQ(kept.skipped.size(), 1U);
+  EXPECT_EQ(kept.skipped[0].item, "a.png");
+  EXPECT_EQ(kept.finished_ms, done.finished_ms);
+}
+
+TEST_F(JobsTest, FailAndAreCancelled) {
+  JobQueue jobs(store_.get());
+  jobs.Register("wait", Kind(UntilStopped));
+  jobs.Register("fail", Kind([](const JobStatus&, const JobContext&) -> std::string {
+                  throw Error(ErrorCode::kConflict, "no_pictures", "none");
+                }));
+  jobs.Start();
+  const JobStatus running = jobs.Add("wait", "a", "{}");
+  const JobStatus queued = jobs.Add("wait", "b", "{}");
+  EXPECT_EQ(jobs.Active("wait", "b")->id, queued.id);
+  EXPECT_FALSE(jobs.WaitFor(running.id, milliseconds(5)));
+  EXPECT_EQ(jobs.Cancel(queued.id).state, JobState::kCancelled);
+  // Another kind does not wait for the one that runs.
+  const JobStatus failing = jobs.Add("fail", "a", "{}");
+  EXPECT_TRUE(jobs.WaitFor(failing.id, kPatience));
+  EXPECT_EQ(jobs.Get(failing.id).state, JobState::kFailed);
+  EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_pictures");
+  jobs.Cancel(running.id);
+  EXPECT_TRUE(jobs.WaitFor(running.id, kPatience));
+  EXPECT_EQ(jobs.Get(running.id).state, JobState::kCancelled);
+}
+
+TEST_F(JobsTest, GoOnAfterARestart) {
+  std::string running;
+  std::string queued;
+  {
+    JobQueue jobs(store_.get());
+    jobs.Register("wait", Kind(UntilStopped));
+    jobs.Start();
+    running = jobs.Add("wait", "a", "{}").id;
+    queued = jobs.Add("wait", "b", "{}").id;
+    while (jobs.Get(running).state != JobState::kRunning) {
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+  }  // the server is stopped, nobody has cancelled anything
+  std::vector<std::string> order;
+  JobQueue jobs(store_.get());
+  jobs.Register("wait", Kind([&](const JobStatus& job, const JobContext&) {
+                  order.push_back(job.collection);
+                  return std::string("/done");
+                }));
+  jobs.Start();
+  EXPECT_TRUE(jobs.WaitFor(running, kPatience));
+  EXPECT_TRUE(jobs.WaitFor(queued, kPatience));
+  EXPECT_EQ(order, (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(jobs.Get(running).state, JobState::kDone);
+  EXPECT_EQ(jobs.Get(running).attempts, 1) << "an orderly stop is no failed attempt";
+}
+
+// What a killed server leaves: "running".
+TEST_F(JobsTest, AreMarkedAsFailedWhereTheyCannotGoOn) {
+  const auto leave = [&](const std::string& id, const std::string& kind, int attempts) {
+    JobRecord record;
+    record.id = id;
+    record.kind = kind;
+    record.state = "running";
+    record.attempts = attempts;
+    record.created_ms = 1;
+    store_->SaveJob(record);
+  };
+  leave("once", "again", 1);
+  leave("thrice", "again", JobQueue::kMaxAttempts);
+  leave("backup", "never", 1);
+  leave("gone", "a kind of a newer version", 1);
+  JobQueue jobs(store_.get());
+  const auto succeed = [](const JobStatus&, const JobContext&) { return std::string("/done"); };
+  jobs.Register("again", Kind(succeed));
+  jobs.Register("never", Kind(succeed, false));
+  jobs.Start();
+  EXPECT_TRUE(jobs.WaitFor("once", kPatience));
+  EXPECT_EQ(jobs.Get("once").state, JobState::kDone);
+  EXPECT_EQ(jobs.Get("once").attempts, 2);
+  for (const char* id : {"thrice", "backup", "gone"}) {
+    EXPECT_EQ(jobs.Get(id).state, JobState::kFailed) << id;
+    ASSERT_TRUE(jobs.Get(id).problem) << id;
+    EXPECT_EQ(jobs.Get(id).problem->code, "interrupted") << id;
+  }
+}
+
+TEST_F(JobsTest, ImportsStayInsideTheDirectory) {
+  namespace fs = std::filesystem;
+  const fs::path inside = folder_ / "inside";
+  fs::create_directories(inside / "shelf" / "ümlaut");
+  fs::create_directories(folder_ / "outside");
+  fs::create_directory_symlink(folder_ / "outside", inside / "link");
+  std::ofstream(inside / "file.txt") << "x";
+  EXPECT_EQ(ResolveImportFolder(inside, "shelf"), fs::canonical(inside / "shelf"));
+  EXPECT_EQ(ResolveImportFolder(inside, "shelf/ümlaut/"), fs::canonical(inside / "shelf/ümlaut"));
+  EXPECT_EQ(ResolveImportFolder(inside, "."), fs::canonical(inside));
+  for (const std::string& name : std::vector<std::string>{
+           std::string(), std::string(".."), std::string("shelf/../.."), std::string("shelf/.."),
+           std::string("/etc"), (folder_ / "outside").string(), std::string("link"),
+           std::string("nothing"), std::string("file.txt"), std::string("shelf\0/x", 8)}) {
+    EXPECT_EQ(CodeOf([&] { ResolveImportFolder(inside, name); }), "invalid_parameter") << name;
+  }
+  EXPECT_EQ(CodeOf([&] { ResolveImportFolder({}, "shelf"); }), "imports_off");
+}
+
+TEST_F(JobsTest, BackupsHaveSafeNames) {
+  const Backups backups(folder_.path());
+  JobQueue jobs(store_.get());
+  for (const std::string& name : std::vector<std::string>{"../x.db", "/tmp/x.db", "x", ".db",
+                                                          ".x.db", "a/b.db", "x.db\n", "ü.db"}) {
+    EXPECT_EQ(CodeOf([&] { backups.Add(jobs, name); }), "invalid_parameter") << name;
+    EXPECT_EQ(CodeOf([&] { backups.Get(name); }), "backup_not_found") << name;
+  }
+  EXPECT_EQ(CodeOf([&] { backups.Add(jobs, "x.db"); }), "backup_exists");
+  EXPECT_EQ(CodeOf([&] { Backups({}).List(); }), "backups_off");
+  EXPECT_EQ(backups.List().size(), 1U);
+  EXPECT_EQ(backups.Get("x.db").bytes, std::filesystem::file_size(database()));
+}
+
+TEST(ApiKeys, AreRandomAndHashed) {
+  const NewKey first = MakeApiKey("a", Scope::kWrite);
+  const NewKey second = MakeApiKey("a", Scope::kWrite);
+  EXPECT_NE(first.key, second.key);
+  EXPECT_NE(first.record.hash, second.record.hash);
+  EXPECT_EQ(first.record.hash.size(), 64U);
+  EXPECT_EQ(first.record.scope, "write");
+  EXPECT_EQ(first.key.find(first.record.id), 4U);
+}
+
+TEST(RateLimiter, RefillsAndKeepsClientsApart) {
+  RateLimiter limiter(2, 3);  // 2 a second, 3 at once
+  auto now = RateLimiter::Clock::now();
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
+  EXPECT_EQ(limiter.Take("a", now), 1);
+  EXPECT_EQ(limiter.Take("b", now), 0);
+  now += milliseconds(500);
+  EXPECT_EQ(limiter.Take("a", now), 0);
+  EXPECT_EQ(limiter.Take("a", now), 1);
+  now += std::chrono::seconds(100);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
+  EXPECT_GT(limiter.Take("a", now), 0) << "no more than the burst is saved up";
+  RateLimiter slow(0.1, 1);
+  EXPECT_EQ(slow.Take("a", now), 0);
+  EXPECT_EQ(slow.Take("a", now), 10);
+  RateLimiter off(0, 1);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(off.Take("a", now), 0);
+}
+
+TEST(RateLimiter, RemembersOnlySoMany) {
+  RateLimiter limiter(1, 1);
+  const auto now = RateLimiter::Clock::now();
+  for (std::size_t i = 0; i < RateLimiter::kMaxBuckets; ++i) {
+    EXPECT_EQ(limiter.Take(std::to_string(i), now), 0);
+  }
+  EXPECT_EQ(limiter.Take("one more", now), 1);
+  EXPECT_EQ(limiter.Take("one more", now + std::chrono::seconds(2)), 0) << "the others are full";
+}
+
+}  // namespace
+}  // namespace pliant::server
