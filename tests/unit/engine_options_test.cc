@@ -263,6 +263,10 @@ void Age(const std::filesystem::path& file) {
   update.bind(1, static_cast<std::int64_t>(checksum));
   update.exec();
   db.exec("ALTER TABLE vocabulary_words DROP COLUMN thresholds");
+  db.exec("ALTER TABLE models DROP COLUMN max_keypoints");
+  db.exec("ALTER TABLE models DROP COLUMN max_side");
+  db.exec("DROP TABLE api_keys");
+  db.exec("DROP TABLE jobs");
   db.exec("PRAGMA user_version = 1");
 }
 

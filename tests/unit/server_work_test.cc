@@ -1,13 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Worker pool, jobs and the thumbnail cache.
+// Worker pool and the thumbnail cache.
 #include <atomic>
+#include <chrono>
+#include <functional>
 #include <future>
 #include <latch>
+#include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/problem.h"
 #include "server/thumbnails.h"
 #include "server/worker_pool.h"
 
