@@ -170,7 +170,7 @@ TEST_F(ServerErrorsTest, Table) {
       {"GET", images + "?cursor=%ff", "", "", 400, "invalid_parameter", "cursor"},
       {"GET", images + "?page=2", "", "", 400, "unknown_parameter", "page"},
       {"GET", images + "/one?x=1", "", "", 400, "unknown_parameter", "x"},
-      {"POST", search + "?limit=0", p, png, 400, "invalid_parameter", "limit"},
+      {"POST", search + "?limit=-1", p, png, 400, "invalid_parameter", "limit"},
       {"POST", search + "?limit=1001", p, png, 400, "invalid_parameter", "limit"},
       {"POST", search + "?offset=-1", p, png, 400, "invalid_parameter", "offset"},
       {"POST", search + "?group_by=colour", p, png, 400, "invalid_parameter", "group_by"},
