@@ -6,6 +6,9 @@
 set -euo pipefail
 build=$(cd "${1:?usage: run.sh BUILD_DIR}" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")"
+# npm brings certificates of its own; behind a proxy only the system's know who is who.
+system_certificates=/etc/ssl/certs/ca-certificates.crt
+[ ! -e "$system_certificates" ] || export NODE_EXTRA_CA_CERTS=${NODE_EXTRA_CA_CERTS:-$system_certificates}
 if ! cmp -s package-lock.json node_modules/.installed; then
   npm ci --ignore-scripts --no-audit --no-fund
   cp package-lock.json node_modules/.installed
