@@ -21,8 +21,12 @@ def configure_model(model: Deal, stage: Stage, preset: Preset, device: torch.dev
     model.localization.fc4.precondition()
     model.to(device=device, memory_format=torch.channels_last)
     model.hardnet.dropout = model.localization.dropout = preset.dropout
-    for part, trained in ((model.hardnet, stage.train_hardnet), (model.backbone, stage.train_backbone),
-                          (model.localization, stage.train_localization)):
+    backbone = stage.train_backbone
+    if backbone not in ("none", "late", "all"):
+        raise ValueError(f"train_backbone is none, late or all, not '{backbone}'")
+    for part, trained in ((model.hardnet, stage.train_hardnet), (model.localization, stage.train_localization),
+                          (model.backbone, backbone == "all"),
+                          (model.backbone.layer2, backbone != "none")):
         part.requires_grad_(trained)
         part.train(trained)
 
@@ -61,7 +65,7 @@ class TrainingStep:
         where = torch.cat([keypoints, self._move(batch.extra_keypoints)])
         local = where.clone()
         local[:, :2] -= self._move(batch.windows)[index]
-        with torch.set_grad_enabled(self.stage.train_backbone), self._precision():
+        with torch.set_grad_enabled(self.stage.train_backbone != "none"), self._precision():
             maps = self.model.backbone(windows)
         sampled = self.model.sample(maps.float(), windows.shape[1:], index, local)
         return self.model.localization(sampled)

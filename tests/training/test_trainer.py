@@ -28,9 +28,9 @@ class TrainerTest(unittest.TestCase):
         cls.data = SceneSet([cls.root / "scenes"], min_pairs=8)
         cls.pairs = development_pairs(cls.root / "scenes", 2, 64)
 
-    def run_stage(self, name, stage_name, init=None, steps=None, model=None):
+    def run_stage(self, name, stage_name, init=None, steps=None, model=None, **changes):
         recipe = preset("tiny")
-        stage = recipe.stage(stage_name)
+        stage = dataclasses.replace(recipe.stage(stage_name), **changes)
         if steps is not None:
             stage = dataclasses.replace(stage, steps=steps)
         network = model or starting_model(init, None, seed=3)
@@ -74,6 +74,16 @@ class TrainerTest(unittest.TestCase):
         exported, metadata = load_model(self.root / "warp/last.safetensors")
         self.assertGreater(exported.localization.fc4.weight.abs().max().item(), 0)
         self.assertEqual(metadata["stage"], "warp")
+
+    def test_late_backbone_keeps_its_first_half(self):
+        work = self.run_stage("late", "joint", steps=2, train_backbone="late")
+        before = {n: v.clone() for n, v in work.model.state_dict().items()}
+        self.assertTrue(work.train())
+        changed = {".".join(n.split(".")[:2]) for n, v in work.model.state_dict().items()
+                   if n.startswith("backbone") and not torch.equal(v, before[n])}
+        self.assertEqual(changed, {"backbone.layer2"})
+        with self.assertRaisesRegex(ValueError, "sometimes"):
+            self.run_stage("odd", "joint", train_backbone="sometimes")
 
     def test_a_run_folder_belongs_to_one_stage(self):
         self.run_stage("mine", "hardnet", steps=1).train()
