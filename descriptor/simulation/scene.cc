@@ -112,7 +112,7 @@ struct Shot {
   bool clear = false;     // nothing stands in front of the object
 };
 
-std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, Random& random,
+std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, bool alone, Random& random,
                                   std::vector<RefinedChart>& grids) {
   std::vector<Surface> surfaces;
   for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
@@ -141,6 +141,7 @@ std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, Random& 
   for (const Solid& solid : solids) {
     Surface surface = MakeSolidSurface(solid);
     const Texture* other = random.Chance(0.6F) ? AnyOther(stage.cast, random) : nullptr;
+    if (alone) other = nullptr;
     surface.material = DrawMaterial(other, random);
     surface.material.weave = 0.0F;
     surface.material.tint = other != nullptr
@@ -172,8 +173,11 @@ View TakeView(const Stage& stage, Shot shot, Random random) {
   view.motion = shot.pose.motion;
   view.stretch_p95 = shot.pose.stretch_p95;
   std::vector<RefinedChart> grids;
-  const std::vector<Surface> surfaces = MakeSurfaces(stage, shot.pose, random, grids);
+  // As in a catalogue: a reference of a retrieval set shows nothing else that could be found again.
+  const bool alone = shot.clear && options.preset == Preset::kObjects;
+  const std::vector<Surface> surfaces = MakeSurfaces(stage, shot.pose, alone, random, grids);
   const Texture* behind = random.Chance(0.75F) ? AnyOther(stage.cast, random) : nullptr;
+  if (alone) behind = nullptr;
   view.backdrop = behind != nullptr ? behind->name() : "";
   const std::vector<Colour> backdrop = DrawBackdrop(random, behind, options.width, options.height);
   view.camera = PlaceCamera(stage.body, shot.pose, shot.framing, shot.facing_u, options.width,

@@ -246,6 +246,19 @@ TEST(SimulationScene, SuccessiveScenesShowAllTextures) {
   EXPECT_EQ(seen.size(), 8U);
 }
 
+TEST(SimulationScene, ReferencesOfObjectsStandAlone) {
+  int before_pictures = 0;
+  for (std::uint64_t index = 0; index < 6; ++index) {
+    SCOPED_TRACE("seed 3 object " + std::to_string(index));
+    const Scene scene = MakeScene(Textures(), SmallOptions(Preset::kObjects), 3, index);
+    EXPECT_EQ(scene.views.front().backdrop, "");
+    for (std::size_t v = 1; v < scene.views.size(); ++v) {
+      before_pictures += scene.views[v].backdrop.empty() ? 0 : 1;
+    }
+  }
+  EXPECT_GT(before_pictures, 0);
+}
+
 TEST(SimulationScene, SweepsChangeWhatTheySay) {
   SceneOptions options = SmallOptions(Preset::kRotation);
   options.views = 4;
