@@ -38,6 +38,13 @@ cv::Point ToFixed(Vec2 p) {
   return {fixed(p.x), fixed(p.y)};
 }
 
+std::vector<cv::Point> ToFixed(std::span<const Vec2> points) {
+  std::vector<cv::Point> fixed;
+  fixed.reserve(points.size());
+  for (const Vec2 p : points) fixed.push_back(ToFixed(p));
+  return fixed;
+}
+
 double FontScale(int height_px) { return cv::getFontScaleFromHeight(kFont, height_px); }
 
 int Stroke(int height_px) { return std::max(1, height_px / 10); }
@@ -77,16 +84,20 @@ void DrawPolyline(Image& on, std::span<const Vec2> points, bool closed, Colour c
                   int thickness_px) {
   cv::Mat canvas = Canvas(on);
   if (points.empty()) return;
-  std::vector<cv::Point> fixed;
-  fixed.reserve(points.size());
-  for (const Vec2 p : points) fixed.push_back(ToFixed(p));
-  cv::polylines(canvas, fixed, closed, ToScalar(colour), thickness_px, cv::LINE_AA, kShift);
+  cv::polylines(canvas, ToFixed(points), closed, ToScalar(colour), thickness_px, cv::LINE_AA,
+                kShift);
 }
 
 void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour) {
   cv::Mat canvas = Canvas(on);
   const int radius = std::max(1, static_cast<int>(std::lround(radius_px * (1 << kShift))));
   cv::circle(canvas, ToFixed(centre), radius, ToScalar(colour), cv::FILLED, cv::LINE_AA, kShift);
+}
+
+void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour) {
+  cv::Mat canvas = Canvas(on);
+  if (corners.empty()) return;
+  cv::fillConvexPoly(canvas, ToFixed(corners), ToScalar(colour), cv::LINE_AA, kShift);
 }
 
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour) {

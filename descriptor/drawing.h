@@ -42,6 +42,8 @@ void DrawLine(Image& on, Vec2 from, Vec2 to, Colour colour, int thickness_px = 1
 void DrawPolyline(Image& on, std::span<const Vec2> points, bool closed, Colour colour,
                   int thickness_px = 1);
 void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour);
+// `corners` of a convex polygon, in either direction.
+void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour);
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 
 // `left`, `baseline`: where the text begins. ASCII; other characters come out as '?'.

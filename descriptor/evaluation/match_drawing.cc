@@ -6,7 +6,7 @@
 #include <array>
 #include <utility>
 
-#include "descriptor/evaluation/sheet.h"
+#include "descriptor/plot/sheet.h"
 
 namespace pliant::evaluation {
 namespace {
@@ -25,7 +25,7 @@ Image DrawMatches(const Image& first, const Image& second, std::span<const Drawn
                   std::span<const Vec2> outline, const std::string& caption) {
   const int height = std::max(first.height, second.height);
   const int offset = first.width + kGap;
-  Sheet sheet(offset + second.width, height + kCaptionHeight);
+  plot::Sheet sheet(offset + second.width, height + kCaptionHeight);
   sheet.Paste(second, offset, 0);
   for (std::size_t i = 0; i < outline.size(); ++i) {
     const Vec2& a = outline[i];

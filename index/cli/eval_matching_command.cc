@@ -11,6 +11,7 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
+#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -32,6 +33,7 @@ std::string SetName(const std::filesystem::path& folder) {
 }
 
 ExitStatus Run(Options& options) {
+  if (!options.plot.empty()) CheckPictureName(options.plot);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
   const evaluation::Dataset dataset =
@@ -48,9 +50,8 @@ ExitStatus Run(Options& options) {
   }
   if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
   if (!options.plot.empty()) {
-    const std::vector<std::uint8_t> png =
-        EncodePng(evaluation::PlotMatchingReport(report, "Matching: " + SetName(options.folder)));
-    WriteFile(options.plot, {reinterpret_cast<const char*>(png.data()), png.size()});
+    WritePicture(options.plot,
+                 evaluation::PlotMatchingReport(report, "Matching: " + SetName(options.folder)));
   }
   if (options.matching.pairs > report.pairs) {
     Message("only " + std::to_string(report.pairs) + " of " +
@@ -107,7 +108,7 @@ void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
   AddSelectionFlags(*app, *options);
   app->add_option("--csv", options->csv, "write the tables to this file")->type_name("FILE");
   app->add_option("--plot", options->plot, "draw the tables: bars, and curves of a sweep")
-      ->type_name("PNG");
+      ->type_name("OUT.png");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

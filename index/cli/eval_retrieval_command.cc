@@ -10,6 +10,7 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
+#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -48,6 +49,7 @@ class Steps {
 };
 
 ExitStatus Run(Options& options) {
+  if (!options.plot.empty()) CheckPictureName(options.plot);
   const RetrievalSet set = ReadRetrievalSet(options.folder, options.layout, options.distractors);
   if (options.list) {
     for (const SkippedFile& file : set.skipped)
@@ -70,11 +72,7 @@ ExitStatus Run(Options& options) {
     Message("skipped " + file.file + ": " + file.reason);
   }
   if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
-  if (!options.plot.empty()) {
-    const std::vector<std::uint8_t> png = EncodePng(DrawPlots(RetrievalPlots(report)));
-    WriteFile(options.plot,
-              std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
-  }
+  if (!options.plot.empty()) WritePicture(options.plot, PlotRetrievalReport(report));
   Print(options.json ? RetrievalReportJson(report) : RetrievalReportText(report));
   return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
@@ -147,8 +145,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
       ->allow_extra_args(false)
       ->type_name("FILE");
   app->add_option("--csv", options->csv, "write the table to this file")->type_name("FILE");
-  app->add_option("--plot", options->plot, "draw accuracy over K to this PNG file")
-      ->type_name("FILE");
+  app->add_option("--plot", options->plot, "draw accuracy over K")->type_name("OUT.png");
   app->add_flag("--list", options->list,
                 "measure nothing; print which pictures would be asked for and searched, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");

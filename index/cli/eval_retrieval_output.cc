@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "descriptor/error.h"
+#include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
 #include "index/picture_files.h"
 #include "index/text.h"
@@ -131,6 +132,21 @@ RetrievalResult ReadResult(const Json& json) {
   return row;
 }
 
+plot::LineChart& ChartOf(const std::string& protocol, plot::Figure& figure) {
+  const std::string title = "protocol " + protocol;
+  for (plot::LineChart& chart : figure.line_charts) {
+    if (chart.title == title) return chart;
+  }
+  plot::LineChart chart;
+  chart.title = title;
+  chart.x_label = "K, pictures looked at";
+  chart.y_label = "accuracy: share of the object's pictures";
+  chart.x_ticks = {1, 5, 10, 15, 20};
+  chart.y_top = 1;
+  figure.line_charts.push_back(std::move(chart));
+  return figure.line_charts.back();
+}
+
 }  // namespace
 
 std::string RetrievalReportText(const RetrievalReport& report) {
@@ -179,33 +195,28 @@ std::string RetrievalReportCsv(const RetrievalReport& report) {
   return csv;
 }
 
-std::vector<Plot> RetrievalPlots(const RetrievalReport& report) {
-  std::vector<Plot> plots;
-  const auto plot_of = [&](const std::string& protocol) -> Plot& {
-    const std::string title = "protocol " + protocol;
-    for (Plot& plot : plots) {
-      if (plot.title == title) return plot;
-    }
-    plots.push_back(
-        {title, "K, pictures looked at", "accuracy: share of the object's pictures", {}});
-    return plots.back();
-  };
-  std::map<std::string, std::set<std::size_t>>
-      sizes;  // a name has its words only where they differ
-  for (const RetrievalResult& row : report.results) {
+Image PlotRetrievalReport(const RetrievalReport& report) {
+  plot::Figure figure;
+  figure.title = "Retrieval: accuracy over K";
+  figure.subtitle = std::to_string(report.queries) + " queries, " +
+                    std::to_string(report.pictures) + " pictures of " +
+                    std::to_string(report.objects) + " objects, " +
+                    std::to_string(report.distractors) + " distractors; mean and spread of " +
+                    std::to_string(report.seeds) + " seeds";
+  std::map<std::string, std::set<std::size_t>> sizes;  // of the vocabularies of a kind of rows
+  for (const RetrievalResult& row : report.results)
     sizes[row.descriptor + '/' + row.protocol].insert(row.words);
-  }
   for (const RetrievalResult& row : report.results) {
-    PlotSeries series;
+    plot::Line line;
     const bool several = sizes[row.descriptor + '/' + row.protocol].size() > 1;
-    series.name = row.descriptor + (several ? ", " + FormatWords(row) + " words" : "");
+    line.name = row.descriptor + (several ? ", " + FormatWords(row) + " words" : "");
     for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
-      series.points.push_back({static_cast<double>(k + 1), row.mean.accuracy_at[k]});
-      series.spreads.push_back(row.spread.accuracy_at[k]);
+      line.points.push_back({static_cast<double>(k + 1), row.mean.accuracy_at[k]});
+      line.spreads.push_back(row.spread.accuracy_at[k]);
     }
-    plot_of(row.protocol).series.push_back(std::move(series));
+    ChartOf(row.protocol, figure).lines.push_back(std::move(line));
   }
-  return plots;
+  return plot::DrawFigure(figure);
 }
 
 std::string RetrievalSetJson(const RetrievalSet& set) {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "index/cli/plot.h"
+#include "descriptor/image.h"
 #include "index/evaluation/retrieval_evaluation.h"
 
 namespace pliant::cli {
@@ -25,8 +25,8 @@ std::string RetrievalReportJson(const RetrievalReport& report);
 std::string RetrievalReportCsv(const RetrievalReport& report);
 
 // Accuracy over K, a chart a protocol with a curve for each descriptor (the paper's figure of its
-// retrieval experiment); bars: the spread over seeds.
-std::vector<Plot> RetrievalPlots(const RetrievalReport& report);
+// retrieval experiment); whiskers: the spread over seeds.
+Image PlotRetrievalReport(const RetrievalReport& report);
 
 // What would be measured, for scripts that ask other programs the same: {"layout", "counts_itself",
 // "pictures": [{"file", "object" or null, "query", "searched"}]}.

@@ -9,8 +9,8 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/track_flags.h"
-#include "index/cli/track_output.h"
 #include "index/cli/write_file.h"
+#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {

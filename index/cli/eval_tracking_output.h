@@ -21,7 +21,7 @@ std::string TrackingReportJson(const TrackingReport& report);
 // A row a view and descriptor.
 std::string TrackingReportCsv(const TrackingReport& report);
 
-// Inlier rate and tracked share over the time of the sequences, in ten steps.
+// Inlier rate, tracked share, error and SSIM over the time of the sequences, in ten steps.
 Image PlotTrackingReport(const TrackingReport& report);
 
 }  // namespace pliant::cli

@@ -13,7 +13,7 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
-#include "index/cli/write_file.h"
+#include "index/cli/write_picture.h"
 #include "index/picture_files.h"
 #include "index/verification.h"
 
@@ -182,12 +182,12 @@ void Draw(const Options& options, const Result& result) {
     for (const Vec2& p : result.verification->outline)
       outline.push_back(Scaled(p.x, p.y, second_scale));
   }
-  const std::vector<std::uint8_t> png =
-      EncodePng(evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
-  WriteFile(options.draw, {reinterpret_cast<const char*>(png.data()), png.size()});
+  WritePicture(options.draw,
+               evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
 }
 
 ExitStatus Run(const Options& options) {
+  if (!options.draw.empty()) CheckPictureName(options.draw);
   const Result result = MatchPictures(options);
   if (!options.draw.empty()) Draw(options, result);
   Print(options.json ? ToJson(result).dump() : Summary(result));

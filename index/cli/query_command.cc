@@ -9,6 +9,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/query_pictures.h"
+#include "index/cli/write_picture.h"
 #include "index/filter.h"
 #include "index/picture_files.h"
 #include "index/result_json.h"
@@ -72,6 +73,7 @@ ExitStatus Run(Options& options) {
         Region{options.region[0], options.region[1], options.region[2], options.region[3]};
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
+  if (!options.pictures.draw.empty()) CheckPictureName(options.pictures.draw);
   const std::vector<std::uint8_t> bytes =
       ReadFile(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;

@@ -9,7 +9,7 @@
 #include "descriptor/error.h"
 #include "index/cli/output.h"
 #include "index/cli/query_drawing.h"
-#include "index/cli/write_file.h"
+#include "index/cli/write_picture.h"
 #include "index/text.h"
 
 namespace pliant::cli {
@@ -34,11 +34,6 @@ ShownHit Show(Engine& engine, const Hit& hit, const QueryPictureOptions& options
     if (error.code() != ErrorCode::kNotFound) throw;
   }
   return shown;
-}
-
-void WritePng(const fs::path& path, const Image& image) {
-  const std::vector<std::uint8_t> png = EncodePng(image);
-  WriteFile(path, std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
 }
 
 // "02-red-shirt.png" for the second hit, of the object "red shirt".
@@ -67,8 +62,8 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
       }
     }
     any = true;
-    WritePng(one_file ? options.unwarp : options.unwarp / FileName(hit),
-             DrawUnwarped(query, Show(engine, hit, options)));
+    WritePicture(one_file ? options.unwarp : options.unwarp / FileName(hit),
+                 DrawUnwarped(query, Show(engine, hit, options)));
     if (one_file) break;
   }
   if (!any) {
@@ -87,7 +82,7 @@ bool WriteQueryPictures(Engine& engine, Bytes query, const SearchResult& result,
   if (!options.draw.empty()) {
     std::vector<ShownHit> shown;
     for (const Hit& hit : result.hits) shown.push_back(Show(engine, hit, options));
-    WritePng(options.draw, DrawHits(decoded, shown));
+    WritePicture(options.draw, DrawHits(decoded, shown));
   }
   return options.unwarp.empty() || WriteUnwarped(engine, decoded, result, options);
 }

@@ -13,6 +13,7 @@
 #include "index/cli/progress.h"
 #include "index/cli/track_flags.h"
 #include "index/cli/track_output.h"
+#include "index/cli/write_picture.h"
 #include "index/picture_files.h"
 #include "index/text.h"
 #include "index/tracking/pipeline.h"

@@ -4,11 +4,10 @@
 
 #include <array>
 #include <cstdio>
-#include <fstream>
 #include <system_error>
-#include <vector>
 
 #include "descriptor/error.h"
+#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -20,27 +19,7 @@ namespace fs = std::filesystem;
               path.string() + " cannot be written; is the folder there and writable?");
 }
 
-bool IsJpeg(const fs::path& file) {
-  return file.extension() == ".jpg" || file.extension() == ".jpeg";
-}
-
 }  // namespace
-
-void CheckPictureName(const fs::path& file) {
-  if (file.extension() == ".png" || IsJpeg(file)) return;
-  throw Error(ErrorCode::kInvalidArgument, "bad_picture_name",
-              file.string() + " must end in .png or .jpg");
-}
-
-void WritePicture(const fs::path& file, const Image& picture) {
-  CheckPictureName(file);
-  const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(picture) : EncodePng(picture);
-  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
-  stream.write(reinterpret_cast<const char*>(bytes.data()),
-               static_cast<std::streamsize>(bytes.size()));
-  stream.close();
-  if (!stream) FailToWrite(file);
-}
 
 TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
     : out_(out), frames_per_second_(frames_per_second), video_(HasVideoName(out)) {

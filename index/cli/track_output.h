@@ -28,8 +28,4 @@ class TrackOutput {
   std::unique_ptr<VideoWriter> writer_;  // made with the first frame, when the size is known
 };
 
-// PNG or JPEG, as the name says. Throws kInvalidArgument for another name, kNoSpace.
-void CheckPictureName(const std::filesystem::path& file);
-void WritePicture(const std::filesystem::path& file, const Image& picture);
-
 }  // namespace pliant::cli

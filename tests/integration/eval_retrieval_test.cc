@@ -86,7 +86,7 @@ TEST_F(EvalRetrievalTest, TableCsvAndPlot) {
   colour.colour = true;
   colour.max_side_px = 0;
   const Image plot = DecodeImage(ReadBytes(folder_ / "t.png"), colour).image;
-  EXPECT_EQ(plot.width, 3 * 620);  // a chart a protocol
+  EXPECT_GT(plot.height, 2 * 300);  // three charts, one a protocol, in two rows
   EXPECT_GT(std::count_if(plot.pixels.begin(), plot.pixels.end(), [](int p) { return p < 100; }),
             1000);
 }

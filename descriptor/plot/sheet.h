@@ -1,15 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A white sheet for charts: drawn twice as large with descriptor/drawing.h and scaled down, which
-// makes thin lines and small letters smooth. Positions and sizes are of the small sheet. Internal
-// to this room.
+// makes thin lines and small letters smooth. Positions and sizes are of the small sheet.
 #pragma once
 
 #include <string>
 
 #include "descriptor/drawing.h"
 
-namespace pliant::evaluation {
+namespace pliant::plot {
 
 inline constexpr Colour kInk{30, 30, 30};
 inline constexpr Colour kFaint{225, 225, 225};
@@ -24,11 +23,15 @@ class Sheet {
   void Line(Vec2 from, Vec2 to, Colour colour, double thickness = 1.0);
   void Box(Vec2 low, Vec2 high, Colour colour);
   void Disc(Vec2 centre, double radius, Colour colour);
+  // A disc, square, diamond or triangle as large as a disc of this radius; `shape` repeats.
+  void Marker(std::size_t shape, Vec2 centre, double radius, Colour colour);
   void Paste(const Image& picture, int x, int y);
   // `at`: the left end, middle or right end of the base line.
   void Text(const std::string& text, Vec2 at, int height, Colour colour = kInk,
             Align align = Align::kLeft);
   static double TextWidth(const std::string& text, int height);
+  // The text, or its beginning and "..." where it is wider than that.
+  static std::string Shortened(const std::string& text, double width, int height);
 
   Image Finish() const { return ResizeImage(large_, large_.width / kZoom, large_.height / kZoom); }
 
@@ -39,4 +42,4 @@ class Sheet {
   Image large_;
 };
 
-}  // namespace pliant::evaluation
+}  // namespace pliant::plot
