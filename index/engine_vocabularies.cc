@@ -39,12 +39,6 @@ std::size_t ChooseSample(const TrainOptions& options) {
   return static_cast<std::size_t>(std::max(kLeast, 10 * options.words));
 }
 
-// A tenth of the sample.
-int ChooseWords(const TrainOptions& options, std::size_t sampled) {
-  if (options.words > 0) return options.words;
-  return static_cast<int>(std::max<std::size_t>(1, sampled / 10));
-}
-
 struct PictureDescriptors {
   Key picture = 0;
   Descriptors descriptors;
@@ -87,6 +81,25 @@ void ThrowIfStopped(const std::stop_token& stop) {
   }
 }
 
+// As many as asked for, or a tenth of the sample. Throws where the sample cannot give them.
+int ChooseWords(const TrainOptions& options, const DescriptorSample& sample) {
+  if (sample.available == 0) {
+    throw Error(ErrorCode::kConflict, "no_pictures",
+                "there are no pictures in collection \"" + options.collection +
+                    "\" to train a vocabulary from; add some first");
+  }
+  const std::size_t tenth = std::max<std::size_t>(1, sample.descriptors.rows / 10);
+  const int words = options.words > 0 ? options.words : static_cast<int>(tenth);
+  if (static_cast<std::size_t>(words) > sample.descriptors.rows) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "words_invalid",
+        "words must be at most the number of sampled descriptors: " + std::to_string(words) +
+            " asked for, " + std::to_string(sample.descriptors.rows) + " sampled of " +
+            std::to_string(sample.available));
+  }
+  return words;
+}
+
 }  // namespace
 
 VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
@@ -97,21 +110,8 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
     collection = RequireCollection(db, options.collection);
     return SampleDescriptors(db, collection, model_.info, ChooseSample(options), options.seed);
   });
-  if (sample.available == 0) {
-    throw Error(ErrorCode::kConflict, "no_pictures",
-                "there are no pictures in collection \"" + options.collection +
-                    "\" to train a vocabulary from; add some first");
-  }
-  const int words = ChooseWords(options, sample.descriptors.rows);
-  if (static_cast<std::size_t>(words) > sample.descriptors.rows) {
-    throw Error(
-        ErrorCode::kInvalidArgument, "words_invalid",
-        "words must be at most the number of sampled descriptors: " + std::to_string(words) +
-            " asked for, " + std::to_string(sample.descriptors.rows) + " sampled of " +
-            std::to_string(sample.available));
-  }
   KMedoidsOptions k_medoids;
-  k_medoids.k = words;
+  k_medoids.k = ChooseWords(options, sample);
   k_medoids.seed = options.seed;
   k_medoids.threads = options.threads;
   k_medoids.stop = options.stop;

@@ -32,6 +32,9 @@ struct Wrap {
   float side = 1.0F;       // 1: towards the camera (-z), -1: away from it
 };
 
+// Wraps `positions` of a flat body; an isometric map.
+void WrapAround(std::vector<Eigen::Vector3f>& positions, const Wrap& wrap);
+
 // A plan for the solver: where the body starts and what is done to it.
 struct Motion {
   std::string name;

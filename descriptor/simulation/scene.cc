@@ -3,75 +3,18 @@
 #include "descriptor/simulation/scene.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
-#include <numeric>
 #include <utility>
 
 #include "descriptor/error.h"
-#include "descriptor/simulation/backdrop.h"
 #include "descriptor/simulation/framing.h"
-#include "descriptor/simulation/surface.h"
+#include "descriptor/simulation/view.h"
 
 namespace pliant::simulation {
 namespace {
 
-using Eigen::Vector3f;
-
 constexpr int kTries = 6;                 // cameras until enough of the object is seen
 constexpr double kEnoughCoverage = 0.05;  // of the picture
-
-constexpr std::array<std::pair<Preset, std::string_view>, 6> kPresets{{
-    {Preset::kPairs, "pairs"},
-    {Preset::kObjects, "objects"},
-    {Preset::kSequence, "sequence"},
-    {Preset::kRotation, "rotation"},
-    {Preset::kScale, "scale"},
-    {Preset::kPlanar, "planar"},
-}};
-
-constexpr std::size_t kOthers = 5;  // pictures besides the object's that a scene uses
-
-// The object's picture first, then some others for backgrounds, backs and solids.
-using Cast = std::vector<std::shared_ptr<const Texture>>;
-
-// Which texture scene `index` shows: all of them in turn, but neighbours in the source (often of
-// one kind) far apart, so that the first scenes of a set are as mixed as the whole.
-std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t index) {
-  auto step = static_cast<std::size_t>(0.618 * static_cast<double>(count)) + 1;
-  while (std::gcd(step, count) != 1) ++step;
-  return static_cast<std::size_t>((seed % count + (index % count) * step) % count);
-}
-
-Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random) {
-  Cast cast{textures.Get(own)};
-  for (std::size_t i = 0; i < kOthers && textures.size() > 1; ++i) {
-    const int step = random.Integer(1, static_cast<int>(textures.size()) - 1);
-    cast.push_back(textures.Get((own + static_cast<std::size_t>(step)) % textures.size()));
-  }
-  return cast;
-}
-
-// The same for a scene of the preset objects: others come from the half of the textures that scenes
-// take last. As long as a set has no more objects than the other half, no picture shows one object
-// behind another, which would make both answers to "which object is this?" right.
-Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
-                    Random& random) {
-  Cast cast{textures.Get(own)};
-  const std::size_t count = textures.size();
-  for (std::size_t i = 0; i < kOthers && count > 1; ++i) {
-    const int number = random.Integer(static_cast<int>(count / 2), static_cast<int>(count) - 1);
-    const std::size_t other = TextureOfScene(count, seed, static_cast<std::uint64_t>(number));
-    if (other != own) cast.push_back(textures.Get(other));
-  }
-  return cast;
-}
-
-const Texture* AnyOther(const Cast& cast, Random& random) {
-  if (cast.size() < 2) return nullptr;
-  return cast[static_cast<std::size_t>(random.Integer(1, static_cast<int>(cast.size()) - 1))].get();
-}
 
 Body DrawBody(Preset preset, float aspect, int cells, Random& random) {
   const float draw = random.Uniform();
@@ -79,123 +22,6 @@ Body DrawBody(Preset preset, float aspect, int cells, Random& random) {
   if (draw < 0.76F) return MakeTube(std::clamp(aspect, 0.5F, 1.6F), cells);
   if (draw < 0.88F) return MakePillow(std::clamp(aspect, 0.6F, 1.6F), cells);
   return MakeShirt(std::clamp(aspect, 0.9F, 1.2F), cells, random);
-}
-
-Material DrawMaterial(const Texture* texture, Random& random) {
-  Material material;
-  material.texture = texture;
-  const float grey = random.LogUniform(0.05F, 0.8F);
-  material.back =
-      Colour(grey, grey * random.Uniform(0.8F, 1.1F), grey * random.Uniform(0.7F, 1.1F), 0.0F);
-  material.show_through = random.Chance(0.4F) ? random.Uniform(0.0F, 0.5F) : 0.0F;
-  if (random.Chance(0.5F)) material.gloss = random.LogUniform(0.03F, 0.6F);
-  material.gloss_exponent = random.LogUniform(6.0F, 90.0F);
-  if (random.Chance(0.4F)) material.weave = random.Uniform(0.04F, 0.25F);
-  material.threads = random.Uniform(90.0F, 320.0F);
-  return material;
-}
-
-// What stays the same over the views of a scene.
-struct Stage {
-  Cast cast;
-  const SceneOptions& options;
-  Body body;
-  std::vector<Material> materials;  // per chart
-};
-
-// What one view is made from.
-struct Shot {
-  Pose pose;
-  Framing framing;
-  float facing_u = 0.5F;
-  float strength = 1.0F;  // of light, noise
-  bool clear = false;     // nothing stands in front of the object
-};
-
-std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, bool alone, Random& random,
-                                  std::vector<RefinedChart>& grids) {
-  std::vector<Surface> surfaces;
-  for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
-    const Chart& chart = stage.body.charts[c];
-    grids.push_back(Refine(chart, pose.positions, stage.options.refine));
-    const float cell = chart.width / static_cast<float>(grids.back().columns - 1);
-    Surface surface = MakeChartSurface(grids.back(), cell);
-    surface.chart = static_cast<int>(c);
-    surface.material = stage.materials[c];
-    surface.outline = &chart.outline;
-    surface.closed = stage.body.kind == BodyKind::kPillow;
-    surfaces.push_back(std::move(surface));
-  }
-  std::vector<Solid> solids = pose.solids;
-  const bool table =
-      std::ranges::any_of(solids, [](const Solid& s) { return s.kind == SolidKind::kTable; });
-  if (!table && random.Chance(0.35F)) {
-    // A wall close behind, for the shadow.
-    float deepest = -1e9F;
-    for (const Vector3f& position : pose.positions) deepest = std::max(deepest, position.z());
-    Solid wall;
-    wall.kind = SolidKind::kTable;
-    wall.centre.z() = deepest + random.LogUniform(0.01F, 0.5F);
-    solids.push_back(wall);
-  }
-  for (const Solid& solid : solids) {
-    Surface surface = MakeSolidSurface(solid);
-    const Texture* other = random.Chance(0.6F) ? AnyOther(stage.cast, random) : nullptr;
-    if (alone) other = nullptr;
-    surface.material = DrawMaterial(other, random);
-    surface.material.weave = 0.0F;
-    surface.material.tint = other != nullptr
-                                ? Colour(Colour::Constant(random.LogUniform(0.4F, 1.0F)))
-                                : surface.material.back;
-    surfaces.push_back(std::move(surface));
-  }
-  return surfaces;
-}
-
-std::vector<Eigen::Array2f> ProjectGrids(const std::vector<RefinedChart>& grids,
-                                         const Camera& camera) {
-  std::vector<Eigen::Array2f> projected;
-  for (const RefinedChart& grid : grids) {
-    for (const Vector3f& position : grid.positions) {
-      const Vector3f p = camera.ToCamera(position);
-      const bool known = p.allFinite() && p.z() > 1e-3F;
-      projected.emplace_back(known ? camera.Project(p)
-                                   : Eigen::Array2f(Eigen::Array2f::Constant(
-                                         std::numeric_limits<float>::quiet_NaN())));
-    }
-  }
-  return projected;
-}
-
-View TakeView(const Stage& stage, Shot shot, Random random) {
-  const SceneOptions& options = stage.options;
-  View view;
-  view.motion = shot.pose.motion;
-  view.stretch_p95 = shot.pose.stretch_p95;
-  std::vector<RefinedChart> grids;
-  // As in a catalogue: a reference of a retrieval set shows nothing else that could be found again.
-  const bool alone = shot.clear && options.preset == Preset::kObjects;
-  const std::vector<Surface> surfaces = MakeSurfaces(stage, shot.pose, alone, random, grids);
-  const Texture* behind = random.Chance(0.75F) ? AnyOther(stage.cast, random) : nullptr;
-  if (alone) behind = nullptr;
-  view.backdrop = behind != nullptr ? behind->name() : "";
-  const std::vector<Colour> backdrop = DrawBackdrop(random, behind, options.width, options.height);
-  view.camera = PlaceCamera(stage.body, shot.pose, shot.framing, shot.facing_u, options.width,
-                            options.height);
-  view.framing = shot.framing;
-  const Vector3f eye = view.camera.Position().normalized();
-  view.lighting = DrawLighting(random, eye);
-  Frame frame = Render(surfaces, view.lighting, view.camera, backdrop);
-  if (!shot.clear && random.Chance(options.occluders)) {
-    DrawOccluders(random, AnyOther(stage.cast, random), frame);
-  }
-  view.grid = ProjectGrids(grids, view.camera);
-  view.photo = DrawPhoto(random, shot.strength);
-  view.photo.exposure *= MeterExposure(frame);
-  view.image = TakePhoto(frame, view.photo, options.channels, random);
-  view.chart = std::move(frame.chart);
-  view.uv = std::move(frame.uv);
-  return view;
 }
 
 double Coverage(const View& view) {
@@ -298,61 +124,7 @@ void TakeSequence(const Stage& stage, Random& random, Scene& scene) {
   }
 }
 
-void Require(bool condition, const char* field, const char* range) {
-  if (condition) return;
-  throw Error(ErrorCode::kInvalidArgument, "option_out_of_range",
-              std::string("simulation option ") + field + " must be " + range);
-}
-
 }  // namespace
-
-Preset ParsePreset(std::string_view name) {
-  for (const auto& [preset, word] : kPresets) {
-    if (word == name) return preset;
-  }
-  throw Error(ErrorCode::kInvalidArgument, "preset_unknown",
-              "unknown preset '" + std::string(name) +
-                  "'; known: pairs, objects, sequence, rotation, scale, planar");
-}
-
-std::string ToString(Preset preset) {
-  for (const auto& [value, word] : kPresets) {
-    if (value == preset) return std::string(word);
-  }
-  return "pairs";
-}
-
-int DefaultViews(Preset preset) {
-  switch (preset) {
-    case Preset::kObjects:
-      return 11;
-    case Preset::kSequence:
-      return 61;
-    case Preset::kRotation:
-      return 20;  // 0, 10, ... 180 degrees
-    case Preset::kScale:
-      return 10;
-    case Preset::kPairs:
-    case Preset::kPlanar:
-      break;
-  }
-  return 5;
-}
-
-void Validate(const SceneOptions& options) {
-  Require(options.views == 0 || (options.views >= 2 && options.views <= 10000), "views",
-          "0 (the preset's own) or 2..10000");
-  Require(options.width >= 32 && options.width <= 4096, "width", "32..4096 pixels");
-  Require(options.height >= 32 && options.height <= 4096, "height", "32..4096 pixels");
-  Require(options.channels == 1 || options.channels == 3, "channels", "1 or 3");
-  Require(options.strength > 0.0F && options.strength <= 1.0F, "strength", "in (0, 1]");
-  Require(options.occluders >= 0.0F && options.occluders <= 1.0F, "occluders",
-          "a probability in [0, 1]");
-  Require(options.turn_deg >= 0.0F && options.turn_deg <= 3600.0F, "turn_deg", "0..3600 degrees");
-  Require(options.least_scale >= 0.1F && options.least_scale <= 1.0F, "least_scale", "0.1..1");
-  Require(options.cells >= 8 && options.cells <= 128, "cells", "8..128");
-  Require(options.refine >= 1 && options.refine <= 8, "refine", "1..8");
-}
 
 Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::uint64_t seed,
                 std::uint64_t index) {

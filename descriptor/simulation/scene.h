@@ -48,7 +48,7 @@ struct SceneOptions {
 // Throws Error kInvalidArgument "option_out_of_range" naming the field.
 void Validate(const SceneOptions& options);
 
-// How a camera was placed: what the parameters of the sweeps mean.
+// How a camera was placed: what the sweeps change.
 struct Framing {
   float roll_deg = 0.0F;  // turn in the picture plane
   float tilt_deg = 0.0F;  // angle between the body's mean normal and the line of sight

@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One view of a scene: the posed body is rendered and photographed. Internal.
+#pragma once
+
+#include <vector>
+
+#include "descriptor/simulation/cast.h"
+#include "descriptor/simulation/scene.h"
+
+namespace pliant::simulation {
+
+// What stays the same over the views of a scene.
+struct Stage {
+  Cast cast;
+  const SceneOptions& options;
+  Body body;
+  std::vector<Material> materials;  // per chart
+};
+
+// What one view is made from.
+struct Shot {
+  Pose pose;
+  Framing framing;
+  float facing_u = 0.5F;
+  float strength = 1.0F;  // of light, noise
+  bool clear = false;     // nothing stands in front of the object
+};
+
+// How a surface looks; `texture` may be null.
+Material DrawMaterial(const Texture* texture, Random& random);
+
+View TakeView(const Stage& stage, Shot shot, Random random);
+
+}  // namespace pliant::simulation

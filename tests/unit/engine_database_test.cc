@@ -1,0 +1,154 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Opening, backing up and checking the database.
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/engine_fixture.h"
+#include "tests/unit/expect_error.h"
+
+namespace pliant {
+namespace {
+
+using testing::EngineTest;
+using testing::ExpectError;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::RandomPng;
+
+TEST_F(EngineTest, AnotherModelIsAConflict) {
+  { Engine engine(Options()); }
+  EngineOptions options = Options();
+  options.custom_descriptor = nullptr;
+  options.descriptor = "orb";
+  try {
+    Engine engine(options);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.reason(), "model_mismatch");
+    EXPECT_THAT(error.what(), HasSubstr("orb"));
+    EXPECT_THAT(error.what(), HasSubstr("rootsift"));
+  }
+  options.descriptor = "";
+  EXPECT_EQ(Engine(options).Stats().descriptor, "rootsift") << "empty means the database's own";
+}
+
+TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
+  EngineOptions options = Options();
+  options.create = false;
+  ExpectError(ErrorCode::kNotFound, "database_not_found", [&] { Engine engine(options); });
+  EXPECT_FALSE(std::filesystem::exists(options.database));
+  { Engine engine(Options()); }
+  options.read_only = true;
+  Engine engine(options);
+  ExpectError(ErrorCode::kNoSpace, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
+}
+
+TEST_F(EngineTest, ABackupIsADatabase) {
+  Engine engine(Options());
+  AddMany(engine, 4);
+  Train(engine, 30);
+  engine.Backup(folder_ / "copy.db");
+  EngineOptions options = Options();
+  options.database = folder_ / "copy.db";
+  Engine copy(options);
+  EXPECT_EQ(copy.Search(RandomPng(2), ByImage()).hits[0].image_id, "p2");
+  EXPECT_THAT(copy.Check(), IsEmpty());
+  ExpectError(ErrorCode::kConflict, "backup_exists", [&] { engine.Backup(folder_ / "copy.db"); });
+}
+
+// Each statement breaks one invariant behind the engine's back; Check must say something.
+TEST_F(EngineTest, CheckFindsWhatIsBroken) {
+  {
+    Engine engine(Options());
+    AddMany(engine, 4);
+    Train(engine, 30);
+    ASSERT_THAT(engine.Check(), IsEmpty());
+  }
+  const std::filesystem::path good = folder_ / "a.db";
+  ASSERT_FALSE(std::filesystem::exists(good.string() + "-wal")) << "closing leaves one file";
+  for (const std::string sql : {
+           "UPDATE features SET data = zeroblob(length(data)) WHERE picture = 1",
+           "DELETE FROM features WHERE picture = 1",
+           "UPDATE pictures SET keypoints = keypoints + 1 WHERE key = 1",
+           "UPDATE pictures SET width = 1 WHERE key = 1",
+           "DELETE FROM picture_words WHERE picture = 2",
+           "UPDATE picture_words SET data = (SELECT data FROM picture_words WHERE picture = 2) "
+           "WHERE picture = 1",
+           "UPDATE picture_words SET data = x'00' WHERE picture = 1",
+           "DELETE FROM vocabulary_words WHERE word = 7",
+           "UPDATE vocabulary_words SET data = zeroblob(512) WHERE word = 7",
+           "UPDATE vocabulary_words SET thresholds = NULL WHERE word = 7",
+           "UPDATE vocabulary_words SET thresholds = NULL",
+           "UPDATE vocabulary_words SET thresholds = zeroblob(256) WHERE word = 7",
+           "UPDATE vocabulary_words SET thresholds = x'00' WHERE word = 7",
+           "UPDATE vocabularies SET words = 3",
+           "UPDATE vocabularies SET ready = 0",
+           "UPDATE originals SET data = x'00' WHERE picture = 1",
+           "INSERT INTO objects (collection, name) VALUES (1, 'lonely')",
+           "UPDATE features SET model = 99 WHERE picture = 1",
+           "UPDATE pictures SET metadata = '[1]' WHERE key = 1",
+           "UPDATE pictures SET id = 'a b' WHERE key = 1",
+           "UPDATE objects SET name = char(10) WHERE key = 1",
+           "INSERT INTO removals (picture) VALUES (1)",
+           "UPDATE sqlite_sequence SET seq = 0 WHERE name = 'pictures'",
+           "UPDATE collections SET name = 'other'",
+           "PRAGMA user_version = 0",
+       }) {
+    const std::filesystem::path broken = folder_ / "broken.db";
+    for (const char* suffix : {"", "-wal", "-shm"})
+      std::filesystem::remove(broken.string() + suffix);
+    std::filesystem::copy_file(good, broken);
+    EngineOptions options = Options();
+    options.database = broken;
+    std::vector<std::string> problems;
+    try {
+      Engine engine(options);  // opened while sound: a server that runs as the damage happens
+      SQLite::Database(broken.string(), SQLite::OPEN_READWRITE).exec(sql);
+      problems = engine.Check();
+    } catch (const Error& error) {
+      problems.emplace_back(error.what());
+    }
+    EXPECT_FALSE(problems.empty()) << sql;
+  }
+}
+
+TEST_F(EngineTest, DamagedPagesNeverCrash) {
+  {
+    Engine engine(Options());
+    AddMany(engine, 3);
+    Train(engine, 20);
+  }
+  const std::vector<std::uint8_t> good = testing::ReadBytes(folder_ / "a.db");
+  std::mt19937_64 random(17);
+  int noticed = 0;
+  constexpr int kRounds = 25;
+  for (int round = 0; round < kRounds; ++round) {
+    SCOPED_TRACE(round);
+    std::vector<std::uint8_t> damaged = good;
+    for (int i = 0; i < 200; ++i) {
+      damaged[100 + random() % (damaged.size() - 100)] = static_cast<std::uint8_t>(random());
+    }
+    const auto file = folder_ / "damaged.db";
+    for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + suffix);
+    testing::WriteBytes(file, damaged);
+    EngineOptions options = Options();
+    options.database = file;
+    try {
+      Engine engine(options);
+      noticed += engine.Check().empty() ? 0 : 1;
+    } catch (const Error&) {
+      ++noticed;
+    }
+  }
+  EXPECT_EQ(noticed, kRounds);
+}
+
+}  // namespace
+}  // namespace pliant

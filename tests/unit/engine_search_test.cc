@@ -1,0 +1,141 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Searching.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/engine_fixture.h"
+#include "tests/unit/expect_error.h"
+
+namespace pliant {
+namespace {
+
+using ::testing::ElementsAre;
+using testing::EngineTest;
+using testing::ExpectError;
+using ::testing::IsEmpty;
+using testing::OtherViewPng;
+using testing::RandomPng;
+
+TEST_F(EngineTest, AnOtherViewFindsItsObject) {
+  Engine engine(Options());
+  for (std::uint64_t i = 1; i <= 12; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
+  ExpectError(ErrorCode::kConflict, "no_vocabulary", [&] { engine.Search(RandomPng(1), {}); });
+  const VocabularyRecord vocabulary = Train(engine, 200);
+  EXPECT_TRUE(vocabulary.active) << "the first one is used at once";
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    for (std::uint64_t i = 1; i <= 12; ++i) {
+      SearchOptions options;
+      options.rank = method;
+      const SearchResult result = engine.Search(OtherViewPng(i), options);
+      ASSERT_FALSE(result.hits.empty());
+      EXPECT_EQ(result.hits[0].object, "o" + std::to_string(i));
+      EXPECT_EQ(result.hits[0].rank, 1u);
+      EXPECT_EQ(result.vocabulary, vocabulary.id);
+      EXPECT_EQ(result.words, 200u);
+    }
+  }
+}
+
+TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
+  Engine engine(Options());
+  AddMany(engine, 6);
+  Train(engine);
+  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+    SearchOptions options = ByImage();
+    options.rank = method;
+    const SearchResult by_bytes = engine.Search(RandomPng(3), options);
+    const SearchResult by_id = engine.SearchStored("p3", options);
+    EXPECT_EQ(by_bytes.hits[0].image_id, "p3");
+    EXPECT_NEAR(by_bytes.hits[0].score, 1, 1e-6);
+    EXPECT_EQ(Ids(by_bytes), Ids(by_id));
+  }
+  ExpectError(ErrorCode::kNotFound, "image_not_found",
+              [&] { engine.SearchStored("p99", ByImage()); });
+}
+
+TEST_F(EngineTest, PagesObjectsScoresAndRegions) {
+  Engine engine(Options());
+  AddMany(engine, 8);
+  Add(engine, RandomPng(50), "", "nameless-1");
+  Add(engine, RandomPng(51), "", "nameless-2");
+  Train(engine);
+  const SearchResult all = engine.Search(RandomPng(1), ByImage(0));
+  EXPECT_EQ(all.hits.size(), 10u);
+  EXPECT_EQ(all.total, 10u);
+  SearchOptions page = ByImage(3);
+  page.offset = 4;
+  const SearchResult second = engine.Search(RandomPng(1), page);
+  ASSERT_EQ(second.hits.size(), 3u);
+  EXPECT_EQ(second.hits[0].rank, 5u);
+  EXPECT_EQ(second.hits[0].image_id, all.hits[4].image_id);
+  EXPECT_EQ(second.total, 10u);
+
+  SearchOptions grouped;
+  grouped.limit = 0;
+  const SearchResult objects = engine.Search(RandomPng(1), grouped);
+  EXPECT_EQ(objects.hits.size(), 6u) << "four objects and two pictures without one";
+  EXPECT_EQ(objects.hits[0].image_id, all.hits[0].image_id);
+  EXPECT_EQ(objects.hits[0].score, all.hits[0].score);
+
+  SearchOptions only = ByImage();
+  only.object = "o2";
+  EXPECT_THAT(Ids(engine.Search(RandomPng(3), only)), ElementsAre("p3", "p4"));
+  only.object = "";
+  EXPECT_EQ(engine.Search(RandomPng(3), only).hits.size(), 2u);
+  only.object = "never heard of";
+  EXPECT_THAT(engine.Search(RandomPng(3), only).hits, IsEmpty());
+  SearchOptions strict = ByImage();
+  strict.min_score = 0.999;
+  EXPECT_THAT(Ids(engine.Search(RandomPng(3), strict)), ElementsAre("p3"));
+
+  SearchOptions region = ByImage();
+  region.region = Region{0, 0, 80, 120};
+  const SearchResult half = engine.Search(RandomPng(3), region);
+  EXPECT_LT(half.keypoints, all.keypoints);
+  EXPECT_EQ(half.hits[0].image_id, "p3");
+  std::uint32_t inside = 0;
+  for (const Keypoint& k : engine.GetFeatures("default", "p3").keypoints)
+    inside += k.x < 80 ? 1 : 0;
+  EXPECT_EQ(half.keypoints, inside);
+}
+
+TEST_F(EngineTest, BadSearchesSayWhatIsWrong) {
+  Engine engine(Options());
+  AddMany(engine, 2);
+  Train(engine, 10);
+  SearchOptions options;
+  options.region = Region{0, 0, 0, 10};
+  ExpectError(ErrorCode::kInvalidArgument, "region_invalid",
+              [&] { engine.Search(RandomPng(1), options); });
+  options.region = Region{0, 0, 1, 1};
+  ExpectError(ErrorCode::kUnprocessable, "too_few_features",
+              [&] { engine.Search(RandomPng(1), options); });
+  options = {};
+  options.min_score = 2;
+  ExpectError(ErrorCode::kInvalidArgument, "min_score_invalid",
+              [&] { engine.Search(RandomPng(1), options); });
+  options = {};
+  options.collection = "nowhere";
+  ExpectError(ErrorCode::kNotFound, "collection_not_found",
+              [&] { engine.Search(RandomPng(1), options); });
+  ExpectError(ErrorCode::kUnprocessable, "image_empty",
+              [&] { engine.Search({}, SearchOptions{}); });
+}
+
+TEST_F(EngineTest, BinaryDescriptorsWorkAlike) {
+  EngineOptions options = Options();
+  options.custom_descriptor = nullptr;
+  options.descriptor = "orb";
+  Engine engine(options);
+  for (std::uint64_t i = 1; i <= 6; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
+  Train(engine, 60);
+  for (std::uint64_t i = 1; i <= 6; ++i) {
+    EXPECT_EQ(engine.Search(OtherViewPng(i), {}).hits[0].object, "o" + std::to_string(i));
+  }
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace pliant

@@ -1,0 +1,102 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Training and choosing vocabularies.
+#include <stop_token>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/engine_fixture.h"
+#include "tests/unit/expect_error.h"
+
+namespace pliant {
+namespace {
+
+using testing::EngineTest;
+using testing::ExpectError;
+using ::testing::IsEmpty;
+using testing::RandomPng;
+
+TEST_F(EngineTest, VocabulariesAreVersionsAndSwitch) {
+  Engine engine(Options());
+  ExpectError(ErrorCode::kConflict, "no_pictures", [&] { Train(engine); });
+  AddMany(engine, 6);
+  const VocabularyRecord first = Train(engine, 50);
+  const VocabularyRecord second = Train(engine, 80, 2);
+  EXPECT_TRUE(first.active);
+  EXPECT_FALSE(second.active);
+  EXPECT_EQ(engine.Search(RandomPng(1), {}).words, 50u);
+  Add(engine, RandomPng(9), "late", "late");  // has no words of the second one yet
+  engine.UseVocabulary("default", second.id);
+  EXPECT_EQ(engine.Search(RandomPng(1), {}).words, 80u);
+  EXPECT_EQ(engine.Search(RandomPng(9), ByImage()).hits[0].image_id, "late");
+  EXPECT_EQ(engine.Stats().vocabulary->id, second.id);
+  const std::vector<VocabularyRecord> list = engine.ListVocabularies("default");
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_FALSE(list[0].active);
+  EXPECT_TRUE(list[1].active);
+  EXPECT_EQ(list[1].origin.seed, 2u);
+  EXPECT_EQ(list[1].origin.method, "fasterpam");
+  ExpectError(ErrorCode::kNotFound, "vocabulary_not_found",
+              [&] { engine.UseVocabulary("default", 99); });
+  EXPECT_THAT(engine.Check(), IsEmpty());
+  engine.UseVocabulary("default", first.id);
+  EXPECT_EQ(engine.Search(RandomPng(9), ByImage()).hits[0].image_id, "late");
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+TEST_F(EngineTest, TheSameSeedGivesTheSameVocabularyInAnyOrderOfAdding) {
+  double loss = 0;
+  for (const bool reversed : {false, true}) {
+    EngineOptions options = Options();
+    options.database = folder_ / (reversed ? "r.db" : "f.db");
+    Engine engine(options);
+    for (int i = 1; i <= 6; ++i) {
+      Add(engine, RandomPng(static_cast<std::uint64_t>(reversed ? 7 - i : i)), "x");
+    }
+    TrainOptions train;
+    train.words = 20;
+    train.sample = 300;
+    const VocabularyRecord record = engine.TrainVocabulary(train);
+    EXPECT_EQ(record.origin.sampled, 300u);
+    if (reversed) {
+      EXPECT_EQ(record.origin.loss, loss);
+    }
+    loss = record.origin.loss;
+  }
+}
+
+TEST_F(EngineTest, TheNumberOfWordsIsChosenFromTheSample) {
+  Engine engine(Options());
+  AddMany(engine, 4);
+  TrainOptions train;
+  train.sample = 200;
+  EXPECT_EQ(engine.TrainVocabulary(train).words, 20u);
+  train.words = 201;
+  ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
+  train.words = -1;
+  ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
+  train.words = 65'537;
+  ExpectError(ErrorCode::kInvalidArgument, "words_invalid", [&] { engine.TrainVocabulary(train); });
+  train.words = 5;
+  train.sample = -1;
+  ExpectError(ErrorCode::kInvalidArgument, "sample_invalid",
+              [&] { engine.TrainVocabulary(train); });
+}
+
+TEST_F(EngineTest, ACancelledTrainingLeavesNothing) {
+  Engine engine(Options());
+  AddMany(engine, 4);
+  std::stop_source stop;
+  TrainOptions train;
+  train.words = 50;
+  train.stop = stop.get_token();
+  train.progress = [&](double, double) { stop.request_stop(); };
+  ExpectError(ErrorCode::kCancelled, "", [&] { engine.TrainVocabulary(train); });
+  EXPECT_THAT(engine.ListVocabularies("default"), IsEmpty());
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace pliant
