@@ -71,7 +71,5 @@ Key InsertPicture(Connection& db, Key collection, const PictureRow& picture);
 void DeletePicture(Connection& db, const PictureRow& picture);
 void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob);
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture);  // or kCorrupt
-void InsertOriginal(Connection& db, Key picture, Bytes bytes);
-std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key picture);
 
 }  // namespace pliant

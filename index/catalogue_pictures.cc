@@ -154,14 +154,4 @@ std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture) {
   return Copy(row.Blob(0));
 }
 
-void InsertOriginal(Connection& db, Key picture, Bytes bytes) {
-  db.Prepare("INSERT INTO originals (picture, data) VALUES (?, ?)").Bind(picture, bytes).Run();
-}
-
-std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key picture) {
-  Cursor row = db.Prepare("SELECT data FROM originals WHERE picture = ?");
-  if (!row.Bind(picture).Next()) return std::nullopt;
-  return Copy(row.Blob(0));
-}
-
 }  // namespace pliant

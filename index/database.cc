@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
-#include <system_error>
 
 #include <SQLiteCpp/Backup.h>
 #include <SQLiteCpp/VariadicBind.h>
@@ -17,6 +16,7 @@
 #include <unistd.h>
 
 #include "descriptor/error.h"
+#include "index/durable_file.h"
 #include "index/engine.h"
 #include "index/schema.h"
 #include "index/sqlite_error.h"
@@ -33,15 +33,6 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
   std::uint32_t value = 0;
   for (int i = 0; i < bytes; ++i) value = value << 8 | header[at + i];
   return value;
-}
-
-[[noreturn]] void ThrowErrno(const std::string& doing, const fs::path& path) {
-  const int code = errno;
-  const bool space =
-      code == ENOSPC || code == EDQUOT || code == EROFS || code == EFBIG || code == EACCES;
-  throw Error(space ? ErrorCode::kNoSpace : ErrorCode::kInternal,
-              space ? "write_failed" : "io_error",
-              doing + " " + DisplayPath(path) + ": " + std::generic_category().message(code));
 }
 
 [[noreturn]] void ThrowForeign(const fs::path& path, const std::string& why) {
@@ -74,23 +65,9 @@ class TemporaryFile {
   fs::path path_;
 };
 
-void Sync(const fs::path& path, int flags) {
-  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (fd < 0) ThrowErrno("cannot open", path);
-  const int status = ::fsync(fd);
-  const int code = errno;
-  ::close(fd);
-  errno = code;
-  if (status != 0) ThrowErrno("cannot flush", path);
-}
-
-void SyncDirectoryOf(const fs::path& path) {
-  Sync(fs::absolute(path).parent_path(), O_RDONLY | O_DIRECTORY);
-}
-
 // Gives `from` the name `to` unless that name is taken by more than an empty file. False = taken.
 bool Publish(const fs::path& from, const fs::path& to, bool may_replace_empty) {
-  Sync(from, O_RDONLY);
+  SyncPath(from, O_RDONLY);
   std::error_code ignored;  // an absent file has no size
   if (may_replace_empty && fs::exists(to, ignored) && fs::file_size(to, ignored) == 0) {
     if (::rename(from.c_str(), to.c_str()) != 0) ThrowErrno("cannot make", to);
@@ -101,15 +78,6 @@ bool Publish(const fs::path& from, const fs::path& to, bool may_replace_empty) {
   }
   SyncDirectoryOf(to);
   return true;
-}
-
-void CheckParent(const fs::path& path) {
-  const fs::path parent = fs::absolute(path).parent_path();
-  std::error_code ignored;
-  if (!fs::is_directory(parent, ignored)) {
-    throw Error(ErrorCode::kNotFound, "no_such_directory",
-                "the directory " + DisplayPath(parent) + " does not exist; make it first");
-  }
 }
 
 }  // namespace
@@ -151,7 +119,7 @@ FileState InspectDatabaseFile(const fs::path& path) {
 }
 
 void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
-  CheckParent(path);
+  CheckParentDirectory(path);
   const TemporaryFile temporary(path);
   {
     SQLite::Database database(fs::absolute(temporary.path()).string(),
@@ -192,7 +160,7 @@ void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeo
 }
 
 void BackupDatabase(Connection& source, const fs::path& target) {
-  CheckParent(target);
+  CheckParentDirectory(target);
   const Error exists(ErrorCode::kConflict, "backup_exists",
                      DisplayPath(target) + " exists already; name a new file for the backup");
   std::error_code ignored;

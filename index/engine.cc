@@ -53,6 +53,7 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
     readers_ = std::make_unique<ConnectionPool>(file, options_.busy_timeout_ms);
     model_ = Read([](Connection& db) { return ReadModel(db); });
     SettleExtraction();
+    OpenOriginals();
     if (options_.custom_descriptor) {  // another process may have made the database meanwhile
       CheckModel(options_.custom_descriptor->info());
     }
@@ -145,7 +146,10 @@ EngineStats Engine::Impl::Stats() {
 }
 
 std::vector<std::string> Engine::Impl::Check() {
+  if (writer_) RemoveDroppedOriginals();
   std::vector<std::string> problems = Read([](Connection& db) { return CheckDatabase(db); });
+  const std::vector<std::string> files = CheckOriginals();
+  problems.insert(problems.end(), files.begin(), files.end());
   if (!problems.empty()) return problems;  // the index cannot be better than what it is made from
   return WithDatabaseErrors(path(), [&] { return state_->Compare(); });
 }
@@ -186,14 +190,7 @@ Features Engine::GetFeatures(const std::string& collection, const std::string& i
 }
 
 std::vector<std::uint8_t> Engine::GetContent(const std::string& collection, const std::string& id) {
-  return impl_->Read([&](Connection& db) {
-    auto bytes = ReadOriginal(db, impl_->RequirePicture(db, collection, id).key);
-    if (!bytes) {
-      throw Error(ErrorCode::kNotFound, "content_not_kept",
-                  "the uploaded bytes of \"" + id + "\" were not kept");
-    }
-    return *std::move(bytes);
-  });
+  return impl_->GetContent(collection, id);
 }
 
 std::vector<ImageRecord> Engine::List(const ListOptions& options) {
@@ -257,6 +254,10 @@ std::uint64_t Engine::CountUnquantized(const std::string& collection, std::int64
 EngineStats Engine::Stats() { return impl_->Stats(); }
 
 std::vector<std::string> Engine::Check() { return impl_->Check(); }
+
+std::uint64_t Engine::SweepOriginals() { return impl_->SweepOriginals(); }
+
+std::optional<OriginalsRecord> Engine::DescribeOriginals() { return impl_->DescribeOriginals(); }
 
 void Engine::Backup(const std::filesystem::path& target) {
   WithDatabaseErrors(impl_->path(), [&] {

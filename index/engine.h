@@ -44,6 +44,12 @@ struct EngineOptions {
   bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
   bool keep_originals = true;  // store the uploaded bytes too, for GET .../content
+  // Directory for them, made if the one above it exists; empty: the database. Absent: as the
+  // database remembers, and the database for a new one. What is stored already stays where it is
+  // and is found there. The constructor throws kConflict "originals_foreign" for the directory of
+  // another database and kNotFound "originals_missing" for one that lacks the files of this one;
+  // without a descriptor (`load_descriptor`) it only looks into the directory.
+  std::optional<std::filesystem::path> originals_dir;
   // Used instead of `descriptor` when set; engines can share one this way.
   std::shared_ptr<const Descriptor> custom_descriptor;
   // false: the descriptor is made by the first call that describes a picture, so that weights are
@@ -56,6 +62,13 @@ struct EngineOptions {
   std::function<void(double share)> loading;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
 };
+
+// What people write for EngineOptions::originals_dir: nothing = as before, "database", or a path
+// ("./database" for a directory of that name).
+inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  return text == "database" ? std::filesystem::path() : std::filesystem::path(text);
+}
 
 struct ImageRecord {
   std::string collection;
@@ -249,6 +262,13 @@ struct EngineStats {
   std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
 };
 
+// A directory of uploaded files (EngineOptions::originals_dir).
+struct OriginalsRecord {
+  std::filesystem::path directory;
+  std::uint64_t files = 0;  // that pictures refer to
+  bool owned = false;       // false: it is another database's, as that of a copy is
+};
+
 struct CollectionRecord {
   std::string name;
   std::uint64_t images = 0;
@@ -284,6 +304,7 @@ class Engine {
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound
   Features GetFeatures(const std::string& collection, const std::string& id);
+  // kNotFound "content_not_kept"; kCorrupt "original_missing", "original_corrupt".
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
   std::vector<ImageRecord> List(const ListOptions& options);
   bool Remove(const std::string& collection, const std::string& id);  // false = was not there
@@ -320,7 +341,12 @@ class Engine {
   EngineStats Stats();
   // Every invariant of the database; empty = sound. Each problem is a sentence.
   std::vector<std::string> Check();
-  // Online backup to a file that must not exist; written to a temporary name, then renamed.
+  // Removes files of the originals' directory that no picture refers to: what a process left that
+  // died while it added. How many. Nothing where the directory is another database's.
+  std::uint64_t SweepOriginals();
+  std::optional<OriginalsRecord> DescribeOriginals();  // nullopt = all are in the database
+  // Online backup to a file that must not exist; written to a temporary name, then renamed. Without
+  // the originals' directory: copy that afterwards.
   void Backup(const std::filesystem::path& target);
 
  private:

@@ -13,6 +13,7 @@
 #include "index/connection.h"
 #include "index/engine.h"
 #include "index/index_state.h"
+#include "index/originals.h"
 #include "index/rerank.h"
 #include "index/sqlite_error.h"
 #include "index/write_queue.h"
@@ -45,6 +46,11 @@ class Engine::Impl {
   // Vocabularies (engine_vocabularies.cc)
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
   void UseVocabulary(const std::string& collection, std::int64_t id, const UseOptions& options);
+
+  // Originals (engine_originals.cc)
+  std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
+  std::uint64_t SweepOriginals();
+  std::optional<OriginalsRecord> DescribeOriginals();
 
   // Upkeep (engine.cc)
   EngineStats Stats();
@@ -80,6 +86,16 @@ class Engine::Impl {
                                            const AddRequest& request, const std::string& sha256);
   Prepared Prepare(const AddRequest& request, const std::string& sha256);
   AddResult Store(Connection& db, const AddRequest& request, const Prepared& prepared);
+
+  void OpenOriginals();
+  // Writes the file of a stored picture again if it has been lost.
+  void RestoreOriginal(const ImageRecord& stored, Bytes bytes);
+  // After a commit that removed or replaced pictures; the second never fails.
+  void RemoveDroppedOriginals();
+  void TidyOriginals();
+  void ForgetOriginal(const std::string& sha256);  // after a failed transaction; never fails
+  std::vector<std::string> CheckOriginals();
+
   std::vector<std::string> MostSimilar(const Features& query, const std::string& collection,
                                        const std::string& object, int threads,
                                        std::vector<std::string> some);
@@ -105,6 +121,7 @@ class Engine::Impl {
   std::unique_ptr<WriteQueue> writer_;
   std::unique_ptr<ConnectionPool> readers_;
   std::unique_ptr<IndexState> state_;
+  Originals originals_;
   std::mutex training_mutex_;  // one training at a time
 };
 

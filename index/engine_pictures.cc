@@ -17,8 +17,9 @@ namespace pliant {
 struct Engine::Impl::Prepared {
   ImageRecord record;
   std::vector<std::uint8_t> features_blob;
-  Features features;   // in stored precision
-  Key vocabulary = 0;  // that made `bow`
+  std::unique_ptr<IncomingOriginal> original;  // nullptr: it goes into the database, or nowhere
+  Features features;                           // in stored precision
+  Key vocabulary = 0;                          // that made `bow`
   Bow bow;
   AddTimings timings;
 };
@@ -94,11 +95,20 @@ AddResult Engine::Impl::Add(const AddRequest& original) {
   const auto unchanged = Read([&](Connection& db) {
     return FindUnchanged(db, RequireCollection(db, request.collection), request, sha256);
   });
-  if (unchanged) return {AddOutcome::kUnchanged, *unchanged, {}};
+  if (unchanged) {
+    RestoreOriginal(*unchanged, request.bytes);
+    return {AddOutcome::kUnchanged, *unchanged, {}};
+  }
   const Prepared prepared = Prepare(request, sha256);
   AddResult result;
   const Stopwatch writing;
-  Write([&](Connection& db) { result = Store(db, request, prepared); });
+  try {
+    Write([&](Connection& db) { result = Store(db, request, prepared); });
+  } catch (...) {
+    if (prepared.original) ForgetOriginal(sha256);
+    throw;
+  }
+  if (result.outcome == AddOutcome::kReplaced) TidyOriginals();
   result.timings = prepared.timings;
   result.timings.database_ms = writing.Ms();
   return result;
@@ -161,6 +171,7 @@ Engine::Impl::Prepared Engine::Impl::Prepare(const AddRequest& request, const st
         view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
     prepared.timings.quantize_ms = quantizing.Ms();
   }
+  if (options_.keep_originals) prepared.original = originals_.Receive(sha256, request.bytes);
   return prepared;
 }
 
@@ -181,7 +192,7 @@ AddResult Engine::Impl::Store(Connection& db, const AddRequest& request, const P
   picture.record.added_ms = NowMs();
   const Key key = InsertPicture(db, collection.key, picture);
   InsertFeatures(db, key, model_.key, prepared.features_blob);
-  if (options_.keep_originals) InsertOriginal(db, key, request.bytes);
+  if (options_.keep_originals) originals_.Keep(db, key, request.bytes, prepared.original.get());
   if (collection.active_vocabulary != 0) {
     if (collection.active_vocabulary == prepared.vocabulary) {
       InsertPictureWords(db, collection.active_vocabulary, key, prepared.bow);
@@ -219,6 +230,7 @@ bool Engine::Impl::Remove(const std::string& collection, const std::string& id) 
         if (picture) DeletePicture(db, *picture);
       },
       true);
+  TidyOriginals();
   return removed;
 }
 
@@ -232,6 +244,7 @@ std::uint64_t Engine::Impl::RemoveObject(const std::string& collection, const st
         db.Prepare("DELETE FROM objects WHERE key = ?").Bind(key).Run();
       },
       true);
+  TidyOriginals();
   return removed;
 }
 
@@ -260,6 +273,7 @@ bool Engine::Impl::RemoveCollection(const std::string& name) {
         }
       },
       true);
+  TidyOriginals();
   return removed;
 }
 

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/integrity.h"
 
+#include <utility>
+
 #include "descriptor/error.h"
 #include "descriptor/sha256.h"
 #include "index/blob_codec.h"
@@ -196,6 +198,32 @@ std::vector<std::string> CheckDatabase(Connection& db) {
       check(db, problems);
     } catch (const SQLite::Exception& error) {
       problems.push_back(std::string("SQLite: ") + error.what());
+    }
+  }
+  return problems;
+}
+
+std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore* files) {
+  Problems problems;
+  Cursor row = db.Prepare(
+      "SELECT p.id, lower(hex(f.sha256)), f.sha256 = p.sha256, p.bytes FROM original_files f "
+      "JOIN pictures p ON p.key = f.picture ORDER BY f.sha256");
+  std::string last;  // pictures that share a file are one line
+  while (row.Next()) {
+    const std::string picture = "picture \"" + row.Text(0) + "\": ";
+    const std::string sha256 = row.Text(1);
+    if (row.Int(2) == 0) problems.push_back(picture + "its original is of another picture");
+    if (sha256 == std::exchange(last, sha256)) continue;
+    if (files == nullptr) {
+      problems.push_back(picture + "the directory with its original is not known");
+      continue;
+    }
+    try {
+      if (!files->Read(sha256, static_cast<std::uint64_t>(row.Int(3)))) {
+        problems.push_back(picture + "its original is not in " + files->directory().string());
+      }
+    } catch (const Error& error) {
+      problems.push_back(picture + error.what());
     }
   }
   return problems;

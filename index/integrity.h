@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "index/connection.h"
+#include "index/original_store.h"
 
 namespace pliant {
 
@@ -17,5 +18,10 @@ namespace pliant {
 // and metadata are what the engine accepts; keys are never used again. One sentence a problem;
 // empty = sound.
 std::vector<std::string> CheckDatabase(Connection& db);
+
+// Whether the originals that are files of `files` (nullptr: there is no such directory) are there
+// and have their hash. A file that is removed meanwhile, with its picture, is a problem only in
+// the transaction that was begun before.
+std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore* files);
 
 }  // namespace pliant

@@ -140,8 +140,30 @@ CREATE TABLE jobs (
 );
 )sql";
 
+// Originals may be files of a directory (original_store.h). What no picture refers to any more is
+// written down by the transaction that drops the last reference and removed after its commit.
+constexpr const char* kVersion4 = R"sql(
+CREATE TABLE originals_directory (
+  key INTEGER PRIMARY KEY CHECK (key = 1),
+  path TEXT NOT NULL,
+  owner TEXT NOT NULL,                 -- 32 hex digits, also in the directory
+  active INTEGER NOT NULL              -- 1: new originals go there; 0: into the database
+);
+CREATE TABLE original_files (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  sha256 BLOB NOT NULL CHECK (length(sha256) = 32)
+);
+CREATE INDEX original_files_by_sha256 ON original_files (sha256);
+CREATE TABLE dropped_originals (
+  sha256 BLOB PRIMARY KEY
+) WITHOUT ROWID;
+CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
+  INSERT OR IGNORE INTO dropped_originals (sha256) VALUES (old.sha256);
+END;
+)sql";
+
 constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
-                                    Migration{kVersion3}};
+                                    Migration{kVersion3}, Migration{kVersion4}};
 
 }  // namespace
 

@@ -64,6 +64,10 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
   AddText(app, "--model", options.model, "Weight file of deal; empty = the one that is installed");
   AddSwitch(app, "--keep-originals", options.keep_originals,
             "Store uploaded pictures, for content and thumbnails");
+  AddText(
+      app, "--originals-dir", options.originals_dir,
+      "Directory for uploaded pictures, or `database`; empty = as before, the database for a new "
+      "one");
   AddSwitch(app, "--auto-train", options.auto_train,
             "Train vocabularies in the background without being asked");
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
@@ -296,6 +300,7 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.descriptor = options.descriptor;
   engine.descriptor_options.model_path = options.model;
   engine.keep_originals = options.keep_originals;
+  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
   engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
   if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);

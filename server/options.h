@@ -21,6 +21,7 @@ struct ServerOptions {
   std::string descriptor;      // empty: what the database was made with, deal for a new one
   std::string model;           // weight file; empty = the default one
   bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
+  std::string originals_dir;   // as ParseOriginalsDir reads it
   bool auto_train = true;      // make vocabularies without being asked, see AutoTrainer
 
   int cores = 0;          // for describing and ranking; 0 = all

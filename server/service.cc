@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service.h"
 
+#include <spdlog/spdlog.h>
+
 #include "server/import_job.h"
 #include "server/routes/routes.h"
 #include "server/training_job.h"
@@ -26,6 +28,9 @@ void Service::Open() {
   EngineOptions engine_options = MakeEngineOptions(options);
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_ = std::make_unique<Engine>(engine_options);
+  if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
+    spdlog::info("removed {} files of no picture from the originals' directory", swept);
+  }
   store_ = std::make_unique<ServiceStore>(options.database);
   jobs = std::make_unique<JobQueue>(store_.get());
   RegisterVocabularyJobs(*jobs, *engine_, pool);

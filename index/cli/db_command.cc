@@ -21,6 +21,7 @@ struct Options {
   std::filesystem::path backup;
   std::vector<std::string> ids;
   std::vector<std::string> objects;
+  bool sweep = false;
   bool json = false;
 };
 
@@ -35,8 +36,17 @@ Engine OpenEngine(Options& options, Access access) {
   return Engine(options.engine);
 }
 
+Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
+  if (!originals) return nullptr;
+  return {{"directory", ToDisplayText(originals->directory.string())},
+          {"files", originals->files},
+          {"owned", originals->owned}};
+}
+
 ExitStatus Stats(Options& options) {
-  const EngineStats stats = OpenEngine(options, Access::kRead).Stats();
+  Engine engine = OpenEngine(options, Access::kRead);
+  const EngineStats stats = engine.Stats();
+  const auto originals = engine.DescribeOriginals();
   if (options.json) {
     Print(Json{{"images", stats.images},
                {"objects", stats.objects},
@@ -45,6 +55,7 @@ ExitStatus Stats(Options& options) {
                {"index_bytes", stats.index_bytes},
                {"descriptor", stats.descriptor},
                {"model_id", stats.model_id},
+               {"originals", OriginalsJson(originals)},
                {"vocabulary",
                 stats.vocabulary ? Json::parse(VocabularyJson(*stats.vocabulary)) : Json(nullptr)}}
               .dump());
@@ -55,6 +66,10 @@ ExitStatus Stats(Options& options) {
   Print("descriptors  " + std::to_string(stats.descriptors));
   Print("on disk      " + FormatBytes(stats.database_bytes));
   Print("in memory    " + FormatBytes(stats.index_bytes));
+  if (originals) {
+    Print("originals    " + std::to_string(originals->files) + " files in " +
+          originals->directory.string());
+  }
   Print("descriptor   " + stats.descriptor + " (" + stats.model_id + ")");
   Print("vocabulary   " + (stats.vocabulary ? std::to_string(stats.vocabulary->id) + " of " +
                                                   std::to_string(stats.vocabulary->words) + " words"
@@ -62,12 +77,30 @@ ExitStatus Stats(Options& options) {
   return ExitStatus::kDone;
 }
 
+void RequireOwnOriginals(Engine& engine) {
+  const auto originals = engine.DescribeOriginals();
+  if (originals && originals->owned) return;
+  throw Error(ErrorCode::kConflict, "originals_foreign",
+              originals ? "the directory " + originals->directory.string() +
+                              " is not, or not yet, this database's: nothing was removed"
+                        : "the originals are in the database: there is no directory to sweep");
+}
+
 ExitStatus Check(Options& options) {
-  const std::vector<std::string> problems = OpenEngine(options, Access::kWrite).Check();
+  Engine engine = OpenEngine(options, Access::kWrite);
+  const std::vector<std::string> problems = engine.Check();
+  std::uint64_t swept = 0;
+  if (options.sweep) {
+    RequireOwnOriginals(engine);
+    swept = engine.SweepOriginals();
+    if (!options.json) Print("removed " + std::to_string(swept) + " files of no picture");
+  }
   if (options.json) {
     Json list = Json::array();
     for (const std::string& problem : problems) list.push_back(ToDisplayText(problem));
-    Print(Json{{"ok", problems.empty()}, {"problems", std::move(list)}}.dump());
+    Json answer{{"ok", problems.empty()}, {"problems", std::move(list)}};
+    if (options.sweep) answer["swept"] = swept;
+    Print(answer.dump());
   } else if (problems.empty()) {
     Print("ok");
   } else {
@@ -77,12 +110,22 @@ ExitStatus Check(Options& options) {
 }
 
 ExitStatus Backup(Options& options) {
-  OpenEngine(options, Access::kRead).Backup(options.backup);
+  Engine engine = OpenEngine(options, Access::kRead);
+  engine.Backup(options.backup);
+  const auto originals = engine.DescribeOriginals();
   const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
   if (options.json) {
-    Print(Json{{"file", ToDisplayText(options.backup.string())}, {"bytes", bytes}}.dump());
+    Print(Json{{"file", ToDisplayText(options.backup.string())},
+               {"bytes", bytes},
+               {"originals", OriginalsJson(originals)}}
+              .dump());
   } else {
     Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
+    if (originals) {
+      Message("the originals of " + std::to_string(originals->files) +
+              " pictures are not in it: copy the directory " + originals->directory.string() +
+              " now");
+    }
   }
   return ExitStatus::kDone;
 }
@@ -124,6 +167,13 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("db", "Look after a database");
   app->require_subcommand(1);
   AddDatabaseFlags(*app, options->engine, options->collection);
+  app->add_option_function<std::string>(
+         "--originals-dir",
+         [options](const std::string& text) {
+           options->engine.originals_dir = ParseOriginalsDir(text);
+         },
+         "look there for the originals (default: where the database says)")
+      ->type_name("DIR");
   app->add_flag("--json", options->json, "print one JSON document");
   const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&)) {
     CLI::App* sub = app->add_subcommand(name, help);
@@ -132,7 +182,9 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
     return sub;
   };
   add("stats", "Show how much is in it", Stats);
-  add("check", "Verify everything that must hold in it", Check);
+  add("check", "Verify everything that must hold in it", Check)
+      ->add_flag("--sweep", options->sweep,
+                 "also remove files from the originals' directory that no picture has");
   add("backup", "Copy it to a new file, also while it is in use", Backup)
       ->add_option("FILE", options->backup, "the new file")
       ->required();

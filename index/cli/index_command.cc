@@ -153,6 +153,14 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
       ->check(CLI::Range(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
                 "store the files themselves too, for the web page (default: yes)");
+  app->add_option_function<std::string>(
+         "--originals-dir",
+         [options](const std::string& text) {
+           options->engine.originals_dir = ParseOriginalsDir(text);
+         },
+         "store them in this directory, or in the `database` (default: as the database was used "
+         "before)")
+      ->type_name("DIR|database");
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });

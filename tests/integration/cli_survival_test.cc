@@ -83,6 +83,47 @@ TEST_F(SurvivalTest, KilledAtAnyMomentNothingCommittedIsLost) {
   RecordProperty("killed_midway", killed_midway ? 1 : 0);
 }
 
+TEST_F(SurvivalTest, KilledAtAnyMomentEveryPictureHasItsOriginalsFile) {
+  constexpr int kPictures = 40;
+  WritePictures("p", 1000, kPictures);
+  const std::filesystem::path originals = folder_ / "originals";
+  std::vector<std::string> arguments = IndexArguments("p");
+  arguments.insert(arguments.end(), {"--originals-dir", originals.string()});
+  const auto files = [&] {
+    std::int64_t count = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(originals)) {
+      count += entry.is_regular_file() ? 1 : 0;
+    }
+    return count;
+  };
+  std::mt19937_64 random(kSeed);
+  for (int round = 0; round < 12; ++round) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + ", round " + std::to_string(round));
+    Program program(arguments);
+    std::this_thread::sleep_for(milliseconds(random() % static_cast<unsigned>(40 + 40 * round)));
+    program.Signal(SIGKILL);
+    program.Wait();
+    if (!std::filesystem::exists(db_)) continue;
+    ExpectSound();                            // every picture's file is there, with its hash
+    if (round % 4 == 3 && Committed() > 0) {  // and removing goes on where it was cut off
+      Program remover({"db", "rm", "--db", db_, "--object", "0", "--object", "1"});
+      std::this_thread::sleep_for(milliseconds(random() % 30));
+      remover.Signal(SIGKILL);
+      remover.Wait();
+      ExpectSound();
+    }
+  }
+  const ProgramResult resumed = RunProgram(arguments);
+  ASSERT_EQ(resumed.status, 0) << resumed.err;
+  const ProgramResult swept = RunProgram({"db", "check", "--sweep", "--db", db_, "--json"});
+  EXPECT_EQ(swept.status, 0) << swept.out;
+  EXPECT_EQ(Committed(), kPictures);
+  EXPECT_EQ(files(), kPictures + 1) << "the pictures and the owner's name";
+  const Json stats = RunProgram({"db", "stats", "--db", db_, "--json"}).json();
+  EXPECT_EQ(stats["originals"]["files"], kPictures);
+  EXPECT_EQ(stats["originals"]["owned"], true);
+}
+
 TEST_F(SurvivalTest, CtrlCKeepsWhatWasIndexedAndSaysHowToResume) {
   for (const int signal : {SIGINT, SIGTERM}) {
     db_ = (folder_ / ("s" + std::to_string(signal) + ".db")).string();

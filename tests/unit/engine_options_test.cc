@@ -267,6 +267,9 @@ void Age(const std::filesystem::path& file) {
   db.exec("ALTER TABLE models DROP COLUMN max_side");
   db.exec("DROP TABLE api_keys");
   db.exec("DROP TABLE jobs");
+  for (const char* table : {"original_files", "originals_directory", "dropped_originals"}) {
+    db.exec(std::string("DROP TABLE ") + table);
+  }
   db.exec("PRAGMA user_version = 1");
 }
 
