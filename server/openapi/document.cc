@@ -92,7 +92,11 @@ Json Properties(const Route& route) {
 }
 
 Json JsonContent(const Route& route) {
-  return {{"schema", {{"type", "object"}, {"properties", Properties(route)}}}};
+  Json schema = {{"type", "object"}, {"properties", Properties(route)}};
+  for (const Parameter& parameter : route.parameters) {
+    if (parameter.required) schema["required"].push_back(parameter.name);
+  }
+  return {{"schema", schema}};
 }
 
 Json FormContent(const Route& route) {

@@ -71,13 +71,22 @@ struct Counts {
   std::atomic<int> refused{0};
 };
 
+// Busy, and it says so: with a code, and when to come again. Anything else is wrong.
+bool IsHonestRefusal(const httplib::Response& answer) {
+  if (answer.status != 503 && answer.status != 429) return false;
+  const Json problem = Json::parse(answer.body, nullptr, false);
+  const std::string code = problem.is_object() ? problem.value("code", "") : "";
+  return std::atoi(answer.get_header_value("Retry-After").c_str()) > 0 &&
+         (code == "busy" || code == "starting" || code == "rate_limited");
+}
+
 // One client's life: until `stop`, or until the server does not answer. Returns what went wrong.
 std::string Live(const ServerProcess& server, int client_number, const std::atomic<bool>& stop,
                  Known& known, Counts& counts) {
   auto client = server.Client();
   std::mt19937 random(kSeed + static_cast<unsigned>(client_number));
   const auto refused = [&](const httplib::Result& answer) {
-    if (answer->status != 503 && answer->status != 429) return false;
+    if (!IsHonestRefusal(*answer)) return false;
     ++counts.refused;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     return true;
@@ -185,7 +194,8 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
   std::vector<Known> known(static_cast<std::size_t>(clients));
   Json after_soak;
   {
-    ServerProcess server(database("soak.db"));
+    ServerProcess server(database("soak.db"),
+                         {"--originals-dir", (folder_ / "soak-originals").string()});
     std::atomic<bool> stop{false};
     Counts counts;
     std::vector<std::string> wrong(known.size());
@@ -244,8 +254,11 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
   std::mt19937 random(kSeed);
   std::vector<Known> known(kClients);
   Counts counts;
+  // Originals in the database and in a directory in turns: what one server left the next must find.
+  const std::filesystem::path originals = folder_ / "originals";
   for (int kill = 0; kill < kills; ++kill) {
-    ServerProcess server(database("kill.db"));
+    const std::string place = kill % 2 == 0 ? originals.string() : "database";
+    ServerProcess server(database("kill.db"), {"--originals-dir", place});
     std::vector<std::string> wrong(kClients);
     std::atomic<bool> stop{false};
     std::vector<std::thread> threads;
@@ -276,6 +289,13 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
   }
   EXPECT_GT(checked, 0);
   EXPECT_EQ(server.Stop(), 0);
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(originals)) {
+    if (entry.is_regular_file()) files.insert(entry.path().filename().string());
+  }
+  const Json stats =
+      RunProgram({"db", "stats", "--db", database("kill.db").string(), "--json"}).json();
+  EXPECT_EQ(stats["originals"]["files"], files.size() - 1) << "no file without a picture";
   ExpectSound(database("kill.db"));
   std::cout << counts.done << " requests acknowledged, " << checked << " pictures checked\n";
 }

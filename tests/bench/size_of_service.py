@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture costs: disk, memory and processor time, measured on pictures of your own.
+
+    size_of_service.py --bin build/release/bin --pictures DIR [--count N] [--descriptor NAME]
+
+Indexes N pictures with their originals in a directory of their own, starts a server on them, and
+searches. Times are processor seconds, not wall time, so that a busy machine changes them little;
+divide by the cores that are free. The last lines are a table of larger collections: disk and
+processor time in proportion; memory with 8.1 kB a picture, which is what bench_index measures for
+100 000 pictures of 700 words each.
+"""
+
+import argparse
+import json
+import pathlib
+import re
+import resource
+import shutil
+import subprocess
+import tempfile
+import urllib.request
+
+INDEX_BYTES = 8100  # bench_index --benchmark_filter='RankSignatures/pictures:100000/words:10000'
+
+
+def cpu_of_children():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def bytes_below(folder):
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def metric(address, name):
+    with urllib.request.urlopen(address + "/metrics", timeout=60) as answer:
+        text = answer.read().decode()
+    return float(re.search(rf"^{name} (\S+)$", text, re.MULTILINE).group(1))
+
+
+class Server:
+    def __init__(self, options, database):
+        self.process = subprocess.Popen(
+            [options.bin / "pliant-server", "--db", database, "--listen", "127.0.0.1:0",
+             "--descriptor", options.descriptor, "--auto-train", "false", "--log-level", "warn"],
+            stdout=subprocess.PIPE, text=True)
+        self.address = re.search(r"http://\S+", self.process.stdout.readline()).group()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.terminate()
+        self.process.wait()
+
+    def search(self, picture):
+        request = urllib.request.Request(
+            self.address + "/v1/collections/default/search", picture.read_bytes(),
+            {"Content-Type": "application/octet-stream"})
+        with urllib.request.urlopen(request, timeout=600) as answer:
+            return json.load(answer)
+
+
+def measure(options, chosen, folder):
+    (folder / "new").mkdir()
+    for i, picture in enumerate(chosen):
+        shutil.copy(picture, folder / "new" / f"{i}{picture.suffix.lower()}")
+    database, originals = folder / "x.db", folder / "originals"
+    before = cpu_of_children()
+    index = subprocess.run(
+        [options.bin / "pliant", "index", folder / "new", "--db", database, "--originals-dir",
+         originals, "--descriptor", options.descriptor, "--json"], stdout=subprocess.PIPE)
+    count = json.loads(index.stdout)["indexed"]
+    facts = {"pictures": count, "index_cpu_s": (cpu_of_children() - before) / count}
+    facts["database_bytes"] = database.stat().st_size / count
+    facts["original_bytes"] = bytes_below(originals) / count
+    facts["keypoints"] = json.loads(subprocess.run(
+        [options.bin / "pliant", "db", "stats", "--db", database, "--json"], check=True,
+        stdout=subprocess.PIPE).stdout)["descriptors"] / count
+    with Server(options, database) as server:
+        facts["empty_mb"] = metric(server.address, "process_resident_memory_bytes") / 1e6
+        start = metric(server.address, "process_cpu_seconds_total")
+        for picture in sorted((folder / "new").iterdir())[: options.searches]:
+            server.search(picture)
+        used = metric(server.address, "process_cpu_seconds_total") - start
+        facts["search_cpu_s"] = used / options.searches
+        facts["busy_mb"] = metric(server.address, "process_resident_memory_bytes") / 1e6
+    return facts
+
+
+def report(facts):
+    print(f"{facts['pictures']} pictures with {facts['keypoints']:.0f} key points on average")
+    print(f"  database   {facts['database_bytes'] / 1e3:8.1f} kB a picture")
+    print(f"  originals  {facts['original_bytes'] / 1e3:8.1f} kB a picture")
+    print(f"  indexing   {facts['index_cpu_s']:8.2f} processor seconds a picture")
+    print(f"  a search   {facts['search_cpu_s']:8.2f} processor seconds")
+    print(f"  server     {facts['empty_mb']:8.0f} MB after the start, {facts['busy_mb']:.0f} MB "
+          "after searches")
+    print("\n| pictures | memory | database | originals | indexing, processor hours |")
+    print("| ---: | ---: | ---: | ---: | ---: |")
+    for pictures in (1000, 10_000, 100_000, 1_000_000):
+        memory = facts["busy_mb"] / 1e3 + pictures * INDEX_BYTES / 1e9
+        print(f"| {pictures:,} | {memory:.1f} GB | {pictures * facts['database_bytes'] / 1e9:.1f} GB "
+              f"| {pictures * facts['original_bytes'] / 1e9:.1f} GB "
+              f"| {pictures * facts['index_cpu_s'] / 3600:.1f} |".replace(",", " "))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bin", type=pathlib.Path, required=True)
+    parser.add_argument("--pictures", type=pathlib.Path, required=True)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--searches", type=int, default=10)
+    parser.add_argument("--descriptor", default="deal")
+    options = parser.parse_args()
+    kinds = {".jpg", ".jpeg", ".png"}
+    pictures = sorted(p for p in options.pictures.rglob("*") if p.suffix.lower() in kinds)
+    if len(pictures) < options.count:
+        parser.error(f"{options.pictures} has {len(pictures)} pictures, {options.count} are wanted")
+    step = len(pictures) / options.count  # from all of them
+    chosen = [pictures[int(i * step)] for i in range(options.count)]
+    with tempfile.TemporaryDirectory() as name:
+        report(measure(options, chosen, pathlib.Path(name)))
+
+
+if __name__ == "__main__":
+    main()
