@@ -154,6 +154,8 @@ struct RankTuning {
   int assignments = 1;  // nearest words that a query descriptor counts for; 1..16
 };
 
+inline constexpr int kMostExpansions = 20;
+
 struct SearchOptions {
   std::string collection = kDefaultCollection;
   std::size_t limit = 10;  // hits returned; 0 = all
@@ -164,6 +166,10 @@ struct SearchOptions {
   // (index/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
   std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
+  // When verifying: the object's part of so many of the best verified pictures asks in turn, and
+  // pictures that agree with them rise (index/expansion.h): 0 to kMostExpansions. Absent: 3 by
+  // picture, none by object, where further pictures of an object that was found add nothing.
+  std::optional<int> expand;
   int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
   RankTuning tuning;
   std::optional<Region> region;  // only key points inside count
@@ -190,6 +196,9 @@ struct Hit {
   // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
   // when not verified. More inliers in more places do not make the score higher.
   std::vector<Instance> instances;
+  // The hit that this one owes its place to: it agrees with that one, which agrees with the query
+  // (SearchOptions::expand). Empty when the words and its own inliers speak for it.
+  std::string via;
   std::string metadata = "{}";
   std::optional<Explanation> explanation;  // with SearchOptions::explain
 };

@@ -101,9 +101,13 @@ class Engine::Impl {
                                        std::vector<std::string> some);
   SearchResult Answer(Features features, const SearchOptions& options,
                       const ExtractionTimings& timings);
-  // The candidates, verified and grouped, before the other hits.
-  std::vector<VerifiedPicture> VerifyCandidates(const Features& query, const SearchOptions& options,
-                                                std::vector<RankedPicture> candidates);
+  // Reads pictures' features; nothing for one that was removed since the snapshot.
+  std::function<std::optional<Features>(Key)> Loader(const std::string& model_id);
+  std::vector<VerifiedPicture> Verify(const Features& query, const SearchOptions& options,
+                                      std::vector<RankedPicture> candidates);
+  void ExpandBy(const CollectionView& view, const Features& query, const Bow& bow,
+                const SearchOptions& options, const RankOptions& rank,
+                std::vector<VerifiedPicture>* hits, Ranking* ranking);
   void AddHits(std::vector<VerifiedPicture>& best, const SearchOptions& options,
                SearchResult* result);
   // Gives words of `vocabulary` to all pictures that lack them. `work` hears of the share done.

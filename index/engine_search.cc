@@ -9,6 +9,8 @@
 #include "descriptor/error.h"
 #include "index/blob_codec.h"
 #include "index/engine_impl.h"
+#include "index/expansion.h"
+#include "index/features_subset.h"
 #include "index/ranking.h"
 #include "index/rerank.h"
 
@@ -34,6 +36,9 @@ void Validate(const SearchOptions& options) {
   if (options.tuning.assignments < 1 || options.tuning.assignments > 16) {
     ThrowInvalid("tuning.assignments", "must be 1 to 16");
   }
+  if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
+    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
+  }
   CheckFilter(options.filter);
   if (!options.region) return;
   const Region& r = *options.region;
@@ -46,6 +51,23 @@ void Validate(const SearchOptions& options) {
 bool Verifies(const SearchOptions& options) {
   if (options.verify == Verification::kAuto) return options.rank == RankMethod::kTfIdf;
   return options.verify == Verification::kTps;
+}
+
+// Another picture of an object that was found by one adds nothing where each object stands once.
+int ExpansionsOf(const SearchOptions& options) {
+  constexpr int kByPicture = 3;
+  return options.expand.value_or(options.group_by == GroupBy::kImage ? kByPicture : 0);
+}
+
+RankOptions ToRankOptions(const SearchOptions& options) {
+  RankOptions rank;
+  rank.method = options.rank;
+  rank.group_by = options.group_by;
+  rank.keep = options.limit == 0 ? 0 : options.offset + options.limit;
+  rank.min_score = options.min_score;
+  rank.threads = options.threads;
+  rank.signatures = options.tuning.signatures;
+  return rank;
 }
 
 // Why there is nothing to say about a hit.
@@ -72,26 +94,6 @@ Bow QueryBow(const Quantizer& quantizer, const Descriptors& descriptors,
 bool Contains(const Region& region, const Keypoint& k) {
   return k.x >= region.x && k.x < region.x + region.width && k.y >= region.y &&
          k.y < region.y + region.height;
-}
-
-Features Inside(const Features& features, const Region& region) {
-  Features kept{features.width, features.height, {}, {}, features.model_id};
-  const Descriptors& all = features.descriptors;
-  kept.descriptors.kind = all.kind;
-  kept.descriptors.dim = all.dim;
-  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
-    if (!Contains(region, features.keypoints[i])) continue;
-    kept.keypoints.push_back(features.keypoints[i]);
-    if (all.kind == DescriptorKind::kFloat) {
-      const auto row = all.float_row(i);
-      kept.descriptors.floats.insert(kept.descriptors.floats.end(), row.begin(), row.end());
-    } else {
-      const auto row = all.binary_row(i);
-      kept.descriptors.bytes.insert(kept.descriptors.bytes.end(), row.begin(), row.end());
-    }
-  }
-  kept.descriptors.rows = kept.keypoints.size();
-  return kept;
 }
 
 void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
@@ -138,7 +140,9 @@ SearchResult Engine::Impl::Answer(Features features, const SearchOptions& option
                                   const ExtractionTimings& timings) {
   const CollectionView view = CurrentView(options.collection);
   CheckVocabulary(view, options);
-  if (options.region) features = Inside(features, *options.region);
+  if (options.region) {
+    features = Subset(features, [&](const Keypoint& k) { return Contains(*options.region, k); });
+  }
   CheckQuery(features, options.region.has_value());
 
   SearchResult result;
@@ -155,13 +159,7 @@ SearchResult Engine::Impl::Answer(Features features, const SearchOptions& option
 
   start = Clock::now();
   const bool verify = Verifies(options);
-  RankOptions rank;
-  rank.method = options.rank;
-  rank.group_by = options.group_by;
-  rank.keep = options.limit == 0 ? 0 : options.offset + options.limit;
-  rank.min_score = options.min_score;
-  rank.threads = options.threads;
-  rank.signatures = options.tuning.signatures;
+  RankOptions rank = ToRankOptions(options);
   rank.accept = Admitted(options, view.collection);
   if (verify) {
     // Does not depend on the page, so that pages fit together.
@@ -174,15 +172,60 @@ SearchResult Engine::Impl::Answer(Features features, const SearchOptions& option
   std::vector<VerifiedPicture> hits;
   if (verify) {
     start = Clock::now();
-    hits = VerifyCandidates(features, options, std::move(ranking.candidates));
+    hits = Verify(features, options, std::move(ranking.candidates));
+    if (ExpansionsOf(options) > 0) ExpandBy(view, features, bow, options, rank, &hits, &ranking);
+    SortByScore(&hits);
+    std::erase_if(hits,
+                  [&](const VerifiedPicture& p) { return p.picture.score < options.min_score; });
+    if (options.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
     result.timings.verify_ms = MsSince(start);
   }
   result.total = hits.size() + ranking.total;
-  for (RankedPicture& picture : ranking.best) hits.push_back({std::move(picture), {}, {}});
+  for (RankedPicture& picture : ranking.best) hits.push_back({.picture = std::move(picture)});
   start = Clock::now();
   AddHits(hits, options, &result);
   result.timings.database_ms = MsSince(start);
   return result;
+}
+
+// Lifts the pictures that agree with the best verified ones, and takes those that were not looked
+// at before out of the ranking's other hits.
+void Engine::Impl::ExpandBy(const CollectionView& view, const Features& query, const Bow& bow,
+                            const SearchOptions& options, const RankOptions& rank,
+                            std::vector<VerifiedPicture>* hits, Ranking* ranking) {
+  const auto nearest = [&](const Features& part, std::size_t depth) {
+    RankOptions of_part = rank;
+    of_part.group_by = GroupBy::kImage;
+    of_part.candidates = depth;
+    of_part.keep = 1;
+    return Rank(*view.snapshot, QueryBow(*view.quantizer, part.descriptors, options), of_part)
+        .candidates;
+  };
+  auto supports = Expand(*hits, {.sources = ExpansionsOf(options), .threads = options.threads},
+                         Loader(query.model_id), nearest);
+  std::unordered_set<Key> looked_at;
+  for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.key);
+  std::unordered_set<Key> found;
+  for (const auto& [key, support] : supports) {
+    if (!looked_at.contains(key)) found.insert(key);
+  }
+  if (!found.empty()) {
+    RankOptions again = rank;
+    again.also = &found;
+    *ranking = Rank(*view.snapshot, bow, again);
+    std::erase_if(ranking->candidates,
+                  [&](const RankedPicture& picture) { return !found.contains(picture.key); });
+    for (VerifiedPicture& hit : Verify(query, options, std::move(ranking->candidates))) {
+      hits->push_back(std::move(hit));
+    }
+  }
+  for (VerifiedPicture& hit : *hits) {
+    const auto support = supports.find(hit.picture.key);
+    if (support == supports.end() || support->second.evidence <= hit.evidence) continue;
+    hit.evidence = support->second.evidence;
+    hit.via = support->second.via;
+    hit.picture.score = LiftScore(hit.ranking_score, hit.evidence);
+  }
 }
 
 std::function<bool(Key, Key)> Engine::Impl::Admitted(const SearchOptions& options, Key collection) {
@@ -204,26 +247,25 @@ std::function<bool(Key, Key)> Engine::Impl::Admitted(const SearchOptions& option
   };
 }
 
-std::vector<VerifiedPicture> Engine::Impl::VerifyCandidates(const Features& query,
-                                                            const SearchOptions& options,
-                                                            std::vector<RankedPicture> candidates) {
-  const auto load = [&](Key key) {
+std::function<std::optional<Features>(Key)> Engine::Impl::Loader(const std::string& model_id) {
+  return [this, model_id](Key key) {
     return Read([&](Connection& db) -> std::optional<Features> {
       if (!FindPictureByKey(db, key)) return std::nullopt;  // removed since the snapshot
       Features features = DecodeFeatures(ReadFeaturesBlob(db, key));
-      features.model_id = query.model_id;
+      features.model_id = model_id;
       return features;
     });
   };
-  auto pictures = Rerank(query, std::move(candidates),
-                         {.max_instances = options.max_instances,
-                          .explain = options.explain,
-                          .threads = options.threads},
-                         load);
-  std::erase_if(pictures,
-                [&](const VerifiedPicture& p) { return p.picture.score < options.min_score; });
-  if (options.group_by == GroupBy::kObject) KeepBestOfObjects(&pictures);
-  return pictures;
+}
+
+std::vector<VerifiedPicture> Engine::Impl::Verify(const Features& query,
+                                                  const SearchOptions& options,
+                                                  std::vector<RankedPicture> candidates) {
+  return Rerank(query, std::move(candidates),
+                {.max_instances = options.max_instances,
+                 .explain = options.explain,
+                 .threads = options.threads},
+                Loader(query.model_id));
 }
 
 // The page of hits that `options` ask for.
@@ -242,6 +284,7 @@ void Engine::Impl::AddHits(std::vector<VerifiedPicture>& best, const SearchOptio
       hit.score = best[i].picture.score;
       hit.inliers = best[i].inliers();
       hit.instances = std::move(best[i].instances);
+      hit.via = best[i].via;
       if (!hit.instances.empty()) hit.polygon = hit.instances.front().polygon;
       hit.metadata = picture->record.metadata;
       if (options.explain) {

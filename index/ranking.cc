@@ -196,8 +196,16 @@ Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions&
   Ranking ranking;
   const std::size_t apart = std::min(options.candidates, all.size());
   SortBest(all, apart);
-  ranking.candidates = Named(std::span(all).first(apart));
-  std::vector<Candidate> rest(all.begin() + static_cast<std::ptrdiff_t>(apart), all.end());
+  auto others = all.begin() + static_cast<std::ptrdiff_t>(apart);
+  if (options.also != nullptr) {
+    const auto first = others;
+    others = std::partition(first, all.end(), [&](const Candidate& c) {
+      return options.also->contains(c.segment->key(c.picture));
+    });
+    std::sort(first, others, IsBetter);
+  }
+  ranking.candidates = Named({all.begin(), others});
+  std::vector<Candidate> rest(others, all.end());
   std::erase_if(rest, [&](const Candidate& c) { return c.score < options.min_score; });
   if (options.group_by == GroupBy::kObject) {
     std::unordered_set<std::int64_t> shown;

@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <functional>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "index/engine.h"
@@ -36,6 +37,8 @@ struct RankOptions {
   // This many pictures, the best of all, are set apart for verification: by image, whatever their
   // score and object, since verification may lift any of them.
   std::size_t candidates = 0;
+  // Further pictures, by key, that are set apart too if they are hits at all.
+  const std::unordered_set<std::int64_t>* also = nullptr;
   bool signatures = true;  // kTfIdf compares them where the snapshot and the query have them
 };
 

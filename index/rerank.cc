@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "descriptor/parallel.h"
+#include "index/outline.h"
 
 namespace pliant {
 
@@ -30,6 +31,16 @@ std::vector<Instance> InstancesOf(const VerificationResult& result) {
   return instances;
 }
 
+std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPair>& inliers) {
+  std::vector<Vec2> points;
+  points.reserve(inliers.size());
+  for (const MatchedPair& pair : inliers) {
+    const Keypoint& k = features.keypoints[pair.reference];
+    points.push_back({k.x, k.y});
+  }
+  return points.size() < 3 ? std::vector<Vec2>() : ConvexHull(std::move(points));
+}
+
 }  // namespace
 
 std::vector<VerifiedPicture> Rerank(
@@ -37,7 +48,10 @@ std::vector<VerifiedPicture> Rerank(
     const std::function<std::optional<Features>(std::int64_t key)>& load) {
   std::vector<VerifiedPicture> pictures;
   pictures.reserve(ranking.size());
-  for (RankedPicture& picture : ranking) pictures.push_back({std::move(picture), {}, {}});
+  for (RankedPicture& picture : ranking) {
+    const double score = picture.score;
+    pictures.push_back({.picture = std::move(picture), .ranking_score = score});
+  }
   const Verifier verifier(query, {.max_instances = options.max_instances});
   ParallelFor(pictures.size(), options.threads, [&](std::size_t i) {
     VerifiedPicture& candidate = pictures[i];
@@ -49,15 +63,19 @@ std::vector<VerifiedPicture> Rerank(
       candidate.explanation->ranking_score = candidate.picture.score;
     }
     candidate.instances = InstancesOf(result);
-    candidate.picture.score = CombineScores(
-        candidate.picture.score, static_cast<int>(result.inliers.size()), result.inlier_fraction);
+    candidate.seen = SeenPart(*features, result.inliers);
+    candidate.evidence = Evidence(static_cast<int>(result.inliers.size()), result.inlier_fraction);
+    candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
-  std::sort(pictures.begin(), pictures.end(),
+  return pictures;
+}
+
+void SortByScore(std::vector<VerifiedPicture>* pictures) {
+  std::sort(pictures->begin(), pictures->end(),
             [](const VerifiedPicture& a, const VerifiedPicture& b) {
               if (a.picture.score != b.picture.score) return a.picture.score > b.picture.score;
               return a.picture.id < b.picture.id;
             });
-  return pictures;
 }
 
 void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures) {

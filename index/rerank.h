@@ -17,9 +17,13 @@
 namespace pliant {
 
 struct VerifiedPicture {
-  RankedPicture picture;            // score: CombineScores of the ranking's score and the inliers
-  std::vector<Instance> instances;  // as in Hit
-  std::optional<Explanation> explanation;  // of the pictures looked at, when asked for
+  RankedPicture picture;                        // score: the ranking's, lifted by `evidence`
+  std::vector<Instance> instances = {};         // as in Hit
+  std::optional<Explanation> explanation = {};  // of the pictures looked at, when asked for
+  double ranking_score = 0;
+  double evidence = 0;          // of its own inliers, or through `via` where that is more
+  std::vector<Vec2> seen = {};  // hull of the inliers in this picture, original pixels
+  std::string via = {};         // id of the verified picture that supports it (index/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
 };
@@ -34,12 +38,15 @@ struct RerankOptions {
   int threads = 1;  // pictures at a time; 0 = all cores
 };
 
-// Verifies the pictures of `ranking` and sorts them by combined score, then id. `load` gives a
+// Verifies the pictures of `ranking`, in its order. `load` gives a
 // picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
 // is called from several threads. Deterministic.
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load);
+
+// By score, then id.
+void SortByScore(std::vector<VerifiedPicture>* pictures);
 
 // Keeps the best picture of each object; a picture without object stands for itself.
 void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures);

@@ -56,6 +56,7 @@ Json HitJson(const Hit& hit) {
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
                {"instances", InstancesJson(hit.instances)},
+               {"via", hit.via.empty() ? Json(nullptr) : Json(hit.via)},
                {"metadata", Json::parse(hit.metadata)}};
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
   return json;

@@ -201,10 +201,17 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
                    });
 }
 
-double CombineScores(double ranking_score, int inliers, double inlier_fraction) {
+double Evidence(int inliers, double inlier_fraction) {
   constexpr double kEnough = 20;
-  const double evidence = std::min(kEnough, std::max(0, inliers - 4) * inlier_fraction);
+  return std::min(kEnough, std::max(0, inliers - 4) * inlier_fraction);
+}
+
+double LiftScore(double ranking_score, double evidence) {
   return ranking_score + (1 - ranking_score) * evidence / (evidence + 10);
+}
+
+double CombineScores(double ranking_score, int inliers, double inlier_fraction) {
+  return LiftScore(ranking_score, Evidence(inliers, inlier_fraction));
 }
 
 }  // namespace pliant

@@ -83,12 +83,16 @@ class Verifier {
   VerificationOptions options_;
 };
 
-// The final score of a hit. Evidence lifts the ranking's score towards 1, and never lowers it:
-//   score + (1 - score) e / (e + 10),  e = min(20, max(0, inliers - 4) inlier_fraction).
-// Hits without evidence keep their score and so their order; e = 10 goes half of the way to 1. The
-// fraction is in it because a picture with many matches has some that agree by chance or on the
-// background; and evidence ends at 20, because by then the object is there and the words tell
-// better which picture is more like the query.
+// How sure verification is of a picture: min(20, max(0, inliers - 4) inlier_fraction). The fraction
+// is in it because a picture with many matches has some that agree by chance or on the background;
+// and evidence ends at 20, because by then the object is there and the words tell better which
+// picture is more like the query.
+double Evidence(int inliers, double inlier_fraction);
+
+// The final score of a hit. Evidence e lifts the ranking's score towards 1, and never lowers it:
+//   score + (1 - score) e / (e + 10).
+// Hits without evidence keep their score and so their order; e = 10 goes half of the way to 1.
+double LiftScore(double ranking_score, double evidence);
 double CombineScores(double ranking_score, int inliers, double inlier_fraction);
 
 }  // namespace pliant

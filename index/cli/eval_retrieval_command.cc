@@ -95,16 +95,18 @@ void AddSetFlags(CLI::App& app, Options& options) {
 }
 
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
-  app.add_option("--protocol", retrieval.protocols,
-                 "paper: 10 words, histograms; default: what query does; unverified: the same "
-                 "without verification (default: paper,default)")
+  app.add_option(
+         "--protocol", retrieval.protocols,
+         "paper: 10 words, histograms; default: what query does; unexpanded: the same "
+         "with --expand 0; unverified: the same without verification (default: paper,default)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, RetrievalProtocol>{{"paper", RetrievalProtocol::kPaper},
                                                    {"default", RetrievalProtocol::kDefault},
+                                                   {"unexpanded", RetrievalProtocol::kUnexpanded},
                                                    {"unverified", RetrievalProtocol::kUnverified}}))
-      ->option_text("paper,default,unverified");
+      ->option_text("paper,default,unexpanded,unverified");
   app.add_option("--seeds", retrieval.seeds, "vocabularies trained for each row")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));

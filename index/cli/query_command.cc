@@ -140,6 +140,11 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "the collection's size where that is more)")
       ->check(CLI::PositiveNumber)
       ->option_text("N");
+  app->add_option("--expand", search.expand,
+                  "let so many of the best verified pictures ask in turn, for views that the query "
+                  "alone does not reach (default: 3 by image, 0 by object)")
+      ->check(CLI::Range(0, kMostExpansions))
+      ->option_text("N");
   app->add_option("--instances", search.max_instances,
                   "how often one object is looked for in the query picture")
       ->capture_default_str()

@@ -90,6 +90,8 @@ SearchOptions ToSearchOptions(RetrievalProtocol protocol) {
   if (protocol == RetrievalProtocol::kPaper) {
     search.rank = RankMethod::kHistogram;
     search.verify = Verification::kNone;
+  } else if (protocol == RetrievalProtocol::kUnexpanded) {
+    search.expand = 0;
   } else if (protocol == RetrievalProtocol::kUnverified) {
     search.verify = Verification::kNone;
   }
@@ -206,6 +208,8 @@ const char* ToString(RetrievalProtocol protocol) {
       return "paper";
     case RetrievalProtocol::kDefault:
       return "default";
+    case RetrievalProtocol::kUnexpanded:
+      return "unexpanded";
     case RetrievalProtocol::kUnverified:
       return "unverified";
   }

@@ -22,6 +22,7 @@ enum class RetrievalProtocol {
   // histograms; nearest by Euclidean distance.
   kPaper,
   kDefault,     // what `pliant index` and `pliant query` do with no options
+  kUnexpanded,  // the default without expansion (`pliant query --expand 0`)
   kUnverified,  // the default without verification (`pliant query --verify none`)
 };
 const char* ToString(RetrievalProtocol protocol);

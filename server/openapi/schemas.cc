@@ -109,6 +109,8 @@ constexpr const char* kSearch = R"json({
           "properties": {"inliers": {"type": "integer"},
             "polygon": {"type": ["array", "null"],
               "items": {"type": "array", "items": {"type": "number"}}}}}},
+      "via": {"type": ["string", "null"],
+        "description": "the hit that this one agrees with, where that raised it (expand)"},
       "metadata": {"type": "object", "additionalProperties": true},
       "explain": {"$ref": "#/components/schemas/Explanation"}}},
   "Size": {"type": "object", "required": ["width", "height"],

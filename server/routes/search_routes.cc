@@ -61,6 +61,9 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
   options.min_score = parameters.Number("min_score").value_or(0);
   options.object = parameters.Text("object");
   options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
+  if (const auto expand = parameters.Integer("expand")) {
+    options.expand = static_cast<int>(*expand);
+  }
   options.max_instances =
       static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
@@ -145,6 +148,10 @@ std::vector<Parameter> SearchParameters() {
                     "how many of the best pictures are verified; 100 unless told, or the square "
                     "root of the collection's size where that is more")
               .Integer(1, kLargestDepth),
+          Parameter("expand",
+                    "how many of the best verified pictures ask in turn, for views that the query "
+                    "alone does not reach; 3 by image and 0 by object unless told")
+              .Integer(0, kMostExpansions),
           Parameter("instances", "how often one object is looked for in the query picture")
               .Integer(1, kMostInstances)
               .Default("4"),
