@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 
 namespace pliant::plot {
@@ -35,8 +36,9 @@ std::vector<double> NiceTicks(double low, double high, int most) {
   const double step = NiceStep(high - low, most);
   const double slack = 1e-6 * step;
   std::vector<double> ticks;
-  for (double i = std::ceil((low - slack) / step); i * step <= high + slack; ++i)
-    ticks.push_back(i * step + 0.0);  // -0 becomes 0
+  const auto first = static_cast<std::int64_t>(std::ceil((low - slack) / step));
+  const auto last = static_cast<std::int64_t>(std::floor((high + slack) / step));
+  for (std::int64_t i = first; i <= last; ++i) ticks.push_back(static_cast<double>(i) * step);
   return ticks;
 }
 

@@ -73,10 +73,10 @@ std::vector<double> XTicks(const LineChart& chart, const Axis& x, double width) 
   const int most = std::max(1, static_cast<int>(width / kTickSpace));
   if (!chart.logarithmic) return NiceTicks(x.low(), x.high(), most);
   std::vector<double> ticks;
-  for (double power = std::pow(10.0, std::floor(std::log10(x.low()))); power <= x.high();
-       power *= 10) {
+  const auto last = static_cast<int>(std::floor(std::log10(x.high())));
+  for (auto power = static_cast<int>(std::floor(std::log10(x.low()))); power <= last; ++power) {
     for (const double factor : {1.0, 2.0, 5.0}) {
-      const double tick = factor * power;
+      const double tick = factor * std::pow(10.0, power);
       if (tick >= x.low() * (1 - 1e-9) && tick <= x.high() * (1 + 1e-9)) ticks.push_back(tick);
     }
   }
