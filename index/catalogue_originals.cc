@@ -69,6 +69,29 @@ std::string AnyOriginalFile(Connection& db) {
   return row.Next() ? ToHex(row.Blob(0)) : "";
 }
 
+std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit) {
+  Cursor row = db.Prepare(
+      files ? "SELECT picture FROM original_files WHERE picture > ? ORDER BY picture LIMIT ?"
+            : "SELECT picture FROM originals WHERE picture > ? ORDER BY picture LIMIT ?");
+  row.Bind(after, limit);
+  std::vector<Key> keys;
+  while (row.Next()) keys.push_back(row.Int(0));
+  return keys;
+}
+
+std::uint64_t CountOriginals(Connection& db, bool files) {
+  return static_cast<std::uint64_t>(
+      db.Scalar(files ? "SELECT count(*) FROM original_files" : "SELECT count(*) FROM originals"));
+}
+
+bool DeleteOriginal(Connection& db, Key picture, bool file) {
+  db.Prepare(file ? "DELETE FROM original_files WHERE picture = ?"
+                  : "DELETE FROM originals WHERE picture = ?")
+      .Bind(picture)
+      .Run();
+  return db.changes() > 0;
+}
+
 std::vector<std::string> DroppedOriginals(Connection& db) {
   std::vector<std::string> hashes;
   Cursor row = db.Prepare("SELECT sha256 FROM dropped_originals");

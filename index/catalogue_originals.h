@@ -33,6 +33,13 @@ bool IsOriginalFile(Connection& db, const std::string& sha256);  // of any pictu
 std::uint64_t CountOriginalFiles(Connection& db);                // different ones
 std::string AnyOriginalFile(Connection& db);                     // hash of one; "" = there is none
 
+// Pictures after `after`, in order of their keys, whose bytes are in the database (`files` false)
+// or in a file. An original has bytes in one place only.
+std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit);
+std::uint64_t CountOriginals(Connection& db, bool files);
+// False = it is not there (any more).
+bool DeleteOriginal(Connection& db, Key picture, bool file);
+
 // Files whose last picture is gone, and which may still be there.
 std::vector<std::string> DroppedOriginals(Connection& db);
 void ForgetDroppedOriginal(Connection& db, const std::string& sha256);

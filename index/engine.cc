@@ -257,6 +257,11 @@ std::vector<std::string> Engine::Check() { return impl_->Check(); }
 
 std::uint64_t Engine::SweepOriginals() { return impl_->SweepOriginals(); }
 
+MoveOriginalsResult Engine::MoveOriginals(const std::filesystem::path& directory,
+                                          const std::function<void(double)>& progress) {
+  return impl_->MoveOriginals(directory, progress);
+}
+
 std::optional<OriginalsRecord> Engine::DescribeOriginals() { return impl_->DescribeOriginals(); }
 
 void Engine::Backup(const std::filesystem::path& target) {

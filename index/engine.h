@@ -278,6 +278,11 @@ struct OriginalsRecord {
   bool owned = false;       // false: it is another database's, as that of a copy is
 };
 
+struct MoveOriginalsResult {
+  std::uint64_t moved = 0;  // pictures whose bytes are now in the place that was named
+  std::uint64_t left = 0;   // whose file is missing or damaged: `Check` names them
+};
+
 struct CollectionRecord {
   std::string name;
   std::uint64_t images = 0;
@@ -353,6 +358,11 @@ class Engine {
   // Removes files of the originals' directory that no picture refers to: what a process left that
   // died while it added. How many. Nothing where the directory is another database's.
   std::uint64_t SweepOriginals();
+  // Makes `directory` (empty: the database) the place of originals, as EngineOptions::originals_dir
+  // does, and moves those there that are stored already, a few in a transaction: also while the
+  // database is in use, and what was cut off goes on when called again. `progress` hears the share.
+  MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
+                                    const std::function<void(double done)>& progress = {});
   std::optional<OriginalsRecord> DescribeOriginals();  // nullopt = all are in the database
   // Online backup to a file that must not exist; written to a temporary name, then renamed. Without
   // the originals' directory: copy that afterwards.

@@ -50,6 +50,8 @@ class Engine::Impl {
   // Originals (engine_originals.cc)
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
   std::uint64_t SweepOriginals();
+  MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
+                                    const std::function<void(double)>& progress);
   std::optional<OriginalsRecord> DescribeOriginals();
 
   // Upkeep (engine.cc)
@@ -95,6 +97,7 @@ class Engine::Impl {
   void TidyOriginals();
   void ForgetOriginal(const std::string& sha256);  // after a failed transaction; never fails
   std::vector<std::string> CheckOriginals();
+  std::optional<OriginalStore> PresentStore(Connection& db);  // where files are at the moment
 
   std::vector<std::string> MostSimilar(const Features& query, const std::string& collection,
                                        const std::string& object, int threads,

@@ -24,6 +24,13 @@ void Engine::Impl::OpenOriginals() {
   transaction.commit();
 }
 
+std::optional<OriginalStore> Engine::Impl::PresentStore(Connection& db) {
+  if (originals_.store() != nullptr) return *originals_.store();
+  const auto row = FindOriginalsDirectory(db);  // another process may have begun to use one
+  if (!row) return std::nullopt;
+  return OriginalStore(row->path);
+}
+
 std::vector<std::uint8_t> Engine::Impl::GetContent(const std::string& collection,
                                                    const std::string& id) {
   std::string directory;
@@ -36,12 +43,7 @@ std::vector<std::uint8_t> Engine::Impl::GetContent(const std::string& collection
       const PictureRow picture = RequirePicture(db, collection, id);
       record = picture.record;
       bytes = ReadOriginal(db, picture.key);
-      if (bytes || !HasOriginalFile(db, picture.key)) return;
-      if (originals_.store() != nullptr) {
-        store = *originals_.store();
-      } else if (const auto row = FindOriginalsDirectory(db)) {  // another process began to use one
-        store.emplace(row->path);
-      }
+      if (!bytes && HasOriginalFile(db, picture.key)) store = PresentStore(db);
     });
     if (bytes) return *std::move(bytes);
     if (!store) {
@@ -107,7 +109,10 @@ std::uint64_t Engine::Impl::SweepOriginals() {
 }
 
 std::vector<std::string> Engine::Impl::CheckOriginals() {
-  const auto check = [&](Connection& db) { return CheckOriginalFiles(db, originals_.store()); };
+  const auto check = [&](Connection& db) {
+    const std::optional<OriginalStore> store = PresentStore(db);
+    return CheckOriginalFiles(db, store ? &*store : nullptr);
+  };
   std::vector<std::string> problems = Read(check);
   if (problems.empty()) return problems;
   // Pictures that were removed while the files were read look as if they had lost theirs; they are

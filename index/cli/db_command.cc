@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant db stats | check | backup | rm
+// pliant db stats | check | backup | originals | rm
 #include <memory>
 
 #include <nlohmann/json.hpp>
@@ -8,6 +8,7 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
+#include "index/cli/progress.h"
 #include "index/text.h"
 
 namespace pliant::cli {
@@ -19,6 +20,7 @@ struct Options {
   EngineOptions engine;
   std::string collection;
   std::filesystem::path backup;
+  std::string place;
   std::vector<std::string> ids;
   std::vector<std::string> objects;
   bool sweep = false;
@@ -130,6 +132,25 @@ ExitStatus Backup(Options& options) {
   return ExitStatus::kDone;
 }
 
+ExitStatus MoveOriginals(Options& options) {
+  Engine engine = OpenEngine(options, Access::kWrite);
+  MoveOriginalsResult result;
+  {
+    Progress progress("moving originals");
+    result = engine.MoveOriginals(ParseOriginalsDir(options.place).value_or(""),
+                                  [&](double done) { progress.Share(done); });
+  }
+  if (options.json) {
+    Print(Json{{"moved", result.moved}, {"left", result.left}}.dump());
+  } else {
+    Print("moved the originals of " + std::to_string(result.moved) + " pictures");
+  }
+  if (result.left == 0) return ExitStatus::kDone;
+  Message("skipped " + std::to_string(result.left) +
+          ": their files are missing or damaged; `pliant db check` names them");
+  return ExitStatus::kSomeSkipped;
+}
+
 ExitStatus Remove(Options& options) {
   if (options.ids.empty() && options.objects.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "nothing_named",
@@ -187,6 +208,9 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                  "also remove files from the originals' directory that no picture has");
   add("backup", "Copy it to a new file, also while it is in use", Backup)
       ->add_option("FILE", options->backup, "the new file")
+      ->required();
+  add("originals", "Move the uploaded files into a directory, or back", MoveOriginals)
+      ->add_option("DIR|database", options->place, "where they shall be from now on")
       ->required();
   CLI::App* remove = add("rm", "Remove images for good", Remove);
   remove->add_option("ID", options->ids, "image ids");

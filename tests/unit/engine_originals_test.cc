@@ -196,6 +196,57 @@ TEST_F(EngineOriginalsTest, TheOptionIsRememberedAndCanBeSwitched) {
               [&] { engine.GetContent("default", "nowhere"); });
 }
 
+TEST_F(EngineOriginalsTest, WhatIsStoredMovesIntoFilesAndBack) {
+  constexpr int kPictures = 11;  // more than a batch
+  {
+    Engine engine(Options({}));
+    engine.CreateCollection("other");
+    for (int i = 1; i <= kPictures; ++i) {
+      Add(engine, static_cast<std::uint64_t>(i), "p" + std::to_string(i));
+    }
+    Add(engine, 1, "shared", "other");
+    EXPECT_EQ(engine.MoveOriginals({}).moved, 0U) << "they are where they shall be";
+  }
+  const auto expect_all = [&](Engine& engine) {
+    for (int i = 1; i <= kPictures; ++i) {
+      EXPECT_EQ(engine.GetContent("default", "p" + std::to_string(i)),
+                RandomPng(static_cast<std::uint64_t>(i)));
+    }
+    EXPECT_EQ(engine.GetContent("other", "shared"), RandomPng(1));
+    EXPECT_THAT(engine.Check(), IsEmpty());
+  };
+  Engine server(Options({}));  // runs all the time
+  {
+    Engine tool(Looking(db_));
+    double share = 0;
+    const auto moved = tool.MoveOriginals(directory_, [&](double done) { share = done; });
+    EXPECT_EQ(moved.moved, kPictures + 1U);
+    EXPECT_EQ(moved.left, 0U);
+    EXPECT_EQ(share, 1);
+    EXPECT_EQ(tool.MoveOriginals(directory_).moved, 0U);
+  }
+  EXPECT_EQ(BytesInDatabase(), 0);
+  EXPECT_EQ(Files(), static_cast<std::size_t>(kPictures)) << "one is shared";
+  expect_all(server);
+  {
+    Engine later(Options({}));
+    expect_all(later);
+    EXPECT_TRUE(later.DescribeOriginals()->owned);
+  }
+  const auto lost = ReadBytes(FileOf(3));
+  fs::remove(FileOf(3));
+  Engine tool(Looking(db_));
+  MoveOriginalsResult back = tool.MoveOriginals({});
+  EXPECT_EQ(back.moved, static_cast<std::uint64_t>(kPictures));
+  EXPECT_EQ(back.left, 1U);
+  testing::WriteBytes(FileOf(3), lost);
+  back = tool.MoveOriginals({});
+  EXPECT_EQ(back.moved, 1U);
+  EXPECT_EQ(Files(), 0U);
+  expect_all(server);
+  expect_all(tool);
+}
+
 TEST_F(EngineOriginalsTest, AMovedDirectoryIsFoundAndAMissingOneRefused) {
   {
     Engine engine(Options(directory_));
