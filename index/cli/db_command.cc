@@ -123,7 +123,7 @@ ExitStatus Backup(Options& options) {
               .dump());
   } else {
     Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
-    if (originals) {
+    if (originals && originals->files > 0) {
       Message("the originals of " + std::to_string(originals->files) +
               " pictures are not in it: copy the directory " + originals->directory.string() +
               " now");

@@ -13,11 +13,13 @@ processor time in proportion; memory with 7.8 kB a picture, which is what bench_
 """
 
 import argparse
+import contextlib
 import json
 import pathlib
 import re
 import resource
 import shutil
+import sqlite3
 import subprocess
 import tempfile
 import urllib.request
@@ -32,6 +34,13 @@ def cpu_of_children():
 
 def bytes_below(folder):
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def vocabulary_bytes(database):
+    """What does not grow with the pictures."""
+    with contextlib.closing(sqlite3.connect(database)) as file:
+        return file.execute("SELECT coalesce(sum(length(data) + length(thresholds)), 0) "
+                            "FROM vocabulary_words").fetchone()[0]
 
 
 def metric(address, name):
@@ -76,7 +85,8 @@ def measure(options, chosen, folder):
         raise SystemExit(index.returncode)
     count = json.loads(index.stdout)["indexed"]
     facts = {"pictures": count, "index_cpu_s": (cpu_of_children() - before) / count}
-    facts["database_bytes"] = database.stat().st_size / count
+    facts["index_mb"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+    facts["database_bytes"] = (database.stat().st_size - vocabulary_bytes(database)) / count
     facts["original_bytes"] = bytes_below(originals) / count
     facts["keypoints"] = json.loads(subprocess.run(
         [options.bin / "pliant", "db", "stats", "--db", database, "--json"], check=True,
@@ -96,7 +106,8 @@ def report(facts):
     print(f"{facts['pictures']} pictures with {facts['keypoints']:.0f} key points on average")
     print(f"  database   {facts['database_bytes'] / 1e3:8.1f} kB a picture")
     print(f"  originals  {facts['original_bytes'] / 1e3:8.1f} kB a picture")
-    print(f"  indexing   {facts['index_cpu_s']:8.2f} processor seconds a picture")
+    print(f"  indexing   {facts['index_cpu_s']:8.2f} processor seconds a picture, "
+          f"{facts['index_mb']:.0f} MB at most")
     print(f"  a search   {facts['search_cpu_s']:8.2f} processor seconds")
     print(f"  server     {facts['empty_mb']:8.0f} MB after the start, {facts['busy_mb']:.0f} MB "
           "after searches")
