@@ -267,7 +267,13 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
       threads.emplace_back(
           [&, c, i, kill] { wrong[i] = Live(server, c + 1000 * kill, stop, known[i], counts); });
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(100 + random() % 900));
+    // Under load, however slow the machine is: after some requests, in the middle of others.
+    const int enough = counts.done + 1 + static_cast<int>(random() % 30);
+    const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+    while (counts.done < enough && std::chrono::steady_clock::now() < latest) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    std::this_thread::sleep_for(std::chrono::microseconds(random() % 30'000));
     server.Signal(SIGKILL);
     EXPECT_EQ(server.Wait(), 128 + SIGKILL);
     stop = true;
