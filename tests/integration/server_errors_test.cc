@@ -70,15 +70,6 @@ struct ErrorCase {
   std::string code, parameter = {};
 };
 
-httplib::Result Send(httplib::Client& client, const ErrorCase& wrong) {
-  httplib::Request request;
-  request.method = wrong.method;
-  request.path = wrong.path;
-  request.body = wrong.body;
-  if (!wrong.type.empty()) request.set_header("Content-Type", wrong.type);
-  return client.send(request);
-}
-
 TEST_F(ServerErrorsTest, Table) {
   const std::string images = kImages;
   const std::string search = kSearch;

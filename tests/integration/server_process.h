@@ -52,4 +52,15 @@ class ServerProcess {
 // it, so that two views of one object are different bytes with the same texture.
 std::string TestPicture(std::uint64_t object_seed, int view = 0, int width = 320, int height = 240);
 
+// Sends a request as a table says it: method, path, body, and type unless it is empty.
+template <typename Row>
+httplib::Result Send(httplib::Client& client, const Row& row) {
+  httplib::Request request;
+  request.method = row.method;
+  request.path = row.path;
+  request.body = row.body;
+  if (!row.type.empty()) request.set_header("Content-Type", row.type);
+  return client.send(request);
+}
+
 }  // namespace pliant::testing

@@ -39,15 +39,6 @@ struct Wrong {
   std::string code;
 };
 
-httplib::Result Send(httplib::Client& client, const Wrong& wrong) {
-  httplib::Request request;
-  request.method = wrong.method;
-  request.path = wrong.path;
-  request.body = wrong.body;
-  if (!wrong.type.empty()) request.set_header("Content-Type", wrong.type);
-  return client.send(request);
-}
-
 class RefusalsTest : public OpenApiTest {
  protected:
   static void ExpectProblem(const httplib::Result& answer, const Wrong& wrong) {
