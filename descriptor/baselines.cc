@@ -10,6 +10,7 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "descriptor/cv_binary.h"
 #include "descriptor/cv_image.h"
 #include "descriptor/error.h"
 
@@ -104,26 +105,20 @@ class Orb : public Descriptor {
     if (level > 0) {
       cv::resize(picture, picture, {scaled(grey.width), scaled(grey.height)}, 0, 0, cv::INTER_AREA);
     }
-    cv::Mat padded;
-    cv::copyMakeBorder(picture, padded, kBorder, kBorder, kBorder, kBorder, cv::BORDER_REFLECT_101);
-
     std::vector<cv::KeyPoint> given;
     given.reserve(rows.size());
     const float kx = static_cast<float>(picture.cols) / static_cast<float>(grey.width);
     const float ky = static_cast<float>(picture.rows) / static_cast<float>(grey.height);
     for (const std::size_t i : rows) {
       const Keypoint& k = keypoints[i];
-      const float x = std::clamp(k.x, 0.0F, static_cast<float>(grey.width - 1));
-      const float y = std::clamp(k.y, 0.0F, static_cast<float>(grey.height - 1));
-      given.emplace_back((x + 0.5F) * kx - 0.5F + kBorder, (y + 0.5F) * ky - 0.5F + kBorder, 31.0F,
-                         k.angle, k.response, 0, static_cast<int>(i));
+      const cv::Point2f place = PlaceInside(k, grey);
+      given.emplace_back((place.x + 0.5F) * kx - 0.5F + kBorder,
+                         (place.y + 0.5F) * ky - 0.5F + kBorder, 31.0F, k.angle, k.response, 0,
+                         static_cast<int>(i));
     }
     cv::Mat described;
-    cv::ORB::create()->compute(padded, given, described);
-    for (std::size_t j = 0; j < given.size(); ++j) {
-      std::memcpy(result.bytes.data() + static_cast<std::size_t>(given[j].class_id) * kDim,
-                  described.ptr(static_cast<int>(j)), kDim);
-    }
+    cv::ORB::create()->compute(WithBorder(picture, kBorder), given, described);
+    TakeRows(described, given, result);
   }
 
   DescriptorInfo info_{

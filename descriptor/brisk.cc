@@ -2,12 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "descriptor/baselines.h"
+#include "descriptor/cv_binary.h"
 #include "descriptor/cv_image.h"
 #include "descriptor/error.h"
 
@@ -29,28 +28,21 @@ class Brisk : public Descriptor {
     const int border = static_cast<int>(std::ceil(kPatternRadius *
                                                   std::min(kSizeFactor * largest, kLargestSize))) +
                        4;
-    cv::Mat padded;
-    cv::copyMakeBorder(ViewAsMat(grey), padded, border, border, border, border,
-                       cv::BORDER_REFLECT_101);
     std::vector<cv::KeyPoint> given;
     given.reserve(keypoints.size());
     for (std::size_t i = 0; i < keypoints.size(); ++i) {
       const Keypoint& k = keypoints[i];
-      const float x = std::clamp(k.x, 0.0F, static_cast<float>(grey.width - 1));
-      const float y = std::clamp(k.y, 0.0F, static_cast<float>(grey.height - 1));
-      given.emplace_back(x + static_cast<float>(border), y + static_cast<float>(border),
+      const cv::Point2f place = PlaceInside(k, grey);
+      given.emplace_back(place.x + static_cast<float>(border), place.y + static_cast<float>(border),
                          std::min(kSizeFactor * k.size, kLargestSize), k.angle, k.response, 0,
                          static_cast<int>(i));
     }
     cv::Mat described;
-    cv::BRISK::create()->compute(padded, given, described);
+    cv::BRISK::create()->compute(WithBorder(ViewAsMat(grey), border), given, described);
     if (given.size() != keypoints.size() || described.cols != kDim) {
       throw Error(ErrorCode::kInternal, "brisk_rows", "OpenCV's BRISK dropped key points");
     }
-    for (std::size_t j = 0; j < given.size(); ++j) {
-      std::memcpy(result.bytes.data() + static_cast<std::size_t>(given[j].class_id) * kDim,
-                  described.ptr(static_cast<int>(j)), kDim);
-    }
+    TakeRows(described, given, result);
     return result;
   }
 
