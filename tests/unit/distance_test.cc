@@ -13,13 +13,8 @@
 #include "descriptor/error.h"
 #include "tests/unit/random_descriptors.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
-
-using testing::PlainDistance;
-using testing::RandomBits;
-using testing::RandomFloats;
-using testing::RandomGrid;
 
 struct Shape {
   std::size_t queries;
@@ -153,4 +148,4 @@ TEST(Distance, NoRowsAreInfinitelyFar) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

@@ -7,20 +7,14 @@
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "tests/unit/engine_fixture.h"
-#include "tests/unit/expect_error.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
-using testing::EngineTest;
-using testing::ExpectError;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::RandomPng;
 
 TEST_F(EngineTest, AnotherModelIsAConflict) {
   { Engine engine(Options()); }
@@ -125,7 +119,7 @@ TEST_F(EngineTest, DamagedPagesNeverCrash) {
     AddMany(engine, 3);
     Train(engine, 20);
   }
-  const std::vector<std::uint8_t> good = testing::ReadBytes(folder_ / "a.db");
+  const std::vector<std::uint8_t> good = ReadBytes(folder_ / "a.db");
   std::mt19937_64 random(17);
   int noticed = 0;
   constexpr int kRounds = 25;
@@ -137,7 +131,7 @@ TEST_F(EngineTest, DamagedPagesNeverCrash) {
     }
     const auto file = folder_ / "damaged.db";
     for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + suffix);
-    testing::WriteBytes(file, damaged);
+    WriteBytes(file, damaged);
     EngineOptions options = Options();
     options.database = file;
     try {
@@ -151,4 +145,4 @@ TEST_F(EngineTest, DamagedPagesNeverCrash) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

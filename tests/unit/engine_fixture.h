@@ -10,9 +10,11 @@
 #include <utility>
 #include <vector>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "index/engine.h"
+#include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant::testing {

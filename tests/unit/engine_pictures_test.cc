@@ -6,22 +6,15 @@
 #include <string>
 #include <vector>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "descriptor/sha256.h"
 #include "tests/unit/engine_fixture.h"
-#include "tests/unit/expect_error.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
 using ::testing::ElementsAre;
-using testing::EngineTest;
-using testing::ExpectError;
 using ::testing::IsEmpty;
 using ::testing::Not;
-using testing::RandomPng;
 
 TEST_F(EngineTest, ANewPictureIsStoredWithAllThatIsKnownOfIt) {
   Engine engine(Options());
@@ -140,7 +133,7 @@ TEST_F(EngineTest, DeletedBytesLeaveTheFile) {
   const std::vector<std::uint8_t> png = RandomPng(7);
   const auto occurs = [&] {
     for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
-      const std::vector<std::uint8_t> file = testing::ReadBytes(entry.path());
+      const std::vector<std::uint8_t> file = ReadBytes(entry.path());
       const auto probe = std::vector<std::uint8_t>(png.begin() + 100, png.begin() + 200);
       if (std::search(file.begin(), file.end(), probe.begin(), probe.end()) != file.end())
         return true;
@@ -222,4 +215,4 @@ TEST_F(EngineTest, CollectionsKeepApart) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

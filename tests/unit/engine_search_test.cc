@@ -1,22 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Searching.
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/unit/engine_fixture.h"
-#include "tests/unit/expect_error.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
 using ::testing::ElementsAre;
-using testing::EngineTest;
-using testing::ExpectError;
 using ::testing::IsEmpty;
-using testing::OtherViewPng;
-using testing::RandomPng;
 
 TEST_F(EngineTest, AnOtherViewFindsItsObject) {
   Engine engine(Options());
@@ -138,4 +129,4 @@ TEST_F(EngineTest, BinaryDescriptorsWorkAlike) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

@@ -7,20 +7,14 @@
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "tests/unit/engine_fixture.h"
-#include "tests/unit/expect_error.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
-using testing::EngineTest;
-using testing::ExpectError;
 using ::testing::IsEmpty;
 using ::testing::Not;
-using testing::RandomPng;
 
 TEST_F(EngineTest, ManyThreadsAddRemoveAndSearch) {
   Engine engine(Options());
@@ -107,4 +101,4 @@ TEST_F(EngineTest, ALockedDatabaseIsUnavailableAfterTheTimeout) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

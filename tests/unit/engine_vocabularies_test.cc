@@ -4,19 +4,12 @@
 #include <stop_token>
 #include <vector>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/unit/engine_fixture.h"
-#include "tests/unit/expect_error.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
 
-using testing::EngineTest;
-using testing::ExpectError;
 using ::testing::IsEmpty;
-using testing::RandomPng;
 
 TEST_F(EngineTest, VocabulariesAreVersionsAndSwitch) {
   Engine engine(Options());
@@ -99,4 +92,4 @@ TEST_F(EngineTest, ACancelledTrainingLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

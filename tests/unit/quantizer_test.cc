@@ -10,13 +10,8 @@
 #include "descriptor/error.h"
 #include "tests/unit/random_descriptors.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
-
-using testing::PlainDistance;
-using testing::RandomBits;
-using testing::RandomFloats;
-using testing::RandomGrid;
 
 std::shared_ptr<const Vocabulary> MakeVocabulary(Descriptors words) {
   auto vocabulary = std::make_shared<Vocabulary>();
@@ -111,4 +106,4 @@ TEST(Bow, CountsWords) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

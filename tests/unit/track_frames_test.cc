@@ -9,20 +9,10 @@
 #include "descriptor/error.h"
 #include "index/tracking/pipeline.h"
 #include "index/tracking/track_picture.h"
-#include "tests/unit/bent_pictures.h"
-#include "tests/unit/expect_error.h"
 #include "tests/unit/tracker_fixture.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
-
-using testing::Bend;
-using testing::BentPicture;
-using testing::ExpectError;
-using testing::kHeight;
-using testing::kWidth;
-using testing::MakeTracker;
-using testing::Template;
 
 // A source of bent frames that fails, if asked to, instead of giving frame `fails_at`.
 class BentFrames : public FrameSource {
@@ -108,4 +98,4 @@ TEST(ContactSheet, KeepsFewOfManyFrames) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

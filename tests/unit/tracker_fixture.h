@@ -5,6 +5,7 @@
 
 #include "index/tracking/tracker.h"
 #include "tests/unit/bent_pictures.h"
+#include "tests/unit/expect_error.h"
 
 namespace pliant::testing {
 

@@ -7,20 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/error.h"
-#include "tests/unit/bent_pictures.h"
-#include "tests/unit/expect_error.h"
 #include "tests/unit/tracker_fixture.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
-
-using testing::Bend;
-using testing::BentPicture;
-using testing::ExpectError;
-using testing::kHeight;
-using testing::kWidth;
-using testing::MakeTracker;
-using testing::Template;
 
 double MeanError(const Location& location, const Bend& bend, const TemplateBox& box) {
   double sum = 0;
@@ -154,4 +144,4 @@ TEST(Tracker, RefusesTemplatesThatCannotWork) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing

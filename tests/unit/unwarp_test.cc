@@ -9,15 +9,8 @@
 #include "tests/unit/bent_pictures.h"
 #include "tests/unit/tracker_fixture.h"
 
-namespace pliant {
+namespace pliant::testing {
 namespace {
-
-using testing::Bend;
-using testing::BentPicture;
-using testing::kHeight;
-using testing::kWidth;
-using testing::MakeTracker;
-using testing::Template;
 
 TEST(Unwarp, LaysTheBentObjectFlat) {
   const Tracker tracker = MakeTracker();
@@ -62,4 +55,4 @@ TEST(Unwarp, KnowsWhatItHasNotSeen) {
 }
 
 }  // namespace
-}  // namespace pliant
+}  // namespace pliant::testing
