@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Directories of originals looked after: moved, swept, copied, backed up.
+#include <gmock/gmock.h>
+
+#include "index/original_store.h"
+#include "tests/unit/expect_error.h"
+#include "tests/unit/originals_fixture.h"
+
+namespace pliant::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::IsEmpty;
+
+TEST_F(EngineOriginalsTest, WhatIsStoredMovesIntoFilesAndBack) {
+  constexpr int kPictures = 11;  // more than a batch
+  {
+    Engine engine(Options({}));
+    engine.CreateCollection("other");
+    for (int i = 1; i <= kPictures; ++i) {
+      Add(engine, static_cast<std::uint64_t>(i), "p" + std::to_string(i));
+    }
+    Add(engine, 1, "shared", "other");
+    EXPECT_EQ(engine.MoveOriginals({}).moved, 0U) << "they are where they shall be";
+  }
+  const auto expect_all = [&](Engine& engine) {
+    for (int i = 1; i <= kPictures; ++i) {
+      EXPECT_EQ(engine.GetContent("default", "p" + std::to_string(i)),
+                RandomPng(static_cast<std::uint64_t>(i)));
+    }
+    EXPECT_EQ(engine.GetContent("other", "shared"), RandomPng(1));
+    EXPECT_THAT(engine.Check(), IsEmpty());
+  };
+  Engine server(Options({}));  // runs all the time
+  {
+    Engine tool(Looking(db_));
+    double share = 0;
+    const auto moved = tool.MoveOriginals(directory_, [&](double done) { share = done; });
+    EXPECT_EQ(moved.moved, kPictures + 1U);
+    EXPECT_EQ(moved.left, 0U);
+    EXPECT_EQ(share, 1);
+    EXPECT_EQ(tool.MoveOriginals(directory_).moved, 0U);
+  }
+  EXPECT_EQ(BytesInDatabase(), 0);
+  EXPECT_EQ(Files(), static_cast<std::size_t>(kPictures)) << "one is shared";
+  expect_all(server);
+  {
+    Engine later(Options({}));
+    expect_all(later);
+    EXPECT_TRUE(later.DescribeOriginals()->owned);
+  }
+  const auto lost = ReadBytes(FileOf(3));
+  fs::remove(FileOf(3));
+  Engine tool(Looking(db_));
+  MoveOriginalsResult back = tool.MoveOriginals({});
+  EXPECT_EQ(back.moved, static_cast<std::uint64_t>(kPictures));
+  EXPECT_EQ(back.left, 1U);
+  WriteBytes(FileOf(3), lost);
+  back = tool.MoveOriginals({});
+  EXPECT_EQ(back.moved, 1U);
+  EXPECT_EQ(Files(), 0U);
+  expect_all(server);
+  expect_all(tool);
+}
+
+TEST_F(EngineOriginalsTest, AMovedDirectoryIsFoundAndAMissingOneRefused) {
+  {
+    Engine engine(Options(directory_));
+    Add(engine, 1, "one");
+  }
+  const fs::path elsewhere = folder_ / "elsewhere";
+  ExpectError(ErrorCode::kNotFound, "originals_missing", [&] { Engine e(Options(elsewhere)); });
+  fs::rename(directory_, elsewhere);
+  ExpectError(ErrorCode::kNotFound, "originals_missing", [&] { Engine e(Options({})); });
+  fs::create_directory(directory_);  // as a mount point without its disk
+  ExpectError(ErrorCode::kNotFound, "originals_missing", [&] { Engine e(Options({})); });
+  {
+    Engine engine(Options(elsewhere));
+    EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
+  }
+  Engine engine(Options({}));
+  EXPECT_EQ(engine.DescribeOriginals()->directory, elsewhere);
+  EXPECT_THAT(engine.Check(), IsEmpty());
+  ExpectError(ErrorCode::kNotFound, "no_such_directory",
+              [&] { Engine e(Options(folder_ / "no" / "where")); });
+}
+
+TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
+  Engine engine(Options(directory_));
+  Add(engine, 1, "one");
+  const std::string orphan(64, 'e');
+  fs::create_directory(directory_ / "ee");
+  WriteText(directory_ / "ee" / orphan, "renamed, never committed");
+  WriteText(directory_ / "incoming" / "dead", "half a pic");
+  WriteText(directory_ / "ee" / "README", "somebody's");
+  WriteText(directory_ / "notes.txt", "somebody's");
+  const IncomingOriginal living(directory_, std::string(64, 'f'), RandomPng(9));
+  EXPECT_THAT(engine.Check(), IsEmpty()) << "a file too many harms nobody";
+  EXPECT_EQ(engine.SweepOriginals(), 2U);
+  EXPECT_FALSE(fs::exists(directory_ / "ee" / orphan));
+  EXPECT_TRUE(fs::exists(directory_ / "ee" / "README"));
+  EXPECT_TRUE(fs::exists(directory_ / "notes.txt"));
+  EXPECT_EQ(Files(), 4U) << "one, the two of somebody, and the one that is being written";
+  EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
+  EXPECT_EQ(engine.SweepOriginals(), 0U);
+}
+
+TEST_F(EngineOriginalsTest, ARemovalThatWasCutOffIsFinished) {
+  {
+    Engine engine(Options(directory_));
+    Add(engine, 1, "one");
+    Add(engine, 2, "two");
+  }
+  {  // committed, and killed before the file was removed
+    SQLite::Database db(db_.string(), SQLite::OPEN_READWRITE);
+    db.exec("PRAGMA foreign_keys = ON; DELETE FROM pictures WHERE id = 'one'");
+  }
+  EXPECT_TRUE(fs::exists(FileOf(1)));
+  Engine tool(Looking(db_));
+  EXPECT_THAT(tool.Check(), IsEmpty());
+  EXPECT_FALSE(fs::exists(FileOf(1)));
+  EXPECT_TRUE(fs::exists(FileOf(2)));
+}
+
+// What `cp a.db` and a backup are: they name a directory that is not theirs.
+TEST_F(EngineOriginalsTest, ACopyOfTheDatabaseTakesNothingFromTheOriginal) {
+  const fs::path copy = folder_ / "copy.db";
+  Engine engine(Options(directory_));
+  Add(engine, 1, "one");
+  engine.Backup(copy);
+  Add(engine, 2, "two");
+  {
+    Engine tool(Looking(copy));
+    EXPECT_THAT(tool.Check(), IsEmpty()) << "its picture's file is there";
+    EXPECT_FALSE(tool.DescribeOriginals()->owned);
+    EXPECT_EQ(tool.SweepOriginals(), 0U);
+    EXPECT_TRUE(tool.Remove("default", "one"));
+  }
+  EngineOptions other = Options({});
+  other.database = copy;
+  ExpectError(ErrorCode::kConflict, "originals_foreign", [&] { Engine e(other); });
+  other.database = folder_ / "new.db";
+  other.originals_dir = directory_;
+  ExpectError(ErrorCode::kConflict, "originals_foreign", [&] { Engine e(other); });
+  EXPECT_EQ(Files(), 2U);
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+TEST_F(EngineOriginalsTest, ABackupAndACopyOfTheDirectoryAreTheWhole) {
+  const fs::path saved = folder_ / "saved";
+  fs::create_directory(saved);
+  {
+    Engine engine(Options(directory_));
+    Add(engine, 1, "one");
+    Add(engine, 2, "two");
+    engine.Backup(saved / "a.db");
+    fs::copy(directory_, saved / "originals", fs::copy_options::recursive);
+    Add(engine, 3, "later");
+    engine.Remove("default", "one");
+  }
+  EngineOptions looking = Looking(saved / "a.db");
+  looking.originals_dir = saved / "originals";
+  EXPECT_THAT(Engine(looking).Check(), IsEmpty());
+  // Everything is lost and put back.
+  fs::remove_all(directory_);
+  for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(db_.string() + suffix);
+  fs::copy_file(saved / "a.db", db_);
+  fs::copy(saved / "originals", directory_, fs::copy_options::recursive);
+  Engine engine(Options({}));
+  EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
+  EXPECT_EQ(engine.GetContent("default", "two"), RandomPng(2));
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace pliant::testing
