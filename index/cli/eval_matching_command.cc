@@ -6,6 +6,7 @@
 #include "descriptor/evaluation/matching_benchmark.h"
 #include "descriptor/evaluation/report_plot.h"
 #include "index/cli/command.h"
+#include "index/cli/eval_files.h"
 #include "index/cli/eval_matching_output.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -21,8 +22,7 @@ struct Options {
   std::filesystem::path folder;
   std::string layout = "auto";
   std::vector<std::string> descriptors;
-  std::filesystem::path csv;
-  std::filesystem::path plot;
+  EvalFiles files;
   bool json = false;
 };
 
@@ -33,7 +33,7 @@ std::string SetName(const std::filesystem::path& folder) {
 }
 
 ExitStatus Run(Options& options) {
-  if (!options.plot.empty()) CheckPictureName(options.plot);
+  CheckEvalFiles(options.files);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
   const evaluation::Dataset dataset =
@@ -48,9 +48,9 @@ ExitStatus Run(Options& options) {
     };
     report = evaluation::RunMatchingBenchmark(dataset, options.matching);
   }
-  if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
-  if (!options.plot.empty()) {
-    WritePicture(options.plot,
+  if (!options.files.csv.empty()) WriteFile(options.files.csv, MatchingReportCsv(report));
+  if (!options.files.plot.empty()) {
+    WritePicture(options.files.plot,
                  evaluation::PlotMatchingReport(report, "Matching: " + SetName(options.folder)));
   }
   if (options.matching.pairs > report.pairs) {
@@ -106,9 +106,8 @@ void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
       "matching", "Compare descriptors at the same key points of pictures with known truth");
   app->add_option("DIR", options->folder, "the data set")->required();
   AddSelectionFlags(*app, *options);
-  app->add_option("--csv", options->csv, "write the tables to this file")->type_name("FILE");
-  app->add_option("--plot", options->plot, "draw the tables: bars, and curves of a sweep")
-      ->type_name("OUT.png");
+  AddEvalFileFlags(*app, options->files, "write the tables to this file",
+                   "draw the tables: bars, and curves of a sweep");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -5,6 +5,7 @@
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/eval_files.h"
 #include "index/cli/eval_retrieval_output.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -23,8 +24,7 @@ struct Options {
   RetrievalLayout layout = RetrievalLayout::kAuto;
   std::vector<fs::path> distractors;
   std::vector<fs::path> peers;
-  fs::path csv;
-  fs::path plot;
+  EvalFiles files;
   bool json = false;
   bool list = false;
 };
@@ -49,7 +49,7 @@ class Steps {
 };
 
 ExitStatus Run(Options& options) {
-  if (!options.plot.empty()) CheckPictureName(options.plot);
+  CheckEvalFiles(options.files);
   const RetrievalSet set = ReadRetrievalSet(options.folder, options.layout, options.distractors);
   if (options.list) {
     for (const SkippedFile& file : set.skipped)
@@ -71,8 +71,8 @@ ExitStatus Run(Options& options) {
   for (const SkippedFile& file : report.skipped) {
     Message("skipped " + file.file + ": " + file.reason);
   }
-  if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
-  if (!options.plot.empty()) WritePicture(options.plot, PlotRetrievalReport(report));
+  if (!options.files.csv.empty()) WriteFile(options.files.csv, RetrievalReportCsv(report));
+  if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotRetrievalReport(report));
   Print(options.json ? RetrievalReportJson(report) : RetrievalReportText(report));
   return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
@@ -146,8 +146,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
          "more than once")
       ->allow_extra_args(false)
       ->type_name("FILE");
-  app->add_option("--csv", options->csv, "write the table to this file")->type_name("FILE");
-  app->add_option("--plot", options->plot, "draw accuracy over K")->type_name("OUT.png");
+  AddEvalFileFlags(*app, options->files, "write the table to this file", "draw accuracy over K");
   app->add_flag("--list", options->list,
                 "measure nothing; print which pictures would be asked for and searched, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");

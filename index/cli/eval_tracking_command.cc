@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "index/cli/command.h"
+#include "index/cli/eval_files.h"
 #include "index/cli/eval_tracking_output.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -18,13 +19,12 @@ namespace {
 struct Options {
   TrackingBenchmarkOptions benchmark;
   std::filesystem::path folder;
-  std::filesystem::path csv;
-  std::filesystem::path plot;
+  EvalFiles files;
   bool json = false;
 };
 
 ExitStatus Run(Options& options) {
-  if (!options.plot.empty()) CheckPictureName(options.plot);
+  CheckEvalFiles(options.files);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
   TrackingReport report;
@@ -36,8 +36,8 @@ ExitStatus Run(Options& options) {
     };
     report = RunTrackingBenchmark(sequences, options.benchmark);
   }
-  if (!options.csv.empty()) WriteFile(options.csv, TrackingReportCsv(report));
-  if (!options.plot.empty()) WritePicture(options.plot, PlotTrackingReport(report));
+  if (!options.files.csv.empty()) WriteFile(options.files.csv, TrackingReportCsv(report));
+  if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotTrackingReport(report));
   Print(options.json ? TrackingReportJson(report) : TrackingReportText(report));
   return ExitStatus::kDone;
 }
@@ -73,8 +73,8 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  app->add_option("--csv", options->csv, "write a row a frame and descriptor")->type_name("FILE");
-  app->add_option("--plot", options->plot, "draw the figures over time")->type_name("OUT.png");
+  AddEvalFileFlags(*app, options->files, "write a row a frame and descriptor",
+                   "draw the figures over time");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -11,9 +11,16 @@
 #include "descriptor/error.h"
 
 namespace pliant::cli {
+namespace {
+
+std::filesystem::path TemporaryBeside(const std::filesystem::path& path) {
+  return path.string() + ".new-" + std::to_string(::getpid());
+}
+
+}  // namespace
 
 void WriteFile(const std::filesystem::path& path, std::span<const std::string_view> parts) {
-  const std::filesystem::path temporary = path.string() + ".new-" + std::to_string(::getpid());
+  const std::filesystem::path temporary = TemporaryBeside(path);
   std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
   for (const std::string_view part : parts)
     file.write(part.data(), static_cast<std::streamsize>(part.size()));
@@ -30,6 +37,19 @@ void WriteFile(const std::filesystem::path& path, std::span<const std::string_vi
 
 void WriteFile(const std::filesystem::path& path, std::string_view content) {
   WriteFile(path, {&content, 1});
+}
+
+void CheckWritable(const std::filesystem::path& path) {
+  std::error_code ignored;
+  bool writable = false;
+  if (!std::filesystem::is_directory(path, ignored)) {
+    const std::filesystem::path temporary = TemporaryBeside(path);
+    writable = std::ofstream(temporary, std::ios::binary | std::ios::trunc).is_open();
+    std::filesystem::remove(temporary, ignored);
+  }
+  if (writable) return;
+  throw Error(ErrorCode::kNoSpace, "write_failed",
+              path.string() + " cannot be written; is the folder there and writable?");
 }
 
 }  // namespace pliant::cli

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// `pliant eval retrieval`: forms of its output, exit statuses.
+// `pliant eval retrieval`: forms of its output, exit statuses; what every `pliant eval` refuses.
 #include <algorithm>
 #include <sstream>
 
@@ -13,7 +13,6 @@ namespace pliant::testing {
 namespace {
 
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using Json = nlohmann::json;
 
@@ -144,6 +143,33 @@ TEST_F(EvalRetrievalTest, SkippedPicturesAreNamed) {
   ASSERT_THAT(result.json()["skipped"], SizeIs(1));
   EXPECT_THAT(result.json()["skipped"][0]["file"].get<std::string>(), HasSubstr("o1/broken.jpg"));
   EXPECT_EQ(result.json()["pictures"], 5);
+}
+
+// Of two things that are wrong, the file is told: it was looked at before any work.
+TEST_F(EvalRetrievalTest, FilesThatCannotBeWrittenAreRefusedBeforeTheWork) {
+  std::filesystem::create_directory(folder_ / "taken.png");
+  for (const std::string command : {"matching", "retrieval", "tracking"}) {
+    for (const std::string flag : {"--csv", "--plot"}) {
+      for (const std::string& file :
+           {Path("nowhere/t.png"), Path("taken.png"), std::string("/dev/null/t.png")}) {
+        SCOPED_TRACE(command + " " + flag + " " + file);
+        const ProgramResult refused =
+            RunProgram({"eval", command, Path("absent"), flag, file, "--json"});
+        EXPECT_EQ(refused.status, 1);
+        EXPECT_EQ(refused.json()["error"]["code"], "write_failed");
+        EXPECT_THAT(refused.err, HasSubstr(file));
+      }
+    }
+    const ProgramResult writable = RunProgram({"eval", command, Path("absent"), "--csv",
+                                               Path("t.csv"), "--plot", Path("t.png"), "--json"});
+    EXPECT_EQ(writable.status, 1);
+    EXPECT_NE(writable.json()["error"]["code"], "write_failed");
+  }
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path()))
+    left.push_back(entry.path().filename());
+  EXPECT_THAT(left, ::testing::UnorderedElementsAre("set", "taken.png"))
+      << "looking leaves nothing";
 }
 
 TEST_F(EvalRetrievalTest, WrongUsageAndBadFolders) {
