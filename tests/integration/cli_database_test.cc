@@ -1,0 +1,119 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The command line on databases: what is wrong with them, their vocabularies, looking after them.
+#include <algorithm>
+
+#include <gmock/gmock.h>
+
+#include "tests/integration/cli_fixture.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
+  const ProgramResult missing = RunProgram({"query", "nowhere.png", "--db", db_, "--json"});
+  EXPECT_EQ(missing.status, 1);
+  EXPECT_EQ(missing.json()["error"]["code"], "cannot_read");
+  EXPECT_THAT(missing.err, HasSubstr("nowhere.png"));
+  WriteBytes(folder_ / "q.png", RandomPng(1));
+  const std::string q = (folder_ / "q.png").string();
+  EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
+            "database_not_found");
+  EXPECT_FALSE(std::filesystem::exists(db_));
+  WriteText(db_, "not a database at all");
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"query", q, "--db", db_, "--json"},
+           {"index", folder_.path().string(), "--db", db_, "--json", "--descriptor", "orb"},
+           {"db", "check", "--db", db_, "--json"}}) {
+    const ProgramResult foreign = RunProgram(arguments);
+    EXPECT_EQ(foreign.status, 1);
+    EXPECT_EQ(foreign.json()["error"]["code"], "not_a_database");
+  }
+  std::filesystem::remove(db_);
+  EXPECT_EQ(RunProgram({"index", "/nowhere/at/all", "--db", db_}).status, 1);
+  std::filesystem::create_directory(folder_ / "empty");
+  const ProgramResult empty = RunProgram(
+      {"index", (folder_ / "empty").string(), "--db", db_, "--descriptor", "orb", "--json"});
+  EXPECT_EQ(empty.status, 0);
+  EXPECT_EQ(empty.json()["indexed"], 0);
+  EXPECT_TRUE(empty.json()["vocabulary"].is_null());
+  EXPECT_THAT(empty.err, HasSubstr("no pictures"));
+  EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
+            "no_vocabulary");
+  WriteObjects(1);
+  const ProgramResult mismatch = Index();
+  EXPECT_EQ(mismatch.status, 1);
+  EXPECT_EQ(mismatch.json()["error"]["code"], "model_mismatch");
+  EXPECT_EQ(RunProgram({"index", objects_, "--db", db_, "--descriptor", "nonsense"}).status, 2);
+}
+
+TEST_F(CliTest, VocabulariesFromTheCommandLine) {
+  WriteObjects(5);
+  ASSERT_EQ(Index().status, 0);
+  const ProgramResult trained = RunProgram(
+      {"vocab", "train", "--db", db_, "--words", "20", "--sample", "300", "--seed", "9", "--json"});
+  ASSERT_EQ(trained.status, 0) << trained.err;
+  EXPECT_EQ(trained.json()["words"], 20);
+  EXPECT_EQ(trained.json()["active"], false);
+  EXPECT_EQ(trained.json()["origin"]["seed"], 9);
+  EXPECT_EQ(trained.json()["origin"]["sampled"], 300);
+  EXPECT_EQ(Query(2)["vocabulary"], 1);
+  ASSERT_EQ(RunProgram({"vocab", "use", "2", "--db", db_}).status, 0);
+  EXPECT_EQ(Query(2)["vocabulary"], 2);
+  EXPECT_EQ(Query(2)["words"], 20);
+  const Json list = RunProgram({"vocab", "--json", "list", "--db", db_}).json()["vocabularies"];
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0]["active"], false);
+  EXPECT_EQ(list[1]["active"], true);
+  EXPECT_THAT(RunProgram({"vocab", "list", "--db", db_}).out, HasSubstr("in use"));
+  EXPECT_EQ(RunProgram({"vocab", "use", "7", "--db", db_}).status, 1);
+  EXPECT_EQ(RunProgram({"vocab", "train", "--words", "301", "--sample", "300", "--db", db_}).status,
+            2);
+  EXPECT_EQ(RunProgram({"db", "check", "--db", db_}).out, "ok\n");
+}
+
+TEST_F(CliTest, LookingAfterADatabase) {
+  WriteObjects(5);
+  ASSERT_EQ(Index().status, 0);
+  Json stats = RunProgram({"db", "stats", "--db", db_, "--json"}).json();
+  EXPECT_EQ(stats["images"], 5);
+  EXPECT_EQ(stats["objects"], 5);
+  EXPECT_EQ(stats["descriptor"], "rootsift");
+  EXPECT_GT(stats["index_bytes"], 0);
+  EXPECT_EQ(stats["vocabulary"]["id"], 1);
+  EXPECT_THAT(RunProgram({"db", "stats", "--db", db_}).out, HasSubstr("images       5"));
+
+  const std::string copy = (folder_ / "copy.db").string();
+  const ProgramResult backup = RunProgram({"db", "backup", copy, "--db", db_, "--json"});
+  EXPECT_EQ(backup.status, 0) << backup.err;
+  EXPECT_EQ(backup.json()["bytes"], std::filesystem::file_size(copy));
+  EXPECT_EQ(RunProgram({"db", "backup", copy, "--db", db_}).status, 1);
+  EXPECT_EQ(RunProgram({"db", "check", "--db", copy, "--json"}).json(),
+            (Json{{"ok", true}, {"problems", Json::array()}}));
+
+  const std::string id = Query(3)["hits"][0]["image_id"];
+  const ProgramResult removed = RunProgram({"db", "rm", id, "nobody", "--db", db_, "--json"});
+  EXPECT_EQ(removed.status, 3);
+  EXPECT_EQ(removed.json(), (Json{{"removed", 1}, {"missing", {"nobody"}}}));
+  EXPECT_NE(Query(3)["hits"][0]["image_id"], id);
+  EXPECT_EQ(RunProgram({"db", "rm", "--object", "o1", "--db", db_}).status, 0);
+  EXPECT_EQ(RunProgram({"db", "rm", "--db", db_}).status, 2);
+  EXPECT_EQ(RunProgram({"db", "stats", "--db", db_, "--json"}).json()["images"], 3);
+
+  // A byte in the middle of some picture's features.
+  std::vector<std::uint8_t> bytes = ReadBytes(copy);
+  const std::string magic = "PLFT";
+  const auto at = std::search(bytes.begin(), bytes.end(), magic.begin(), magic.end());
+  ASSERT_NE(at, bytes.end());
+  at[40] ^= 1;
+  WriteBytes(copy, bytes);
+  const ProgramResult broken = RunProgram({"db", "check", "--db", copy, "--json"});
+  EXPECT_EQ(broken.status, 1);
+  EXPECT_EQ(broken.json()["ok"], false);
+  EXPECT_THAT(broken.json()["problems"][0].get<std::string>(), HasSubstr("checksum"));
+}
+
+}  // namespace
+}  // namespace pliant::testing
