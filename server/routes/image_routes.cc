@@ -53,9 +53,7 @@ Response Remove(Service& service, const Request& request) {
   return {.status = 204};
 }
 
-}  // namespace
-
-void AddImageRoutes(Service& service, std::vector<Route>& routes) {
+void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back(
       {.name = "images.create",
        .method = "POST",
@@ -89,6 +87,9 @@ void AddImageRoutes(Service& service, std::vector<Route>& routes) {
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return Add(service, request, parameters, request.captures.at("id"));
                     }});
+}
+
+void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.list",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images",
@@ -123,6 +124,13 @@ void AddImageRoutes(Service& service, std::vector<Route>& routes) {
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Remove(service, request);
                     }});
+}
+
+}  // namespace
+
+void AddImageRoutes(Service& service, std::vector<Route>& routes) {
+  AddUploadRoutes(service, routes);
+  AddStoredImageRoutes(service, routes);
 }
 
 }  // namespace pliant::server
