@@ -16,13 +16,6 @@ namespace {
 
 constexpr std::size_t kMaxPathBytes = 2048;
 constexpr std::size_t kLoggedPathBytes = 256;
-constexpr std::size_t kMaxParts = 64;
-constexpr std::size_t kMaxBatchParts = 1000;       // of a route that takes many pictures
-constexpr std::size_t kMaxFieldBytes = 64 * 1024;  // of a form field that is not the picture
-
-std::size_t MaxParts(const Route& route) {
-  return route.body == BodyKind::kImages ? kMaxBatchParts : kMaxParts;
-}
 
 bool IsRequestId(const std::string& id) {
   return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
@@ -187,82 +180,6 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
   request_.has_body = false;
   RunHandler(answer);
   return complete_ = true;
-}
-
-void Exchange::ReserveBody(std::size_t bytes) {
-  reserved_bytes_ += bytes;
-  if (shared_.inflight_bytes.fetch_add(bytes) + bytes > shared_.max_inflight_bytes) {
-    throw ProblemError("busy", "Too many uploads at the moment. Try again shortly.").RetryAfter(2);
-  }
-}
-
-void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response& answer) {
-  try {
-    if (request_.is_multipart()) {
-      ReadMultipart(reader);
-    } else {
-      ReadPlain(reader);
-    }
-    must_close_ = false;
-  } catch (...) {
-    AnswerProblem(CurrentProblem(), answer);
-    return;
-  }
-  RunHandler(answer);
-}
-
-void Exchange::ReadPlain(const httplib::ContentReader& reader) {
-  bool too_large = false;
-  const bool whole = reader([&](const char* data, std::size_t size) {
-    too_large = request_.body.size() + size > shared_.max_body_bytes;
-    if (too_large) return false;
-    ReserveBody(size);
-    request_.body.append(data, size);
-    return true;
-  });
-  if (!whole) ThrowBodyFault(too_large, false);
-}
-
-void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
-  bool too_large = false;
-  bool too_many = false;
-  std::size_t total = 0;
-  const bool whole = reader(
-      [&](const httplib::MultipartFormData& part) {
-        too_many = request_.parts.size() == MaxParts(*route_);
-        if (too_many) return false;
-        request_.parts.push_back({part.name, part.filename, part.content_type, {}});
-        return true;
-      },
-      [&](const char* data, std::size_t size) {
-        Part& part = request_.parts.back();
-        total += size;
-        too_large = total > shared_.max_body_bytes ||
-                    (part.name != "image" && part.content.size() + size > kMaxFieldBytes);
-        if (too_large) return false;
-        ReserveBody(size);
-        part.content.append(data, size);
-        return true;
-      });
-  if (!whole) ThrowBodyFault(too_large, too_many);
-}
-
-void Exchange::ThrowBodyFault(bool too_large, bool too_many_parts) const {
-  if (too_many_parts) {
-    throw ProblemError("bad_request",
-                       fmt::format("The form has more than {} parts.", MaxParts(*route_)));
-  }
-  if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
-    throw ProblemError("body_too_large",
-                       fmt::format("A body may have {} bytes, and a form field {}.",
-                                   shared_.max_body_bytes, kMaxFieldBytes));
-  }
-  if (connection_.fault() == Connection::Fault::kTimeout) {
-    throw ProblemError("request_timeout", "The body did not arrive in time.");
-  }
-  throw ProblemError("bad_request", request_.is_multipart()
-                                        ? "The multipart/form-data body is damaged or incomplete."
-                                        : "The body is damaged or incomplete.");
 }
 
 void Exchange::RunHandler(httplib::Response& answer) {
