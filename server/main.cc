@@ -4,7 +4,7 @@
 
 #include "descriptor/quiet_decoders.h"
 #include "server/auth/keys_command.h"
-#include "server/options.h"
+#include "server/command_line.h"
 #include "server/service.h"
 
 int main(int argc, char** argv) {

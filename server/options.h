@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What an operator can set: flags, environment, configuration file, in that order of precedence.
+// What an operator can set, and what that means for the parts of the server. The flags are in
+// command_line.
 #pragma once
 
 #include <cstdint>
@@ -53,21 +54,9 @@ struct ServerOptions {
   std::string cors_origins;  // "https://a.example,https://b.example", "*"; empty = none
 };
 
-struct ParsedCommandLine {
-  ServerOptions options;
-  bool finished = false;  // help, version or a wrong flag: the program ends with exit_status
-  int exit_status = 0;
-};
-
 // Throws Error kInvalidArgument naming the flag: a directory that is none, a certificate without
 // key, an origin that cannot be one.
 void CheckOptions(const ServerOptions& options);
-
-// Prints help, version or what is wrong (exit status 2).
-ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
-
-// The help text, for the test that compares it with the documentation.
-std::string HelpText();
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);

@@ -10,9 +10,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/command_line.h"
 #include "server/openapi/document.h"
 #include "server/openapi/route_codes.h"
-#include "server/options.h"
 #include "server/problem.h"
 #include "server/service.h"
 
