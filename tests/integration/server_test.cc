@@ -1,52 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The main job over HTTP: upload, search, list, delete, restart.
+// The main job over HTTP: upload, search, list, delete, restart; page, health, log.
 #include <regex>
 #include <set>
-#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/integration/server_process.h"
+#include "tests/integration/server_fixture.h"
 
 namespace pliant::testing {
 namespace {
-
-constexpr const char* kImages = "/v1/collections/default/images";
-constexpr const char* kSearch = "/v1/collections/default/search";
-
-httplib::Result Upload(httplib::Client& client, const std::string& picture,
-                       const std::string& object, const std::string& collection = "default") {
-  return client.Post("/v1/collections/" + collection + "/images",
-                     httplib::MultipartFormDataItems{{"image", picture, "photo.png", "image/png"},
-                                                     {"object", object, "", ""}});
-}
-
-Json SearchFor(httplib::Client& client, const std::string& picture, const std::string& query = "") {
-  const auto answer = client.Post(kSearch + query, picture, "image/png");
-  EXPECT_TRUE(answer && answer->status == 200) << (answer ? answer->body : "no answer");
-  return answer ? Json::parse(answer->body) : Json::object();
-}
-
-std::vector<std::string> ImageIds(const Json& hits) {
-  std::vector<std::string> ids;
-  for (const Json& hit : hits) ids.push_back(hit["image_id"]);
-  return ids;
-}
-
-class ServerTest : public ::testing::Test {
- protected:
-  void Start(const std::vector<std::string>& flags = {}) {
-    server_ = std::make_unique<ServerProcess>(folder_.path() / "test.db", flags);
-  }
-  void TearDown() override {
-    if (HasFailure() && server_) std::cerr << server_->Log();
-  }
-
-  TemporaryFolder folder_;
-  std::unique_ptr<ServerProcess> server_;
-};
 
 TEST_F(ServerTest, UploadSearchDeleteRestart) {
   Start();
@@ -203,124 +167,6 @@ TEST_F(ServerTest, ListsByCursorAndByObject) {
   EXPECT_EQ(client.Get(even)->status, 404);
   EXPECT_EQ(client.Delete(even)->status, 404);
   EXPECT_EQ(Json::parse(client.Get(kImages)->body)["images"].size(), 3U);
-}
-
-TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
-  Start();
-  auto client = server_->Client();
-  for (int i = 0; i < 8; ++i) {
-    ASSERT_EQ(Upload(client, TestPicture(i / 2, i % 2), "o" + std::to_string(i / 2))->status, 201);
-  }
-  const std::string query = TestPicture(1, 2);
-  const Json objects = SearchFor(client, query);
-  const Json images = SearchFor(client, query, "?group_by=image");
-  EXPECT_EQ(objects["total"], 4);
-  EXPECT_EQ(images["total"], 8);
-  const Json page = SearchFor(client, query, "?group_by=image&limit=2&offset=3");
-  EXPECT_EQ(page["hits"], Json({images["hits"][3], images["hits"][4]}));
-  const Json only = SearchFor(client, query, "?object=o3&group_by=image");
-  ASSERT_EQ(only["hits"].size(), 2U);
-  for (const Json& hit : only["hits"]) EXPECT_EQ(hit["object"], "o3");
-  const double best = images["hits"][0]["score"];
-  for (const Json& hit : SearchFor(client, query, "?group_by=image&min_score=0.2")["hits"]) {
-    EXPECT_GE(hit["score"], 0.2);
-  }
-  EXPECT_EQ(SearchFor(client, query, "?min_score=1")["total"], best >= 1 ? 1 : 0);
-  EXPECT_EQ(SearchFor(client, query, "?rank=histogram")["hits"].size(), 4U);
-  // All hits, and how many of them are looked at.
-  const Json all =
-      SearchFor(client, query, "?group_by=image&limit=0&verify_depth=1&expand=0&explain=true");
-  EXPECT_EQ(all["hits"].size(), 8U);
-  int looked_at = 0;
-  for (const Json& hit : all["hits"]) looked_at += hit["explain"]["reference"].is_null() ? 0 : 1;
-  EXPECT_EQ(looked_at, 1);
-  EXPECT_EQ(images["hits"][0]["instances"].size(), 1U);
-  EXPECT_EQ(images["hits"][0]["instances"][0]["polygon"], images["hits"][0]["polygon"]);
-  // Filters, in the query and in a JSON body.
-  const std::string filtered = client
-                                   .Post("/v1/collections/default/images",
-                                         httplib::MultipartFormDataItems{
-                                             {"image", TestPicture(1, 3), "photo.png", "image/png"},
-                                             {"object", "o9", "", ""},
-                                             {"id", "tagged", "", ""},
-                                             {"metadata", R"({"year": 2021})", "", ""}})
-                                   ->body;
-  const Json filter = {{"year", {{"gte", 2020}}}};
-  const auto tagged = client.Post(
-      kSearch, Json{{"image_id", "tagged"}, {"filter", filter}, {"group_by", "image"}}.dump(),
-      "application/json");
-  ASSERT_EQ(tagged->status, 200) << tagged->body << filtered;
-  EXPECT_THAT(ImageIds(Json::parse(tagged->body)["hits"]), ::testing::ElementsAre("tagged"));
-  EXPECT_EQ(SearchFor(client, query, "?filter=%7B%22year%22%3A1999%7D")["total"], 0);
-  for (const char* wrong :
-       {"?filter=%7B%22year%22%3A%7B%22like%22%3A1%7D%7D", "?filter=year", "?verify_depth=0",
-        "?expand=21", "?instances=0", "?limit=-1", "?explain=maybe"}) {
-    const auto answer = client.Post(kSearch + std::string(wrong), query, "image/png");
-    EXPECT_EQ(answer->status, 400) << wrong;
-    const std::string name = std::string(wrong).substr(1, std::string(wrong).find('=') - 1);
-    EXPECT_EQ(Json::parse(answer->body)["parameter"], name) << answer->body;
-  }
-  EXPECT_EQ(client.Delete(kImages + std::string("/tagged"))->status, 204);
-  const Json explained = SearchFor(client, query, "?explain=true");
-  EXPECT_EQ(explained["query"], Json({{"width", 320}, {"height", 240}}));
-  const Json& why = explained["hits"][0]["explain"];
-  EXPECT_EQ(why["verified"], true) << why;
-  EXPECT_TRUE(why["failure"].is_null());
-  EXPECT_EQ(why["pairs"].size(), explained["hits"][0]["inliers"]);
-  EXPECT_EQ(why["mesh"]["reference_width"], 320);
-  EXPECT_FALSE(objects["hits"][0].contains("explain"));
-  const Json part = SearchFor(client, query, "?region=0,0,200,240");
-  EXPECT_LT(part["keypoints"], objects["keypoints"]);
-  EXPECT_EQ(part["hits"][0]["object"], "o1");
-}
-
-TEST_F(ServerTest, VocabulariesAreTrainedAsJobsAndSwitched) {
-  Start({"--auto-train", "false"});
-  auto client = server_->Client();
-  const std::string vocabularies = "/v1/collections/default/vocabularies";
-  const auto none = client.Post(kSearch, TestPicture(0), "image/png");
-  EXPECT_EQ(none->status, 409);
-  EXPECT_EQ(Json::parse(none->body)["code"], "no_vocabulary");
-  for (int i = 0; i < 3; ++i) Upload(client, TestPicture(i), "o" + std::to_string(i));
-
-  for (const int words : {10, 20}) {
-    const auto accepted = client.Post(
-        vocabularies, Json{{"words", words}, {"seed", 3}, {"activate", words == 10}}.dump(),
-        "application/json");
-    ASSERT_EQ(accepted->status, 202) << accepted->body;
-    const std::string job_path = accepted->get_header_value("Location");
-    Json job;
-    do {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      job = Json::parse(client.Get(job_path)->body);
-    } while (job["state"] == "queued" || job["state"] == "running");
-    EXPECT_EQ(job["state"], "done") << job;
-    EXPECT_EQ(job["done"], job["total"]);
-  }
-  const Json list = Json::parse(client.Get(vocabularies)->body)["vocabularies"];
-  ASSERT_EQ(list.size(), 2U);
-  const Json before = SearchFor(client, TestPicture(1, 1));
-  EXPECT_EQ(before["words"], 10);
-  for (const Json& vocabulary : list) {
-    if (vocabulary["active"]) continue;
-    const auto switched = client.Put(vocabularies + "/" + vocabulary["id"].dump() + "/active",
-                                     std::string(), "text/plain");
-    EXPECT_EQ(switched->status, 200) << switched->body;
-    EXPECT_EQ(Json::parse(switched->body)["active"], true);
-  }
-  const Json after = SearchFor(client, TestPicture(1, 1));
-  EXPECT_EQ(after["words"], 20);
-  EXPECT_NE(after["vocabulary"], before["vocabulary"]);
-
-  const auto failed = client.Post(vocabularies, R"({"words": 30000})", "application/json");
-  const std::string failed_path = failed->get_header_value("Location");
-  Json job;
-  do {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    job = Json::parse(client.Get(failed_path)->body);
-  } while (job["state"] == "queued" || job["state"] == "running");
-  EXPECT_EQ(job["state"], "failed");
-  EXPECT_EQ(job["problem"]["parameter"], "words") << job;
 }
 
 TEST_F(ServerTest, CollectionsAreSeparate) {

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A server of one's own for each test, and the requests that most tests send.
+#pragma once
+
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/integration/server_process.h"
+
+namespace pliant::testing {
+
+inline constexpr const char* kImages = "/v1/collections/default/images";
+inline constexpr const char* kSearch = "/v1/collections/default/search";
+
+inline httplib::Result Upload(httplib::Client& client, const std::string& picture,
+                              const std::string& object,
+                              const std::string& collection = "default") {
+  return client.Post("/v1/collections/" + collection + "/images",
+                     httplib::MultipartFormDataItems{{"image", picture, "photo.png", "image/png"},
+                                                     {"object", object, "", ""}});
+}
+
+inline Json SearchFor(httplib::Client& client, const std::string& picture,
+                      const std::string& query = "") {
+  const auto answer = client.Post(kSearch + query, picture, "image/png");
+  EXPECT_TRUE(answer && answer->status == 200) << (answer ? answer->body : "no answer");
+  return answer ? Json::parse(answer->body) : Json::object();
+}
+
+inline std::vector<std::string> ImageIds(const Json& hits) {
+  std::vector<std::string> ids;
+  for (const Json& hit : hits) ids.push_back(hit["image_id"]);
+  return ids;
+}
+
+class ServerTest : public ::testing::Test {
+ protected:
+  void Start(const std::vector<std::string>& flags = {}) {
+    server_ = std::make_unique<ServerProcess>(folder_.path() / "test.db", flags);
+  }
+  void TearDown() override {
+    if (HasFailure() && server_) std::cerr << server_->Log();
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<ServerProcess> server_;
+};
+
+}  // namespace pliant::testing
