@@ -6,7 +6,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
-#include <map>
 #include <random>
 #include <set>
 #include <thread>
@@ -14,136 +13,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/integration/server_process.h"
+#include "tests/integration/soak_client.h"
 
 namespace pliant::testing {
 namespace {
 
-constexpr const char* kImages = "/v1/collections/default/images";
-constexpr const char* kBatch = "/v1/collections/default/images:batch";
-constexpr const char* kSearch = "/v1/collections/default/search";
 constexpr const char* kVocabularies = "/v1/collections/default/vocabularies";
-constexpr unsigned kSeed = 20261121;
-constexpr int kPictures = 24;
 
 int FromEnvironment(const char* name, int otherwise) {
   const char* text = std::getenv(name);
   return text == nullptr ? otherwise : std::atoi(text);
-}
-
-const std::string& Picture(int number) {
-  static const std::vector<std::string> pictures = [] {
-    std::vector<std::string> made;
-    for (int i = 0; i < kPictures; ++i) made.push_back(TestPicture(i));
-    return made;
-  }();
-  return pictures[static_cast<std::size_t>(number) % pictures.size()];
-}
-
-std::string ImagePath(const std::string& id) { return std::string(kImages) + "/" + id; }
-
-// What a client knows of the ids that are its own: the number of the picture, or that there is
-// none.
-struct Known {
-  std::map<std::string, int> there;
-  std::set<std::string> gone;
-  std::set<std::string> unknown;  // asked for, never acknowledged
-
-  void Put(const std::string& id, int picture) {
-    there[id] = picture;
-    gone.erase(id);
-    unknown.erase(id);
-  }
-  void Delete(const std::string& id) {
-    there.erase(id);
-    gone.insert(id);
-    unknown.erase(id);
-  }
-  void Forget(const std::string& id) {
-    there.erase(id);
-    gone.erase(id);
-    unknown.insert(id);
-  }
-};
-
-struct Counts {
-  std::atomic<int> done{0};
-  std::atomic<int> refused{0};
-};
-
-// Busy, and it says so: with a code, and when to come again. Anything else is wrong.
-bool IsHonestRefusal(const httplib::Response& answer) {
-  if (answer.status != 503 && answer.status != 429) return false;
-  const Json problem = Json::parse(answer.body, nullptr, false);
-  const std::string code = problem.is_object() ? problem.value("code", "") : "";
-  return std::atoi(answer.get_header_value("Retry-After").c_str()) > 0 &&
-         (code == "busy" || code == "starting" || code == "rate_limited");
-}
-
-// One client's life: until `stop`, or until the server does not answer. Returns what went wrong.
-std::string Live(const ServerProcess& server, int client_number, const std::atomic<bool>& stop,
-                 Known& known, Counts& counts) {
-  auto client = server.Client();
-  std::mt19937 random(kSeed + static_cast<unsigned>(client_number));
-  const auto refused = [&](const httplib::Result& answer) {
-    if (!IsHonestRefusal(*answer)) return false;
-    ++counts.refused;
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    return true;
-  };
-  const auto wrong = [](const std::string& what, const httplib::Result& answer) {
-    return what + " was answered " + std::to_string(answer->status) + " " + answer->body;
-  };
-  while (!stop) {
-    const std::string id = "c" + std::to_string(client_number) + "-" + std::to_string(random() % 6);
-    const int picture = static_cast<int>(random() % kPictures);
-    const unsigned what = random() % 10;
-    if (what < 4) {
-      const auto answer = client.Put(ImagePath(id) + "?object=o" + std::to_string(picture),
-                                     Picture(picture), "image/png");
-      if (!answer) return known.Forget(id), "";
-      if (refused(answer)) continue;
-      if (answer->status != 200 && answer->status != 201) return wrong("PUT", answer);
-      known.Put(id, picture);
-    } else if (what < 6) {
-      const bool expected = known.there.contains(id);
-      const bool certain = !known.unknown.contains(id);
-      const auto answer = client.Delete(ImagePath(id));
-      if (!answer) return known.Forget(id), "";
-      if (refused(answer)) continue;
-      const bool as_expected = answer->status == (expected ? 204 : 404);
-      if (certain ? !as_expected : answer->status != 204 && answer->status != 404) {
-        return wrong("DELETE", answer);
-      }
-      known.Delete(id);
-    } else if (what < 7) {
-      const auto answer = client.Post(
-          kBatch, httplib::MultipartFormDataItems{{"image", Picture(picture), "a.png", "image/png"},
-                                                  {"image", "no picture", "b.png", "image/png"},
-                                                  {"items",
-                                                   "[{\"id\": \"" + id + "\", \"object\": \"o" +
-                                                       std::to_string(picture) + "\"}, {}]",
-                                                   "", ""}});
-      if (!answer) return known.Forget(id), "";
-      if (refused(answer)) continue;
-      if (answer->status != 207) return wrong("batch", answer);
-      const Json result = Json::parse(answer->body)["results"][0];
-      if (result["status"] == 503) {
-        ++counts.refused;
-        continue;
-      }
-      if (result["status"] != 200 && result["status"] != 201) return wrong("batch", answer);
-      known.Put(id, picture);
-    } else {
-      const auto answer = client.Post(kSearch, Picture(picture), "image/png");
-      if (!answer) return "";
-      if (refused(answer)) continue;
-      // 409: nobody has uploaded anything yet.
-      if (answer->status != 200 && answer->status != 409) return wrong("search", answer);
-    }
-    ++counts.done;
-  }
-  return "";
 }
 
 double Metric(httplib::Client& client, const std::string& name) {
@@ -202,7 +81,8 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
     std::vector<std::thread> threads;
     for (int c = 0; c < clients; ++c) {
       const auto i = static_cast<std::size_t>(c);
-      threads.emplace_back([&, c, i] { wrong[i] = Live(server, c, stop, known[i], counts); });
+      threads.emplace_back(
+          [&, c, i] { wrong[i] = SoakClient(server, c, known[i], counts).Live(stop); });
     }
     auto client = server.Client();
     const auto part = std::chrono::milliseconds(seconds * 1000 / 3);
@@ -264,8 +144,9 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
     std::vector<std::thread> threads;
     for (int c = 0; c < kClients; ++c) {
       const auto i = static_cast<std::size_t>(c);
-      threads.emplace_back(
-          [&, c, i, kill] { wrong[i] = Live(server, c + 1000 * kill, stop, known[i], counts); });
+      threads.emplace_back([&, c, i, kill] {
+        wrong[i] = SoakClient(server, c + 1000 * kill, known[i], counts).Live(stop);
+      });
     }
     // Under load, however slow the machine is: after some requests, in the middle of others.
     const int enough = counts.done + 1 + static_cast<int>(random() % 30);

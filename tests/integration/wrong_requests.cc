@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/integration/wrong_requests.h"
+
+#include <map>
+#include <utility>
+
+namespace pliant::testing {
+namespace {
+
+constexpr const char* kForm = "multipart/form-data; boundary=B";
+
+std::string Form(const std::vector<std::pair<std::string, std::string>>& fields) {
+  std::string form;
+  for (const auto& [name, value] : fields) {
+    form += "--B\r\nContent-Disposition: form-data; name=\"" + name + "\"\r\n\r\n" + value + "\r\n";
+  }
+  return form + "--B--\r\n";
+}
+
+}  // namespace
+
+WrongRequests::WrongRequests(const Operation& operation, std::string path,
+                             const std::function<std::string(std::string)>& filled)
+    : operation_(operation),
+      path_(std::move(path)),
+      image_(operation.Takes("image/*")),
+      json_(operation.Takes("application/json")),
+      form_only_(operation.Takes("multipart/form-data") && !image_) {
+  type_ = image_ ? "image/png" : json_ ? "application/json" : form_only_ ? kForm : "";
+  body_ = GoodBody();
+  AddBodyFaults();
+  AddMissingFields();
+  AddPathFaults(filled);
+  AddParameterFaults();
+}
+
+std::set<std::string> WrongRequests::MustHave() const {
+  std::set<std::string> kinds = {"unknown parameter", "oversized address"};
+  if (operation_.json.contains("requestBody")) kinds.insert({"wrong type", "oversized"});
+  if (image_ || form_only_ || !RequiredFields().empty()) kinds.insert("missing field");
+  for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
+    if (parameter["in"] == "path" && !Makes(parameter["name"])) kinds.insert("unknown id");
+  }
+  return kinds;
+}
+
+void WrongRequests::Add(const std::string& kind, const std::string& what, const std::string& at,
+                        const std::string& body, const std::string& type, int status,
+                        const std::string& code) {
+  wrong_.push_back({kind, what, operation_.method, at, body, type, status, code});
+}
+
+bool WrongRequests::Makes(const std::string& name) const {
+  return operation_.method == "PUT" && operation_.path.ends_with("{" + name + "}");
+}
+
+std::vector<std::string> WrongRequests::RequiredFields() const {
+  if (!json_ || image_) return {};
+  return operation_.json["requestBody"]["content"]["application/json"]["schema"].value(
+      "required", std::vector<std::string>{});
+}
+
+std::string WrongRequests::GoodBody() const {
+  if (image_) return TestPicture(1);
+  if (form_only_) return Form({{"image", TestPicture(1)}});
+  Json body = Json::object();
+  for (const std::string& field : RequiredFields()) body[field] = "shelf";
+  return json_ ? body.dump() : "";
+}
+
+void WrongRequests::AddBodyFaults() {
+  if (!operation_.json.contains("requestBody")) return;
+  Add("wrong type", "text", path_, "x", "text/plain", 415, "unsupported_content_type");
+  if (!json_)
+    Add("wrong type", "JSON", path_, "{}", "application/json", 415, "unsupported_content_type");
+  if (!image_)
+    Add("wrong type", "a picture", path_, TestPicture(1), "image/png", 415,
+        "unsupported_content_type");
+  Add("oversized", "body", path_, std::string(1'200'000, 'x'), type_, 413, "body_too_large");
+  if (json_) Add("no JSON", "cut off", path_, "{", "application/json", 400, "invalid_json");
+  if (json_) Add("no JSON", "a list", path_, "[]", "application/json", 400, "invalid_json");
+  if (form_only_ || image_) {
+    Add("no form", "without boundary", path_, body_, "multipart/form-data", 400, "bad_request");
+    Add("no form", "cut off", path_, Form({{"image", "x"}}).substr(0, 40), kForm, 400,
+        "bad_request");
+  }
+  if (!image_) return;
+  const std::string half = body_.substr(0, body_.size() / 2);
+  Add("no picture", "text", path_, "hello", type_, 415, "image_type_unknown");
+  Add("no picture", "half", path_, half, type_, 422, "image_truncated");
+  Add("no picture", "in a form", path_, Form({{"image", "hello"}}), kForm, 415,
+      "image_type_unknown");
+}
+
+void WrongRequests::AddMissingFields() {
+  for (const std::string& field : RequiredFields()) {
+    Add("missing field", field, path_, "{}", type_, 400, "missing_parameter");
+    Add("missing field", field + " and body", path_, "", "", 400, "missing_parameter");
+  }
+  if (!image_ && !form_only_) return;
+  Add("missing field", "body", path_, "", image_ ? "" : kForm, 400, "missing_parameter");
+  const bool limit = operation_.path.ends_with("/search");
+  const bool locate = operation_.path.ends_with("/locate");  // it has no other fields
+  const auto others = Form({{limit ? "limit" : "object", "1"}});
+  Add("missing field", "image", path_, locate ? Form({}) : others, kForm, 400,
+      locate ? "bad_request" : "missing_parameter");
+  if (json_)
+    Add("missing field", "image_id", path_, "{}", "application/json", 400, "missing_parameter");
+}
+
+void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>& filled) {
+  Add("oversized address", "query", path_ + "?x=" + std::string(9000, 'a'), body_, type_, 414,
+      "uri_too_long");
+  for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
+    const std::string name = parameter["name"];
+    if (parameter["in"] != "path") continue;
+    const auto with = [&](const std::string& value) {
+      std::string path = operation_.path;
+      const std::string place = "{" + name + "}";
+      return filled(path.replace(path.find(place), place.size(), value));
+    };
+    Add("oversized address", name, with(std::string(2100, 'a')), body_, type_, 414, "uri_too_long");
+    if (Makes(name)) {
+      Add("bad id", name, with("a%20b"), body_, type_, 400, "invalid_parameter");
+      continue;
+    }
+    static const std::map<std::string, std::string> codes = {
+        {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
+        {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"}};
+    const bool job = operation_.path.starts_with("/v1/jobs");
+    Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
+        job ? "job_not_found" : codes.at(name));
+  }
+}
+
+void WrongRequests::AddParameterFaults() {
+  Add("unknown parameter", "in the query", path_ + "?no_such=1", body_, type_, 400,
+      "unknown_parameter");
+  if (form_only_ || image_) {
+    Add("unknown parameter", "in a form", path_,
+        Form({{"image", TestPicture(1)}, {"no_such", "1"}}), kForm, 400, "unknown_parameter");
+  }
+  if (json_)
+    Add("unknown parameter", "in JSON", path_, R"({"no_such": 1})", "application/json", 400,
+        "unknown_parameter");
+  for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
+    if (parameter["in"] == "path") continue;
+    const std::string name = parameter["name"];
+    const auto with = [&](const std::string& value) { return path_ + "?" + name + "=" + value; };
+    Add("bad parameter", name + " not UTF-8", with("%ff"), body_, type_, 400, "invalid_parameter");
+    Add("bad parameter", name + " twice", with("1") + "&" + name + "=2", body_, type_, 400,
+        IsText(parameter) ? "duplicate_parameter" : "");
+    if (parameter.contains("content")) {
+      Add("bad parameter", name, with("{"), body_, type_, 400, "invalid_json");
+      continue;
+    }
+    const Json& schema = parameter["schema"];
+    std::vector<std::string> bad;
+    if (schema.contains("enum")) bad = {"no-such-word", ""};
+    if (schema["type"] == "integer" || schema["type"] == "number") {
+      bad = {std::to_string(schema["minimum"].get<double>() - 1), "x", ""};
+    }
+    if (schema["type"] == "array") bad = {"1,x"};
+    for (const std::string& value : bad) {
+      Add("bad parameter", name, with(value), body_, type_, 400, "invalid_parameter");
+    }
+    if (name == "cursor") Add("bad cursor", name, with("x"), body_, type_, 400, "invalid_cursor");
+  }
+}
+
+bool WrongRequests::IsText(const Json& parameter) {
+  return parameter.contains("schema") && parameter["schema"]["type"] == "string" &&
+         !parameter["schema"].contains("enum");
+}
+
+}  // namespace pliant::testing
