@@ -14,7 +14,6 @@
 // peak.
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -29,6 +28,7 @@
 #include "descriptor/deal/network.h"
 #include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
+#include "tests/unit/wavy_picture.h"
 
 namespace pliant::deal {
 namespace {
@@ -47,23 +47,11 @@ struct Scene {
   std::vector<float> patches;
 };
 
-Image MakeImage() {
-  std::mt19937 random(1);
-  Image image;
-  image.width = kWidth;
-  image.height = kHeight;
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    image.pixels.push_back(static_cast<std::uint8_t>(
-        128 + 90 * std::sin(i % kWidth / 9.0) * std::cos(i / kWidth / 7.0) + random() % 30));
-  }
-  return image;
-}
-
 const Scene& SharedScene() {
   static const std::unique_ptr<const Scene> scene = [] {
     auto made = std::make_unique<Scene>();
     Scene& s = *made;
-    s.image = MakeImage();
+    s.image = testing::WavyPicture(kWidth, kHeight, 9, 7, 1);
     s.picture = DealNetwork::ToPicture(s.image);
     std::mt19937 random(2);
     s.keypoints.resize(2048);

@@ -12,6 +12,7 @@
 #include "descriptor/deal/winograd.h"
 #include "descriptor/error.h"
 #include "tests/unit/deal_golden.h"
+#include "tests/unit/wavy_picture.h"
 
 namespace pliant::deal {
 namespace {
@@ -27,15 +28,7 @@ std::vector<float> Random(std::size_t count, std::uint32_t seed) {
 }
 
 Image RandomImage(int width, int height) {
-  std::mt19937 random(kSeed);
-  Image image;
-  image.width = width;
-  image.height = height;
-  for (int i = 0; i < width * height; ++i) {
-    image.pixels.push_back(static_cast<std::uint8_t>(
-        128 + 90 * std::sin(i % width / 5.0) * std::cos(i / width / 4.0) + random() % 30));
-  }
-  return image;
+  return testing::WavyPicture(width, height, 5, 4, kSeed);
 }
 
 std::vector<Keypoint> RandomKeypoints(std::size_t count, int width, int height) {
