@@ -18,11 +18,12 @@ import json
 import pathlib
 import re
 import resource
-import shutil
 import sqlite3
 import subprocess
 import tempfile
 import urllib.request
+
+import service
 
 INDEX_BYTES = 7800  # bench_index --benchmark_filter=RankSignatures/pictures:100000/words:4000
 
@@ -49,33 +50,8 @@ def metric(address, name):
     return float(re.search(rf"^{name} (\S+)$", text, re.MULTILINE).group(1))
 
 
-class Server:
-    def __init__(self, options, database):
-        self.process = subprocess.Popen(
-            [options.bin / "pliant-server", "--db", database, "--listen", "127.0.0.1:0",
-             "--descriptor", options.descriptor, "--auto-train", "false", "--log-level", "warn"],
-            stdout=subprocess.PIPE, text=True)
-        self.address = re.search(r"http://\S+", self.process.stdout.readline()).group()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.terminate()
-        self.process.wait()
-
-    def search(self, picture):
-        request = urllib.request.Request(
-            self.address + "/v1/collections/default/search", picture.read_bytes(),
-            {"Content-Type": "application/octet-stream"})
-        with urllib.request.urlopen(request, timeout=600) as answer:
-            return json.load(answer)
-
-
 def measure(options, chosen, folder):
-    (folder / "new").mkdir()
-    for i, picture in enumerate(chosen):
-        shutil.copy(picture, folder / "new" / f"{i}{picture.suffix.lower()}")
+    service.copy_numbered(chosen, folder / "new")
     database, originals = folder / "x.db", folder / "originals"
     before = cpu_of_children()
     index = subprocess.run(
@@ -91,11 +67,11 @@ def measure(options, chosen, folder):
     facts["keypoints"] = json.loads(subprocess.run(
         [options.bin / "pliant", "db", "stats", "--db", database, "--json"], check=True,
         stdout=subprocess.PIPE).stdout)["descriptors"] / count
-    with Server(options, database) as server:
+    with service.Server(options.bin, database, "--descriptor", options.descriptor) as server:
         facts["empty_mb"] = metric(server.address, "process_resident_memory_bytes") / 1e6
         start = metric(server.address, "process_cpu_seconds_total")
         for picture in sorted((folder / "new").iterdir())[: options.searches]:
-            server.search(picture)
+            server.search(picture.read_bytes())
         used = metric(server.address, "process_cpu_seconds_total") - start
         facts["search_cpu_s"] = used / options.searches
         facts["busy_mb"] = metric(server.address, "process_resident_memory_bytes") / 1e6
@@ -129,10 +105,7 @@ def main():
     parser.add_argument("--searches", type=int, default=10)
     parser.add_argument("--descriptor", default="deal")
     options = parser.parse_args()
-    kinds = {".jpg", ".jpeg", ".png"}
-    pictures = sorted(p for p in options.pictures.rglob("*") if p.suffix.lower() in kinds)
-    if len(pictures) < options.count:
-        parser.error(f"{options.pictures} has {len(pictures)} pictures, {options.count} are wanted")
+    pictures = service.pictures_below(parser, options.pictures, options.count)
     step = len(pictures) / options.count  # from all of them
     chosen = [pictures[int(i * step)] for i in range(options.count)]
     with tempfile.TemporaryDirectory() as name:
