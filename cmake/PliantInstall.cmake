@@ -24,7 +24,8 @@ install(FILES descriptor/simulation/simulate.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor/simulation)
 install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/signature.h vocab/vocabulary.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/vocab)
-install(FILES index/engine.h index/explanation.h index/filter.h index/verification.h index/warp_mesh.h
+install(FILES index/engine.h index/explanation.h index/filter.h index/search.h index/verification.h
+              index/warp_mesh.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)
 
 install(FILES index/tracking/location.h
