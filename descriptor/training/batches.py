@@ -27,6 +27,7 @@ class BatchOptions:
     per_pair: int = 48           # at most, from one pair of pictures
     min_per_pair: int = 8        # fewer and the pair is skipped (except to fill up the batch)
     radius_per_size: tuple[float, float] = (6.0, 14.0)  # log-uniform, one value a batch
+    size_jitter: float = 0.0     # sizes of key points err by up to so many octaves, each its own way
     max_gamma_log: float = 0.35  # photometric augmentation: grey^exp(U(-g, g))
     crop_px: int = 0             # side of the windows for the backbone; 0 = no windows
     extra_keypoints: int = 0     # further key points a window, for the supervised warp only
@@ -146,10 +147,11 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
         return
     for side, (number, view) in enumerate(((a, views[0]), (b, views[1]))):
         draft.pictures.append(scene.images[number])
-        draft.sides[side].append(xys[side][kept])
+        table = _jittered(xys[side][kept], options.size_jitter, rng)
+        draft.sides[side].append(table)
         if options.crop_px:
             draft.windows.append(corners[side])
-            draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], radius))
+            draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], table, radius))
             draft.extra.append(_extra(scene, number, view, corners[side], options, radius, rng))
     charts = views[0].points.chart[rows[kept, 0]].astype(np.int64)
     draft.surfaces.append(which * NO_CHART + charts)
@@ -157,16 +159,26 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
     draft.counts.append(len(kept))
 
 
-def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray, radius: float):
+def _jittered(xys: np.ndarray, octaves: float, rng: np.random.Generator) -> np.ndarray:
+    if octaves == 0:
+        return xys
+    sizes = xys[:, 2:] * np.exp2(rng.uniform(-octaves, octaves, (len(xys), 1)))
+    return np.concatenate([xys[:, :2], sizes], 1).astype(xys.dtype)
+
+
+def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray, xys: np.ndarray,
+                 radius: float):
+    """True warps around key points `rows` of a view, whose sizes may differ from the detector's."""
     points = type(view.points)(view.points.chart[rows], view.points.uv[rows])
-    return true_warp(scene, number, points, view.xys[rows], radius)
+    return true_warp(scene, number, points, xys, radius)
 
 
 def _extra(scene: Scene, number: int, view: ViewFeatures, corner: np.ndarray, options: BatchOptions,
            radius: float, rng: np.random.Generator):
     rows = np.flatnonzero(_inside(view.xys[:, :2], corner, options.crop_px))
     rows = rng.permutation(rows)[:options.extra_keypoints]
-    return (view.xys[rows], *_supervision(scene, number, view, rows, radius))
+    table = _jittered(view.xys[rows], options.size_jitter, rng)
+    return (table, *_supervision(scene, number, view, rows, table, radius))
 
 
 def draw_batch(data: SceneSet, options: BatchOptions, seed: int, step: int) -> Batch:

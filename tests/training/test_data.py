@@ -149,6 +149,20 @@ class FeaturesTest(unittest.TestCase):
             self.assertTrue(((local >= 0) & (local < options.crop_px)).all())
         self.assertTrue((np.abs(batch.gamma) > 0).all())
 
+    def test_sizes_err_within_the_jitter(self):
+        data = SceneSet([Path(self.folder.name)], min_pairs=8)
+        detected = {(x, y): size for found in data.features for view in found.views for x, y, size in view.xys}
+
+        def octaves(jitter):
+            options = BatchOptions(correspondences=60, crop_px=120, extra_keypoints=5, size_jitter=jitter)
+            batch = draw_batch(data, options, 7, 3)
+            points = np.concatenate([batch.keypoints, batch.extra_keypoints])
+            return np.log2([size / detected[x, y] for x, y, size in points])
+
+        np.testing.assert_array_equal(octaves(0.0), 0)
+        self.assertLessEqual(np.abs(octaves(0.25)).max(), 0.2501)
+        self.assertGreater(np.std(octaves(0.25)), 0.25 / 3**0.5 * 0.7)
+
 
 class ValidationTest(unittest.TestCase):
     def test_one_to_one_takes_the_nearest_first(self):
