@@ -16,7 +16,7 @@
 namespace pliant {
 
 struct DescriptorInfo {
-  std::string name;  // "deal", "deal-fixed", "sift", "rootsift", "orb"
+  std::string name;  // one of DescriptorNames()
   DescriptorKind kind = DescriptorKind::kFloat;
   int dim = 0;           // floats or bytes a descriptor
   std::string model_id;  // "deal:<first 16 hex digits of the weight file's SHA-256>", "sift:1", ...
@@ -36,7 +36,7 @@ class Descriptor {
 };
 
 struct DescriptorOptions {
-  std::filesystem::path model_path;  // weights for deal and deal-fixed; empty = DefaultModelPath()
+  std::filesystem::path model_path;  // weights for deal and its variants; empty = DefaultModelPath()
 };
 
 // Names that MakeDescriptor knows, best first.

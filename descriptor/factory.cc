@@ -19,14 +19,16 @@ struct NamedDescriptor {
   std::shared_ptr<const Descriptor> (*make)(const DescriptorOptions&);
 };
 
-std::shared_ptr<const Descriptor> MakeDeal(const DescriptorOptions& options, bool warp) {
+template <DealVariant variant>
+std::shared_ptr<const Descriptor> MakeDeal(const DescriptorOptions& options) {
   return MakeDealDescriptor(options.model_path.empty() ? DefaultModelPath() : options.model_path,
-                            warp);
+                            variant);
 }
 
 constexpr std::array kDescriptors = {
-    NamedDescriptor{"deal", [](const DescriptorOptions& o) { return MakeDeal(o, true); }},
-    NamedDescriptor{"deal-fixed", [](const DescriptorOptions& o) { return MakeDeal(o, false); }},
+    NamedDescriptor{"deal", MakeDeal<DealVariant::kWarped>},
+    NamedDescriptor{"deal-fixed", MakeDeal<DealVariant::kFixed>},
+    NamedDescriptor{"deal-pooled", MakeDeal<DealVariant::kPooled>},
     NamedDescriptor{"rootsift", [](const DescriptorOptions&) { return MakeRootSift(); }},
     NamedDescriptor{"sift", [](const DescriptorOptions&) { return MakeSift(); }},
     NamedDescriptor{"daisy", [](const DescriptorOptions&) { return MakeDaisy(); }},

@@ -5,15 +5,34 @@
 #include <utility>
 
 #include "descriptor/deal/network.h"
+#include "descriptor/error.h"
 #include "descriptor/parallel.h"
 
 namespace pliant {
 namespace {
 
+const char* Name(DealVariant variant) {
+  switch (variant) {
+    case DealVariant::kWarped:
+      return "deal";
+    case DealVariant::kFixed:
+      return "deal-fixed";
+    case DealVariant::kPooled:
+      return "deal-pooled";
+  }
+  throw Error(ErrorCode::kInternal, "deal_variant", "unknown variant of DEAL");
+}
+
+std::span<const float> Supports(DealVariant variant) {
+  if (variant == DealVariant::kPooled) return deal::kPooledSupports;
+  return deal::kOneSupport;
+}
+
 class DealDescriptor final : public Descriptor {
  public:
-  DealDescriptor(deal::DealWeights weights, bool warp) : network_(std::move(weights)), warp_(warp) {
-    info_.name = warp ? "deal" : "deal-fixed";
+  DealDescriptor(deal::DealWeights weights, DealVariant variant)
+      : network_(std::move(weights)), variant_(variant) {
+    info_.name = Name(variant);
     info_.kind = DescriptorKind::kFloat;
     info_.dim = deal::kDescriptorDim;
     info_.model_id = info_.name + ":" + network_.weights().sha256.substr(0, 16);
@@ -27,21 +46,22 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats = network_.Describe(grey, keypoints, warp_, ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, variant_ != DealVariant::kFixed,
+                                      Supports(variant_), ResolveThreads(threads));
     return result;
   }
 
  private:
   deal::DealNetwork network_;
-  bool warp_;
+  DealVariant variant_;
   DescriptorInfo info_;
 };
 
 }  // namespace
 
 std::shared_ptr<const Descriptor> MakeDealDescriptor(const std::filesystem::path& weights,
-                                                     bool warp) {
-  return std::make_shared<DealDescriptor>(deal::LoadDealWeights(weights), warp);
+                                                     DealVariant variant) {
+  return std::make_shared<DealDescriptor>(deal::LoadDealWeights(weights), variant);
 }
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The descriptors "deal" and "deal-fixed" (Potje et al., NeurIPS 2021).
+// The descriptors "deal", "deal-fixed" and "deal-pooled" (Potje et al., NeurIPS 2021).
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,16 @@
 
 namespace pliant {
 
-// 128 floats of unit length a key point. With `warp`, "deal": the polar grid around each key point
-// is bent by the learned thin-plate spline; without, "deal-fixed": the plain polar grid, for
-// comparison. The key point's angle is not used; key points may lie outside the picture, which is
-// continued by its border. model_id is "deal:" or "deal-fixed:" and the first 16 hex digits of the
-// weight file's SHA-256.
+enum class DealVariant {
+  kWarped,  // "deal": the polar grid around each key point is bent by the learned thin-plate spline
+  kFixed,   // "deal-fixed": the plain polar grid, for comparison
+  kPooled,  // "deal-pooled": "deal" averaged over three support radii, so that errors of a key
+            // point's size matter less; takes twice the time
+};
+
+// 128 floats of unit length a key point. The key point's angle is not used; key points may lie
+// outside the picture, which is continued by its border. model_id is the name, ":" and the first
+// 16 hex digits of the weight file's SHA-256.
 //
 // Describe additionally throws kInvalidArgument for a key point that is not finite or has no
 // positive size, and kTooLarge for more than 2^24 pixels. Concurrent callers with the same number
@@ -23,6 +28,6 @@ namespace pliant {
 //
 // Throws kNotFound or kCorrupt naming the weight file and the tensor.
 std::shared_ptr<const Descriptor> MakeDealDescriptor(const std::filesystem::path& weights,
-                                                     bool warp);
+                                                     DealVariant variant);
 
 }  // namespace pliant

@@ -45,6 +45,22 @@ std::vector<float> PlanarGrid() {
   return planar;
 }
 
+void Add(const float* values, std::size_t count, float* into) {
+  for (std::size_t i = 0; i < count; ++i) into[i] += values[i];
+}
+
+// `count` rows of kDescriptorDim.
+void ScaleToUnitLength(float* rows, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    float* row = rows + i * kDescriptorDim;
+    float square = 0;
+    for (std::size_t k = 0; k < kDescriptorDim; ++k) square += row[k] * row[k];
+    // Descriptors of one key point never cancel; the bound is for a network that answers zeros.
+    const float scale = 1.0F / std::sqrt(std::max(square, 1e-20F));
+    for (std::size_t k = 0; k < kDescriptorDim; ++k) row[k] *= scale;
+  }
+}
+
 ProductPrimitive WarpProduct() {
   const ScopedPrimitiveThreads one(1);
   return {{0, static_cast<int>(2 * kBatch), kTpsParameters, kPatchPixels},
@@ -67,6 +83,7 @@ struct DealNetwork::Impl {
     AlignedFloats parameters{kBatch * kThetaValues};
     AlignedFloats shifts{kBatch * kShiftValues};
     AlignedFloats patches{kBatch * kPatchPixels};
+    AlignedFloats further{kBatch * kDescriptorDim};
     AlignedFloats scratch;
   };
 
@@ -84,17 +101,15 @@ struct DealNetwork::Impl {
     worker.stream.wait();
   }
 
-  // `count` patches; theta null = the fixed grid.
-  void Sample(Worker& worker, const GreyPicture& picture, const Keypoint* keypoints,
-              const float* theta, std::size_t count, float radius_per_size, float* patches) const {
-    if (theta != nullptr) Warp(worker, theta, count);
+  // `count` patches; shifts null = the fixed grid.
+  void Sample(const GreyPicture& picture, const Keypoint* keypoints, const float* shifts,
+              std::size_t count, float radius_per_size, float* patches) const {
     for (std::size_t i = 0; i < count; ++i) {
       const Keypoint& point = keypoints[i];
-      BestKernels().sample_patch(
-          picture.values.data(), picture.height, picture.width, point.x, point.y,
-          radius_per_size * point.size, grid.data(),
-          theta != nullptr ? worker.shifts.data() + i * kShiftValues : nullptr,
-          patches + i * kPatchPixels);
+      BestKernels().sample_patch(picture.values.data(), picture.height, picture.width, point.x,
+                                 point.y, radius_per_size * point.size, grid.data(),
+                                 shifts != nullptr ? shifts + i * kShiftValues : nullptr,
+                                 patches + i * kPatchPixels);
     }
   }
 
@@ -175,9 +190,11 @@ std::vector<float> DealNetwork::Patches(const GreyPicture& picture,
   const auto radius = static_cast<float>(weights_->radius_per_size);
   impl_->ForBatches(hardnet_, keypoints.size(), threads,
                     [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      impl_->Sample(worker, picture, keypoints.data() + first,
-                                    theta.empty() ? nullptr : theta.data() + first * kThetaValues,
-                                    batch, radius, patches.data() + first * kPatchPixels);
+                      const bool warp = !theta.empty();
+                      if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
+                      impl_->Sample(picture, keypoints.data() + first,
+                                    warp ? worker.shifts.data() : nullptr, batch, radius,
+                                    patches.data() + first * kPatchPixels);
                     });
   return patches;
 }
@@ -194,7 +211,8 @@ std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, 
 }
 
 std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                                         bool warp, int threads) const {
+                                         bool warp, std::span<const float> supports,
+                                         int threads) const {
   const GreyPicture picture = ToPicture(grey);
   CheckKeypoints(keypoints);
   std::vector<float> rows(keypoints.size() * kDescriptorDim);
@@ -206,11 +224,20 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
   const auto radius = static_cast<float>(weights_->radius_per_size);
   impl_->ForBatches(hardnet_, keypoints.size(), threads,
                     [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      impl_->Sample(worker, picture, keypoints.data() + first,
-                                    warp ? theta.data() + first * kThetaValues : nullptr, batch,
-                                    radius, worker.patches.data());
-                      worker.hardnet.Run(worker.patches.data(), batch,
-                                         rows.data() + first * kDescriptorDim);
+                      if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
+                      const float* shifts = warp ? worker.shifts.data() : nullptr;
+                      const auto describe = [&](float support, float* into) {
+                        impl_->Sample(picture, keypoints.data() + first, shifts, batch,
+                                      support * radius, worker.patches.data());
+                        worker.hardnet.Run(worker.patches.data(), batch, into);
+                      };
+                      float* into = rows.data() + first * kDescriptorDim;
+                      describe(supports.front(), into);
+                      for (const float support : supports.subspan(1)) {
+                        describe(support, worker.further.data());
+                        Add(worker.further.data(), batch * kDescriptorDim, into);
+                      }
+                      if (supports.size() > 1) ScaleToUnitLength(into, batch);
                     });
   return rows;
 }

@@ -4,6 +4,7 @@
 // each stage with the golden tensors, benchmarks time it.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -17,6 +18,11 @@
 #include "descriptor/image.h"
 
 namespace pliant::deal {
+
+// Support radii that one description looks at, over the weights' own: with several, the mean of
+// their descriptors, scaled to unit length (domain-size pooling: Dong and Soatto, CVPR 2015).
+inline constexpr std::array<float, 1> kOneSupport = {1.0F};
+inline constexpr std::array<float, 3> kPooledSupports = {0.72F, 1.0F, 1.39F};
 
 // Immutable and thread-safe. `threads` counts threads, at least 1.
 class DealNetwork {
@@ -47,9 +53,10 @@ class DealNetwork {
   // count x kPatchPixels to count x kDescriptorDim, unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the picture, patches never all in memory.
+  // keypoints.size() x kDescriptorDim from the picture, patches never all in memory. The warp of a
+  // key point, in radii, is the same for all supports.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
-                              int threads) const;
+                              std::span<const float> supports, int threads) const;
 
  private:
   struct Impl;

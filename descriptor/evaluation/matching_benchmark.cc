@@ -196,10 +196,11 @@ DescriptorChoice ParseDescriptorChoice(const std::string& text) {
     choice.label = name.substr(0, colon);
     name = name.substr(colon + 1);
   }
-  const bool weights = name == "deal" || name == "deal-fixed";
+  const bool weights = name == "deal" || name.starts_with("deal-");
   if (equals != std::string::npos && (choice.model.empty() || !weights)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_descriptor",
-                "'" + text + "': only deal and deal-fixed take a weight file, as in deal=FILE");
+                "'" + text +
+                    "': only deal, deal-fixed and deal-pooled take a weight file, as in deal=FILE");
   }
   choice.repeats = name == "sift+repeats";
   choice.name = choice.repeats ? "sift" : name;

@@ -27,7 +27,7 @@ struct DescriptorChoice {
 };
 
 // "[LABEL:]NAME[=FILE]": NAME of MakeDescriptor, or sift+repeats; FILE with weights for deal and
-// deal-fixed. Without LABEL the row is named by the NAME and the file's. Throws kInvalidArgument.
+// its variants. Without LABEL the row is named by the NAME and the file's. Throws kInvalidArgument.
 DescriptorChoice ParseDescriptorChoice(const std::string& text);
 // Every descriptor that MakeDescriptor knows, and sift+repeats.
 std::vector<DescriptorChoice> AllDescriptorChoices();

@@ -12,7 +12,7 @@ std::string KnownDescriptors() {
 }
 
 void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOptions& extraction) {
-  app.add_option("--model", descriptor.model_path, "weight file for deal and deal-fixed")
+  app.add_option("--model", descriptor.model_path, "weight file for deal and its variants")
       ->type_name("FILE");
   app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
                  "strongest key points of a picture that count")
@@ -40,7 +40,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
                      " (default: the database's own, deal for a new one)")
       ->type_name("NAME");
   app.add_option("--model", engine.descriptor_options.model_path,
-                 "weight file for deal and deal-fixed")
+                 "weight file for deal and its variants")
       ->type_name("FILE");
   app.add_option_function<int>(
          "--max-keypoints",

@@ -81,7 +81,7 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
              KnownDescriptors())
       ->delimiter(',')
       ->type_name("NAME,...");
-  app.add_option("--model", matching.model, "weight file for deal and deal-fixed")
+  app.add_option("--model", matching.model, "weight file for deal and its variants")
       ->type_name("FILE");
   app.add_option("--pairs", matching.pairs, "so many pairs, chosen by --seed; 0 = all")
       ->capture_default_str();

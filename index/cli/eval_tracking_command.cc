@@ -57,7 +57,7 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
                   "sift, orb)")
       ->delimiter(',')
       ->type_name("NAME,...");
-  app->add_option("--model", benchmark.model, "weight file for deal and deal-fixed")
+  app->add_option("--model", benchmark.model, "weight file for deal and its variants")
       ->type_name("FILE");
   app->add_option("--max-keypoints", benchmark.max_keypoints,
                   "strongest key points of the object, and of each frame")

@@ -208,8 +208,10 @@ void BmHardNet(benchmark::State& state) {
 void BmDescribe(benchmark::State& state) {
   const Scene& s = SharedScene();
   const auto points = std::span(s.keypoints).first(Count(state));
-  Stage(state, 0).Run(
-      [&] { benchmark::DoNotOptimize(s.network.Describe(s.image, points, true, Threads(state))); });
+  Stage(state, 0).Run([&] {
+    benchmark::DoNotOptimize(
+        s.network.Describe(s.image, points, true, kOneSupport, Threads(state)));
+  });
 }
 
 void EveryCount(benchmark::internal::Benchmark* stage) {
@@ -234,9 +236,11 @@ BENCHMARK(BmDescribe)->Apply(EveryCount);
 int PrintDescribeSeconds(std::size_t count, int threads, int rounds) {
   const Scene& s = SharedScene();
   const auto points = std::span(s.keypoints).first(std::min(count, s.keypoints.size()));
-  s.network.Describe(s.image, points, true, threads);  // makes primitives and buffers
+  s.network.Describe(s.image, points, true, kOneSupport,
+                     threads);  // makes primitives and buffers
   for (int i = 0; i < rounds; ++i) {
-    const double seconds = SecondsOf([&] { s.network.Describe(s.image, points, true, threads); });
+    const double seconds =
+        SecondsOf([&] { s.network.Describe(s.image, points, true, kOneSupport, threads); });
     std::printf("%s%.6f", i == 0 ? "[" : ", ", seconds);
   }
   std::printf("]\n");

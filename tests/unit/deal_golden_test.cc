@@ -88,9 +88,9 @@ TEST_P(DealGoldenTest, DescriptorsOfGoldenPatches) {
 }
 
 TEST_P(DealGoldenTest, WholeNetwork) {
-  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, true, kThreads),
+  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, true, kOneSupport, kThreads),
              golden_.tensors.Floats("descriptors"), kTolerance, "descriptors");
-  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, false, kThreads),
+  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, false, kOneSupport, kThreads),
              golden_.tensors.Floats("descriptors_fixed"), kTolerance, "descriptors_fixed");
 }
 

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The network away from the goldens: fast paths against plain loops, concurrency, odd inputs.
+// The network away from the goldens: concurrency, several supports, odd inputs.
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <thread>
 
 #include "descriptor/deal/deal.h"
-#include "descriptor/deal/kernels.h"
-#include "descriptor/deal/winograd.h"
+#include "descriptor/descriptor.h"
 #include "descriptor/error.h"
 #include "tests/unit/deal_golden.h"
 #include "tests/unit/wavy_picture.h"
@@ -18,14 +18,6 @@ namespace pliant::deal {
 namespace {
 
 constexpr std::uint32_t kSeed = 77;
-
-std::vector<float> Random(std::size_t count, std::uint32_t seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> uniform(-1, 1);
-  std::vector<float> values(count);
-  for (float& value : values) value = uniform(random);
-  return values;
-}
 
 Image RandomImage(int width, int height) {
   return testing::WavyPicture(width, height, 5, 4, kSeed);
@@ -42,157 +34,70 @@ std::vector<Keypoint> RandomKeypoints(std::size_t count, int width, int height) 
   return points;
 }
 
-// The oracle: relu(w * x + b), circular in rows, zero outside the columns, stride 1.
-std::vector<double> PlainConv(const std::vector<float>& in, int side, const ConvLayer& layer) {
-  std::vector<double> out;
-  for (int y = 0; y < side; ++y) {
-    for (int x = 0; x < side; ++x) {
-      for (int o = 0; o < layer.outputs; ++o) {
-        double sum = layer.bias[static_cast<std::size_t>(o)];
-        for (int t = 0; t < 9; ++t) {
-          const int row = (y + t / 3 - 1 + side) % side;
-          const int column = x + t % 3 - 1;
-          if (column < 0 || column >= side) continue;
-          for (int i = 0; i < layer.inputs; ++i) {
-            sum += static_cast<double>(
-                       layer.weight[static_cast<std::size_t>((o * layer.inputs + i) * 9 + t)]) *
-                   in[static_cast<std::size_t>((row * side + column) * layer.inputs + i)];
-          }
-        }
-        out.push_back(std::max(sum, 0.0));
-      }
-    }
-  }
-  return out;
-}
-
-ConvLayer RandomLayer(int inputs, int outputs) {
-  ConvLayer layer;
-  layer.inputs = inputs;
-  layer.outputs = outputs;
-  layer.kernel_height = layer.kernel_width = 3;
-  layer.weight = Random(static_cast<std::size_t>(inputs * outputs) * 9, kSeed + 2);
-  layer.bias = Random(static_cast<std::size_t>(outputs), kSeed + 3);
-  return layer;
-}
-
-class DealKernelsTest : public ::testing::TestWithParam<const Kernels*> {};
-
-TEST_P(DealKernelsTest, WinogradIsThePlainConvolution) {
-  constexpr int kChannels = 32;
-  for (const int side : {8, 16}) {
-    const ConvLayer layer = RandomLayer(kChannels, kChannels);
-    const auto map_size = static_cast<std::size_t>(side * side * kChannels);
-    const std::vector<float> in = Random(map_size, kSeed);
-    const auto tiles = static_cast<std::size_t>((side / 4) * (side / 4));
-    const std::size_t plane = (tiles + 1) * kChannels;
-    std::vector<float> v(kTilePlanes * plane);
-    std::vector<float> m(kTilePlanes * plane);
-    GetParam()->winograd_input(in.data(), side, kChannels, plane, v.data());
-    const std::vector<float> u = WinogradWeights(layer);
-    for (std::size_t p = 0; p < kTilePlanes; ++p) {
-      for (std::size_t t = 0; t < tiles; ++t) {
-        for (std::size_t o = 0; o < kChannels; ++o) {
-          double sum = 0;
-          for (std::size_t i = 0; i < kChannels; ++i) {
-            sum += static_cast<double>(v[p * plane + t * kChannels + i]) *
-                   u[(p * kChannels + i) * kChannels + o];
-          }
-          m[p * plane + t * kChannels + o] = static_cast<float>(sum);
-        }
-      }
-    }
-    std::vector<float> out(map_size);
-    GetParam()->winograd_output(m.data(), side, kChannels, plane, layer.bias.data(), out.data());
-    const std::vector<double> expected = PlainConv(in, side, layer);
-    for (std::size_t i = 0; i < map_size; ++i) ASSERT_NEAR(out[i], expected[i], 1e-4) << i;
-
-    std::vector<float> pooled(static_cast<std::size_t>(side) * kChannels);
-    GetParam()->winograd_pooled(m.data(), side, kChannels, plane, layer.bias.data(), pooled.data());
-    for (std::size_t i = 0; i < pooled.size(); ++i) {
-      double mean = 0;
-      for (std::size_t at = i; at < map_size; at += pooled.size()) mean += expected[at] / side;
-      ASSERT_NEAR(pooled[i], mean, 1e-4) << i;
-    }
-  }
-}
-
-TEST_P(DealKernelsTest, FirstConvolutionAndStandardize) {
-  std::vector<float> patch = Random(kPatchPixels, kSeed);
-  double mean = 0;
-  double variance = 0;
-  for (const float value : patch) mean += value / kPatchPixels;
-  for (const float value : patch) variance += (value - mean) * (value - mean) / kPatchPixels;
-  std::vector<float> framed(kFramedPixels, 9.0F);
-  GetParam()->standardize(patch.data(), framed.data());
-  for (float& value : patch) {
-    value = static_cast<float>((value - mean) / std::sqrt(variance + 1e-5));
-  }
-  const ConvLayer layer = RandomLayer(1, 32);
-  std::vector<float> taps_first(9 * 32);
-  for (std::size_t i = 0; i < taps_first.size(); ++i) {
-    taps_first[i] = layer.weight[i % 32 * 9 + i / 32];
-  }
-  std::vector<float> out(kPatchPixels * 32);
-  GetParam()->first_conv(framed.data(), taps_first.data(), layer.bias.data(), out.data());
-  const std::vector<double> expected = PlainConv(patch, kPatchSide, layer);
-  for (std::size_t i = 0; i < out.size(); ++i) ASSERT_NEAR(out[i], expected[i], 1e-4) << i;
-}
-
-TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
-  const Kernels& baseline = *UsableKernels().back();
-  constexpr int kHeight = 9;
-  constexpr int kWidth = 7;
-  const std::vector<float> map = Random(kHeight * kWidth * kFeatureChannels, kSeed);
-  const std::vector<float> picture = Random(kHeight * kWidth, kSeed);
-  const std::vector<float> grid = Random(2 * kPatchPixels, kSeed + 5);
-  for (const float at : {-1e30F, -3.0F, 0.0F, 2.3F, 6.0F, 50.0F, 1e30F}) {
-    std::vector<float> a(kSampledValues);
-    std::vector<float> b(kSampledValues);
-    GetParam()->sample_features(map.data(), kHeight, kWidth, at, 1.5F, a.data());
-    baseline.sample_features(map.data(), kHeight, kWidth, at, 1.5F, b.data());
-    ExpectNear(a, b, 1e-5, "features");
-    a.resize(kPatchPixels);
-    b.resize(kPatchPixels);
-    GetParam()->sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
-                             a.data());
-    baseline.sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
-                          b.data());
-    ExpectNear(a, b, 1e-5, "patch");
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(InstructionSets, DealKernelsTest, ::testing::ValuesIn(UsableKernels()),
-                         [](const auto& kernels) { return std::string(kernels.param->name); });
-
 TEST(DealNetworkTest, ConcurrentCallersGetTheSingleCallersBits) {
   const Image image = RandomImage(131, 97);
   const std::vector<Keypoint> points = RandomKeypoints(70, 131, 97);
-  const std::vector<float> expected = SharedNetwork().Describe(image, points, true, 1);
+  const std::vector<float> expected = SharedNetwork().Describe(image, points, true, kOneSupport, 1);
   std::vector<std::vector<float>> results(6);
   {
     std::vector<std::jthread> callers;
     for (auto& result : results) {
       callers.emplace_back([&] {
         for (int round = 0; round < 3; ++round) {
-          result = SharedNetwork().Describe(image, points, true, 1);
+          result = SharedNetwork().Describe(image, points, true, kOneSupport, 1);
         }
       });
     }
   }
   for (const auto& result : results) EXPECT_EQ(result, expected);
-  ExpectNear(SharedNetwork().Describe(image, points, true, 3), expected, 1e-4, "three threads");
+  ExpectNear(SharedNetwork().Describe(image, points, true, kOneSupport, 3), expected, 1e-4,
+             "three threads");
 }
 
 TEST(DealNetworkTest, ADescriptorDoesNotDependOnItsNeighbours) {
   const Image image = RandomImage(120, 90);
   const std::vector<Keypoint> points = RandomKeypoints(150, 120, 90);
-  const std::vector<float> all = SharedNetwork().Describe(image, points, true, 1);
+  const std::vector<float> all = SharedNetwork().Describe(image, points, true, kOneSupport, 1);
   for (const std::size_t count : {1U, 15U, 17U, 64U, 129U}) {
     const std::vector<Keypoint> last(points.end() - static_cast<long>(count), points.end());
-    const std::vector<float> rows = SharedNetwork().Describe(image, last, true, 1);
+    const std::vector<float> rows = SharedNetwork().Describe(image, last, true, kOneSupport, 1);
     ExpectNear(rows, std::span(all).last(rows.size()), 1e-5, std::to_string(count));
   }
+}
+
+TEST(DealNetworkTest, SeveralSupportsAreTheirDescriptorsMean) {
+  const Image image = RandomImage(120, 90);
+  const std::vector<Keypoint> points = RandomKeypoints(35, 120, 90);
+  for (const bool warp : {false, true}) {
+    std::vector<float> expected(points.size() * kDescriptorDim);
+    for (const float support : kPooledSupports) {
+      const std::vector<float> one =
+          SharedNetwork().Describe(image, points, warp, std::span(&support, 1), 1);
+      for (std::size_t i = 0; i < one.size(); ++i) expected[i] += one[i];
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const auto row = std::span(expected).subspan(i * kDescriptorDim, kDescriptorDim);
+      const double square = std::inner_product(row.begin(), row.end(), row.begin(), 0.0);
+      for (float& value : row) value = static_cast<float>(value / std::sqrt(square));
+    }
+    ExpectNear(SharedNetwork().Describe(image, points, warp, kPooledSupports, 1), expected, 1e-5,
+               "pooled");
+  }
+}
+
+// What pooling is for: a key point whose size was misjudged.
+TEST(DealNetworkTest, PoolingForgivesWrongSizes) {
+  const Image image = RandomImage(240, 180);
+  const std::vector<Keypoint> points = RandomKeypoints(60, 240, 180);
+  std::vector<Keypoint> larger = points;
+  for (Keypoint& point : larger) point.size *= 1.35F;
+  const auto agreement = [&](std::span<const float> supports) {
+    const std::vector<float> a = SharedNetwork().Describe(image, points, true, supports, 1);
+    const std::vector<float> b = SharedNetwork().Describe(image, larger, true, supports, 1);
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0) /
+           static_cast<double>(points.size());
+  };
+  EXPECT_GT(agreement(kPooledSupports), agreement(kOneSupport) + 0.02);
 }
 
 TEST(DealNetworkTest, TinyAndOddPictures) {
@@ -201,7 +106,7 @@ TEST(DealNetworkTest, TinyAndOddPictures) {
     const Image image = RandomImage(width, height);
     for (const bool warp : {false, true}) {
       const std::vector<float> rows =
-          SharedNetwork().Describe(image, RandomKeypoints(5, width, height), warp, 2);
+          SharedNetwork().Describe(image, RandomKeypoints(5, width, height), warp, kOneSupport, 2);
       ASSERT_EQ(rows.size(), 5U * kDescriptorDim);
       for (std::size_t i = 0; i < 5; ++i) {
         double squared = 0;
@@ -224,7 +129,7 @@ TEST(DealNetworkTest, KeypointsOutsideAndHuge) {
   points[4] = {.x = 20, .y = 20, .size = std::numeric_limits<float>::max()};
   points[5] = {.x = 20, .y = 20, .size = 1e-30F};
   for (const bool warp : {false, true}) {
-    for (const float value : SharedNetwork().Describe(image, points, warp, 2)) {
+    for (const float value : SharedNetwork().Describe(image, points, warp, kOneSupport, 2)) {
       ASSERT_TRUE(std::isfinite(value));
     }
   }
@@ -239,7 +144,7 @@ TEST(DealNetworkTest, RefusesKeypointsAndPicturesByName) {
         Keypoint{.size = -2}, Keypoint{.size = kNan}, Keypoint{.size = kInfinity}}) {
     const std::vector<Keypoint> points = {Keypoint{.size = 3}, bad};
     try {
-      SharedNetwork().Describe(image, points, false, 1);
+      SharedNetwork().Describe(image, points, false, kOneSupport, 1);
       ADD_FAILURE() << "described a bad key point";
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
@@ -248,17 +153,19 @@ TEST(DealNetworkTest, RefusesKeypointsAndPicturesByName) {
   }
   Image colour = image;
   colour.channels = 3;
-  EXPECT_THROW(SharedNetwork().Describe(colour, {}, false, 1), Error);
-  EXPECT_THROW(SharedNetwork().Describe(Image{}, {}, false, 1), Error);
+  EXPECT_THROW(SharedNetwork().Describe(colour, {}, false, kOneSupport, 1), Error);
+  EXPECT_THROW(SharedNetwork().Describe(Image{}, {}, false, kOneSupport, 1), Error);
 }
 
 TEST(DealNetworkTest, DescriptorInterface) {
-  const auto deal = MakeDealDescriptor(ModelPath(), true);
-  const auto fixed = MakeDealDescriptor(ModelPath(), false);
+  const auto deal = MakeDealDescriptor(ModelPath(), DealVariant::kWarped);
+  const auto fixed = MakeDealDescriptor(ModelPath(), DealVariant::kFixed);
   const std::string hash = SharedNetwork().weights().sha256.substr(0, 16);
   EXPECT_EQ(deal->info().model_id, "deal:" + hash);
   EXPECT_EQ(fixed->info().model_id, "deal-fixed:" + hash);
   EXPECT_EQ(fixed->info().name, "deal-fixed");
+  const auto pooled = MakeDescriptor("deal-pooled", {.model_path = ModelPath()});
+  EXPECT_EQ(pooled->info().model_id, "deal-pooled:" + hash);
   const Image image = RandomImage(90, 70);
   const Descriptors none = deal->Describe(image, {}, 0);
   EXPECT_EQ(none.rows, 0U);
@@ -268,6 +175,7 @@ TEST(DealNetworkTest, DescriptorInterface) {
   const Descriptors some = deal->Describe(image, points, 0);
   EXPECT_EQ(some.rows, 9U);
   EXPECT_NE(some.floats, fixed->Describe(image, points, 0).floats);
+  EXPECT_NE(some.floats, pooled->Describe(image, points, 0).floats);
 }
 
 }  // namespace
