@@ -33,10 +33,18 @@ class Descriptor {
   // call may use, 0 = all. Throws kInvalidArgument for a picture that is not grey.
   virtual Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                                int threads) const = 0;
+
+  // The same for a picture that is described once and compared with many: it may take longer and
+  // match better. Its rows are compared with those of Describe; the model id is the same.
+  virtual Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
+                                        int threads) const {
+    return Describe(grey, keypoints, threads);
+  }
 };
 
 struct DescriptorOptions {
-  std::filesystem::path model_path;  // weights for deal and its variants; empty = DefaultModelPath()
+  std::filesystem::path
+      model_path;  // weights for deal and its variants; empty = DefaultModelPath()
 };
 
 // Names that MakeDescriptor knows, best first.
@@ -56,6 +64,12 @@ struct ExtractionOptions {
   KeypointOptions keypoints;
 };
 
+// What a picture is described for.
+enum class PictureRole {
+  kQuery,      // to be compared now: Descriptor::Describe
+  kReference,  // to be compared with many: Descriptor::DescribeReference
+};
+
 // Wall-clock milliseconds each stage took.
 struct ExtractionTimings {
   double decode_ms = 0;
@@ -72,13 +86,17 @@ class FeatureExtractor {
   const ExtractionOptions& options() const { return options_; }
 
   // Throws what DecodeImage throws. A picture without key points gives features without rows.
-  Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr) const;
+  Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
+                   PictureRole role = PictureRole::kQuery) const;
 
   // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
-  Features ExtractFrom(const Image& picture, int threads,
-                       ExtractionTimings* timings = nullptr) const;
+  Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
+                       PictureRole role = PictureRole::kQuery) const;
 
  private:
+  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
+                       int threads) const;
+
   std::shared_ptr<const Descriptor> descriptor_;
   ExtractionOptions options_;
 };

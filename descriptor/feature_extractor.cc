@@ -47,8 +47,14 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
   options_.decode.colour = false;
 }
 
+Descriptors FeatureExtractor::Describe(const Image& grey, std::span<const Keypoint> keypoints,
+                                       PictureRole role, int threads) const {
+  return role == PictureRole::kReference ? descriptor_->DescribeReference(grey, keypoints, threads)
+                                         : descriptor_->Describe(grey, keypoints, threads);
+}
+
 Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
-                                       ExtractionTimings* timings) const {
+                                       ExtractionTimings* timings, PictureRole role) const {
   if (picture.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "picture_empty", "A picture without pixels was given");
   }
@@ -74,14 +80,15 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
   features.keypoints = DetectKeypoints(grey, options_.keypoints);
   passed.detect_ms = watch.Lap();
 
-  features.descriptors = descriptor_->Describe(grey, features.keypoints, threads);
+  features.descriptors = Describe(grey, features.keypoints, role, threads);
   ScaleToOriginal(features.keypoints, scale);
   passed.describe_ms = watch.Lap();
   if (timings != nullptr) *timings = passed;
   return features;
 }
 
-Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings) const {
+Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings,
+                                   PictureRole role) const {
   Stopwatch watch;
   ExtractionTimings passed;
   const DecodedImage decoded = DecodeImage(encoded, options_.decode);
@@ -94,7 +101,7 @@ Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings
   features.keypoints = DetectKeypoints(decoded.image, options_.keypoints);
   passed.detect_ms = watch.Lap();
 
-  features.descriptors = descriptor_->Describe(decoded.image, features.keypoints, threads);
+  features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
   ScaleToOriginal(features.keypoints, decoded.scale);
   passed.describe_ms = watch.Lap();
   if (timings != nullptr) *timings = passed;

@@ -42,16 +42,26 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                        int threads) const override {
+    return Describe(grey, keypoints, Supports(variant_), threads);
+  }
+
+  Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
+                                int threads) const override {
+    return Describe(grey, keypoints, deal::kPooledSupports, threads);
+  }
+
+ private:
+  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
+                       std::span<const float> supports, int threads) const {
     Descriptors result;
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats = network_.Describe(grey, keypoints, variant_ != DealVariant::kFixed,
-                                      Supports(variant_), ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, variant_ != DealVariant::kFixed, supports,
+                                      ResolveThreads(threads));
     return result;
   }
 
- private:
   deal::DealNetwork network_;
   DealVariant variant_;
   DescriptorInfo info_;

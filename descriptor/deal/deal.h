@@ -17,9 +17,9 @@ enum class DealVariant {
             // point's size matter less; takes twice the time
 };
 
-// 128 floats of unit length a key point. The key point's angle is not used; key points may lie
-// outside the picture, which is continued by its border. model_id is the name, ":" and the first
-// 16 hex digits of the weight file's SHA-256.
+// 128 floats of unit length a key point. DescribeReference pools whatever the variant. The key
+// point's angle is not used; key points may lie outside the picture, which is continued by its
+// border. model_id is the name, ":" and the first 16 hex digits of the weight file's SHA-256.
 //
 // Describe additionally throws kInvalidArgument for a key point that is not finite or has no
 // positive size, and kTooLarge for more than 2^24 pixels. Concurrent callers with the same number

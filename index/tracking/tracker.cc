@@ -120,7 +120,8 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
   const FeatureExtractor extractor(
       std::shared_ptr<const Descriptor>(std::shared_ptr<void>(), &extractor_.descriptor()),
       extraction);
-  const Features found = extractor.ExtractFrom(Cut(reference, around), options_.threads);
+  const Features found = extractor.ExtractFrom(Cut(reference, around), options_.threads, nullptr,
+                                               PictureRole::kReference);
   const Image mask = options_.mask.empty() ? Image{} : Cut(options_.mask, around);
   features_ = FeaturesInside(found, {box_.x - around.x, box_.y - around.y, box_.width, box_.height},
                              mask, static_cast<std::size_t>(most));

@@ -40,6 +40,13 @@ Features DescribeView(const Descriptor& descriptor, const Image& picture,
           descriptor.info().model_id};
 }
 
+// As Tracker describes its template.
+Features DescribeTemplate(const Descriptor& descriptor, const Image& picture,
+                          const std::vector<Keypoint>& keypoints) {
+  return {picture.width, picture.height, keypoints,
+          descriptor.DescribeReference(picture, keypoints, 1), descriptor.info().model_id};
+}
+
 class Benchmark {
  public:
   Benchmark(const std::vector<TrackingSequence>& sequences, const TrackingBenchmarkOptions& options)
@@ -112,7 +119,7 @@ class Benchmark {
       }
       for (const auto& descriptor : descriptors_) {
         templates.push_back(
-            FeaturesInside(DescribeView(*descriptor, scene->Picture(0), bare.keypoints),
+            FeaturesInside(DescribeTemplate(*descriptor, scene->Picture(0), bare.keypoints),
                            reference.box, reference.mask, bare.keypoints.size()));
       }
     }

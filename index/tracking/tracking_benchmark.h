@@ -3,8 +3,8 @@
 // How well an object is followed through simulated sequences whose every point is known; what
 // `pliant eval tracking` runs.
 //
-// The template is view 0 of a scene, its region the object. All descriptors get the same key
-// points. Of every further view:
+// The template is view 0 of a scene, its region the object, described as a reference
+// (Descriptor::DescribeReference). All descriptors get the same key points. Of every further view:
 //   inlier rate = RANSAC's inliers / matches, also where the object counts as lost;
 //   error = mean distance of warp and truth over the template's points (every 8 pixels) that the
 //     view shows, in pixels of the view; only where found;

@@ -175,7 +175,10 @@ TEST(DealNetworkTest, DescriptorInterface) {
   const Descriptors some = deal->Describe(image, points, 0);
   EXPECT_EQ(some.rows, 9U);
   EXPECT_NE(some.floats, fixed->Describe(image, points, 0).floats);
-  EXPECT_NE(some.floats, pooled->Describe(image, points, 0).floats);
+  const std::vector<float> of_pooled = pooled->Describe(image, points, 0).floats;
+  EXPECT_NE(some.floats, of_pooled);
+  EXPECT_EQ(deal->DescribeReference(image, points, 0).floats, of_pooled);
+  EXPECT_EQ(pooled->DescribeReference(image, points, 0).floats, of_pooled);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 // The tracker on frames bent by a known map, and on what cannot be tracked.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include <gtest/gtest.h>
 
@@ -49,6 +50,37 @@ TEST(Tracker, FollowsABendingSheet) {
       }
     }
   }
+}
+
+// Notes what pictures are described for.
+class NotingDescriptor final : public Descriptor {
+ public:
+  const DescriptorInfo& info() const override { return inner_->info(); }
+  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
+                       int threads) const override {
+    ++queries;
+    return inner_->Describe(grey, keypoints, threads);
+  }
+  Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
+                                int threads) const override {
+    ++references;
+    return inner_->Describe(grey, keypoints, threads);
+  }
+  mutable int queries = 0;
+  mutable int references = 0;
+
+ private:
+  std::shared_ptr<const Descriptor> inner_ = MakeDescriptor("rootsift");
+};
+
+TEST(Tracker, OnlyTheTemplateIsAReference) {
+  const auto noting = std::make_shared<const NotingDescriptor>();
+  const Tracker tracker(noting, Template(), {.threads = 1});
+  EXPECT_EQ(noting->references, 1);
+  EXPECT_EQ(noting->queries, 0);
+  tracker.Describe(Template());
+  EXPECT_EQ(noting->references, 1);
+  EXPECT_EQ(noting->queries, 1);
 }
 
 TEST(Tracker, ARegionIsATemplateOfItsOwn) {
