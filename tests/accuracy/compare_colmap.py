@@ -11,6 +11,7 @@ COLMAP extracts SIFT as it does by default, trains a tree on the searched pictur
 words alone and once with its own spatial verification of the best.
 """
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -52,12 +53,16 @@ def read_set(options):
 def extract(pictures, work, options, log):
     """Links the pictures under flat names and has COLMAP describe them. Names in pictures' order."""
     images = work / "images"
-    images.mkdir()
+    images.mkdir(exist_ok=True)
     names = []
     for number, picture in enumerate(pictures):
         source = pathlib.Path(picture["file"]).resolve()
         names.append(f"{number:06d}{source.suffix}")
-        (images / names[-1]).symlink_to(source)
+        link = images / names[-1]
+        if not link.is_symlink():
+            link.symlink_to(source)
+        elif link.resolve() != source:
+            sys.exit(f"{work} was made for other pictures ({link.name} is {link.resolve()}); give another --work")
     command = ["colmap", "feature_extractor", "--database_path", str(work / "colmap.db"),
                "--image_path", str(images), "--SiftExtraction.use_gpu", "0",
                "--SiftExtraction.num_threads", str(options.threads)]
@@ -124,8 +129,8 @@ def compare(work, options, log):
     (work / "searched.txt").write_text("".join(names[i] + "\n" for i in searched))
     (work / "queries.txt").write_text("".join(names[i] + "\n" for i in asked))
     run(["colmap", "vocab_tree_builder", "--database_path", str(work / "colmap.db"),
-         "--vocab_tree_path", str(work / "tree.bin"), "--num_visual_words", str(options.words)],
-        log)
+         "--vocab_tree_path", str(work / "tree.bin"), "--num_visual_words", str(options.words),
+         "--num_iterations", str(options.iterations)], log)
     counts_itself = retrieval_set["counts_itself"]
     right = {q: sum(pictures[i]["object"] == pictures[q]["object"] and (counts_itself or i != q)
                     for i in searched) for q in asked}
@@ -151,15 +156,21 @@ def main():
     parser.add_argument("--layout")
     parser.add_argument("--distractors", action="append", default=[], type=pathlib.Path)
     parser.add_argument("--words", type=int, default=16384, help="visual words of the tree")
+    parser.add_argument("--iterations", type=int, default=11, help="of the tree's k-means")
     parser.add_argument("--verify", type=int, default=100, help="pictures verified in the second row")
     parser.add_argument("--max-keypoints", type=int, default=0, help="0 = COLMAP's own limit")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--work", type=pathlib.Path,
+                        help="folder that keeps COLMAP's features for the next run; default: none")
     parser.add_argument("--log", type=pathlib.Path, help="what COLMAP prints")
     parser.add_argument("--out", type=pathlib.Path, help="default: standard output")
     options = parser.parse_args()
     if shutil.which("colmap") is None:
         sys.exit("there is no program colmap; on Debian: apt-get install colmap")
-    with tempfile.TemporaryDirectory(prefix="pliant-colmap-") as work, \
+    if options.work:
+        options.work.mkdir(parents=True, exist_ok=True)
+    with contextlib.nullcontext(options.work) if options.work \
+            else tempfile.TemporaryDirectory(prefix="pliant-colmap-") as work, \
             open(options.log or os.devnull, "w", encoding="utf-8") as log:
         report = json.dumps(compare(pathlib.Path(work), options, log))
     if options.out:
