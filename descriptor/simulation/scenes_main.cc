@@ -25,7 +25,9 @@ constexpr const char* kUsage =
     "usage: pliant-simulate-scenes --textures DIR|PACK|procedural --out DIR [--preset pairs] "
     "[--scenes N]\n"
     "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
-    "         [--occluders 0..1] [--turn DEG] [--least-scale 0.1..1] [--seed S] [--jobs N]\n";
+    "         [--occluders 0..1] [--turn DEG] [--least-scale 0.1..1] [--seed S] [--jobs N]\n"
+    "DIR of textures: PGM and PPM files. PACK: other pictures, made by\n"
+    "descriptor/simulation/pack_textures.py DIR PACK.\n";
 
 constexpr int kProceduralTextures = 96;
 
@@ -116,6 +118,10 @@ int Run(Arguments arguments) {
 }  // namespace
 
 int main(int count, char** values) {
+  if (count == 2 && std::string(values[1]) == "--help") {
+    std::fputs(kUsage, stdout);
+    return 0;
+  }
   try {
     return Run(Arguments(count, values));
   } catch (const pliant::Error& error) {
