@@ -75,7 +75,9 @@ class NotingDescriptor final : public Descriptor {
 
 TEST(Tracker, OnlyTheTemplateIsAReference) {
   const auto noting = std::make_shared<const NotingDescriptor>();
-  const Tracker tracker(noting, Template(), {.threads = 1});
+  TrackerOptions options;
+  options.threads = 1;
+  const Tracker tracker(noting, Template(), options);
   EXPECT_EQ(noting->references, 1);
   EXPECT_EQ(noting->queries, 0);
   tracker.Describe(Template());
