@@ -2,37 +2,31 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/deal/deal.h"
 
+#include <array>
 #include <utility>
 
 #include "descriptor/deal/network.h"
-#include "descriptor/error.h"
 #include "descriptor/parallel.h"
 
 namespace pliant {
 namespace {
 
-const char* Name(DealVariant variant) {
-  switch (variant) {
-    case DealVariant::kWarped:
-      return "deal";
-    case DealVariant::kFixed:
-      return "deal-fixed";
-    case DealVariant::kPooled:
-      return "deal-pooled";
-  }
-  throw Error(ErrorCode::kInternal, "deal_variant", "unknown variant of DEAL");
-}
+struct Variant {
+  const char* name;
+  bool warp;
+  std::span<const float> supports;  // of Describe
+};
 
-std::span<const float> Supports(DealVariant variant) {
-  if (variant == DealVariant::kPooled) return deal::kPooledSupports;
-  return deal::kOneSupport;
-}
+// In the order of DealVariant.
+constexpr std::array kVariants = {Variant{"deal", true, deal::kOneSupport},
+                                  Variant{"deal-fixed", false, deal::kOneSupport},
+                                  Variant{"deal-pooled", true, deal::kPooledSupports}};
 
 class DealDescriptor final : public Descriptor {
  public:
   DealDescriptor(deal::DealWeights weights, DealVariant variant)
-      : network_(std::move(weights)), variant_(variant) {
-    info_.name = Name(variant);
+      : network_(std::move(weights)), variant_(kVariants.at(static_cast<std::size_t>(variant))) {
+    info_.name = variant_.name;
     info_.kind = DescriptorKind::kFloat;
     info_.dim = deal::kDescriptorDim;
     info_.model_id = info_.name + ":" + network_.weights().sha256.substr(0, 16);
@@ -42,7 +36,7 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                        int threads) const override {
-    return Describe(grey, keypoints, Supports(variant_), threads);
+    return Describe(grey, keypoints, variant_.supports, threads);
   }
 
   Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
@@ -57,13 +51,13 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats = network_.Describe(grey, keypoints, variant_ != DealVariant::kFixed, supports,
-                                      ResolveThreads(threads));
+    result.floats =
+        network_.Describe(grey, keypoints, variant_.warp, supports, ResolveThreads(threads));
     return result;
   }
 
   deal::DealNetwork network_;
-  DealVariant variant_;
+  Variant variant_;
   DescriptorInfo info_;
 };
 

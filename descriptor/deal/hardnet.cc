@@ -85,15 +85,14 @@ std::vector<float> TapsFirst(const ConvLayer& layer) {
   return weight;
 }
 
+}  // namespace
+
 void NormalizeLength(float* row) {
   double squared = 0;
   for (int i = 0; i < kDescriptorDim; ++i) squared += static_cast<double>(row[i]) * row[i];
-  // As PyTorch's normalize: a length below 1e-12 counts as 1e-12.
   const auto scale = static_cast<float>(1.0 / std::max(std::sqrt(squared), 1e-12));
   for (int i = 0; i < kDescriptorDim; ++i) row[i] *= scale;
 }
-
-}  // namespace
 
 struct HardNet::Impl {
   explicit Impl(const DealWeights& weights)

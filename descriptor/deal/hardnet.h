@@ -11,6 +11,10 @@
 
 namespace pliant::deal {
 
+// kDescriptorDim values to unit length. As PyTorch's normalize: a length below 1e-12 counts as
+// that.
+void NormalizeLength(float* row);
+
 // Immutable and thread-safe; workers hold what changes.
 //
 // How it is fast: the stride-1 layers use Winograd's F(4x4, 3x3), whose input transform reads the

@@ -49,18 +49,6 @@ void Add(const float* values, std::size_t count, float* into) {
   for (std::size_t i = 0; i < count; ++i) into[i] += values[i];
 }
 
-// `count` rows of kDescriptorDim.
-void ScaleToUnitLength(float* rows, std::size_t count) {
-  for (std::size_t i = 0; i < count; ++i) {
-    float* row = rows + i * kDescriptorDim;
-    float square = 0;
-    for (std::size_t k = 0; k < kDescriptorDim; ++k) square += row[k] * row[k];
-    // Descriptors of one key point never cancel; the bound is for a network that answers zeros.
-    const float scale = 1.0F / std::sqrt(std::max(square, 1e-20F));
-    for (std::size_t k = 0; k < kDescriptorDim; ++k) row[k] *= scale;
-  }
-}
-
 ProductPrimitive WarpProduct() {
   const ScopedPrimitiveThreads one(1);
   return {{0, static_cast<int>(2 * kBatch), kTpsParameters, kPatchPixels},
@@ -237,7 +225,9 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
                         describe(support, worker.further.data());
                         Add(worker.further.data(), batch * kDescriptorDim, into);
                       }
-                      if (supports.size() > 1) ScaleToUnitLength(into, batch);
+                      if (supports.size() == 1) return;  // of unit length already
+                      for (std::size_t i = 0; i < batch; ++i)
+                        NormalizeLength(into + i * kDescriptorDim);
                     });
   return rows;
 }
