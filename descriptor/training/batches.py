@@ -40,7 +40,7 @@ class Batch:
     pictures: np.ndarray                 # U8 [2P, H, W]
     gamma: np.ndarray                    # F32 [2P]
     index: np.ndarray                    # I64 [2N] picture of each key point
-    keypoints: np.ndarray                # F32 [2N, 3]
+    keypoints: np.ndarray                # F32 [2N, 4] x, y, size, angle
     surface: np.ndarray                  # I64 [N] equal for points of one chart of one scene
     texture: np.ndarray                  # I64 [N] equal where surfaces look alike
     radius_per_size: float
@@ -135,19 +135,19 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
     if rng.random() < 0.5:
         a, b, rows = b, a, rows[:, ::-1]
     views = features.views[a], features.views[b]
-    xys = [view.xys[rows[:, side]] for side, view in enumerate(views)]
+    tables = [view.keypoints[rows[:, side]] for side, view in enumerate(views)]
     corners: list[np.ndarray] = []
     if options.crop_px:
         shape = scene.images.shape[1:]
-        corners = [_window(rng, table[:, :2], shape, options.crop_px) for table in xys]
-        usable = np.logical_and(*(_inside(t[:, :2], c, options.crop_px) for t, c in zip(xys, corners)))
-        rows, xys = rows[usable], [table[usable] for table in xys]
-    kept = _spaced(rng, xys[0][:, :2], xys[1][:, :2], min(options.per_pair, wanted))
+        corners = [_window(rng, table[:, :2], shape, options.crop_px) for table in tables]
+        usable = np.logical_and(*(_inside(t[:, :2], c, options.crop_px) for t, c in zip(tables, corners)))
+        rows, tables = rows[usable], [table[usable] for table in tables]
+    kept = _spaced(rng, tables[0][:, :2], tables[1][:, :2], min(options.per_pair, wanted))
     if len(kept) < min(options.min_per_pair, wanted):
         return
     for side, (number, view) in enumerate(((a, views[0]), (b, views[1]))):
         draft.pictures.append(scene.images[number])
-        table = _jittered(xys[side][kept], options.size_jitter, rng)
+        table = _jittered(tables[side][kept], options.size_jitter, rng)
         draft.sides[side].append(table)
         if options.crop_px:
             draft.windows.append(corners[side])
@@ -159,25 +159,26 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
     draft.counts.append(len(kept))
 
 
-def _jittered(xys: np.ndarray, octaves: float, rng: np.random.Generator) -> np.ndarray:
+def _jittered(keypoints: np.ndarray, octaves: float, rng: np.random.Generator) -> np.ndarray:
     if octaves == 0:
-        return xys
-    sizes = xys[:, 2:] * np.exp2(rng.uniform(-octaves, octaves, (len(xys), 1)))
-    return np.concatenate([xys[:, :2], sizes], 1).astype(xys.dtype)
+        return keypoints
+    moved = keypoints.copy()
+    moved[:, 2] *= np.exp2(rng.uniform(-octaves, octaves, len(moved)))
+    return moved
 
 
-def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray, xys: np.ndarray,
-                 radius: float):
+def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray,
+                 keypoints: np.ndarray, radius: float):
     """True warps around key points `rows` of a view, whose sizes may differ from the detector's."""
     points = type(view.points)(view.points.chart[rows], view.points.uv[rows])
-    return true_warp(scene, number, points, xys, radius)
+    return true_warp(scene, number, points, keypoints, radius)
 
 
 def _extra(scene: Scene, number: int, view: ViewFeatures, corner: np.ndarray, options: BatchOptions,
            radius: float, rng: np.random.Generator):
-    rows = np.flatnonzero(_inside(view.xys[:, :2], corner, options.crop_px))
+    rows = np.flatnonzero(_inside(view.keypoints[:, :2], corner, options.crop_px))
     rows = rng.permutation(rows)[:options.extra_keypoints]
-    table = _jittered(view.xys[rows], options.size_jitter, rng)
+    table = _jittered(view.keypoints[rows], options.size_jitter, rng)
     return (table, *_supervision(scene, number, view, rows, table, radius))
 
 

@@ -89,6 +89,7 @@ class TrainingStep:
         loss, theta = torch.zeros((), device=self.device), None
         if stage.uses_warp:
             theta = self._warp(batch, pictures, keypoints, index)
+        if stage.trains_warp:
             predicted = self.model.displacement(theta, self.points)
             truth, known = self._move(batch.warp), self._move(batch.warp_known)
             supervised = losses.warp_loss(predicted, truth, known)

@@ -5,7 +5,7 @@
     python3 -m descriptor.training.features DIR --jobs 2
 
 Key points are detected independently in every view. A correspondence is a pair of key points
-within 3 px of the true position whose sizes agree with the local scale of the surface.
+within 3 px of the true position whose sizes agree with the local scale of the surface within an octave.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ try:
 except ImportError:  # a bare training machine
     cv2 = None
 
-CACHE_VERSION = "3"
+CACHE_VERSION = "5"
 MAX_KEYPOINTS = 1024
 POSITION_TOLERANCE_PX = 3.0
-SCALE_TOLERANCE_LOG2 = 0.5
+SCALE_TOLERANCE_LOG2 = 1.0  # beyond, two different things share a place
 
 
 @dataclass(frozen=True)
 class ViewFeatures:
-    """Key points on the surfaces of one view, strongest first: xys [N, 3] and where they lie."""
+    """Key points on the surfaces of one view, strongest first, and where they lie."""
 
-    xys: np.ndarray
+    keypoints: np.ndarray  # [N, 4] x, y, size, angle in degrees (-1: the detector gives none)
     points: SurfacePoints
 
 
@@ -70,7 +70,7 @@ def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
                   tolerance_px: float = POSITION_TOLERANCE_PX) -> np.ndarray:
     """[M, 2] mutually nearest key points of views a and b, by position and scale."""
     first, second = features[a], features[b]
-    if not len(first.xys) or not len(second.xys):
+    if not len(first.keypoints) or not len(second.keypoints):
         return np.zeros((0, 2), np.int32)
     truth = scene.project(b, first.points)
     area_a = np.linalg.det(scene.jacobian(a, first.points))
@@ -82,8 +82,8 @@ def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
     if not len(rows):
         return np.zeros((0, 2), np.int32)
     growth = 0.5 * np.log2(area_b[rows] / area_a[rows])
-    distance = np.linalg.norm(truth[rows, None] - second.xys[None, :, :2], axis=2)
-    sizes = np.log2(second.xys[None, :, 2] / first.xys[rows, None, 2])
+    distance = np.linalg.norm(truth[rows, None] - second.keypoints[None, :, :2], axis=2)
+    sizes = np.log2(second.keypoints[None, :, 2] / first.keypoints[rows, None, 2])
     mismatch = np.abs(sizes - growth[:, None])
     cost = distance / tolerance_px + mismatch / SCALE_TOLERANCE_LOG2
     cost[(distance > tolerance_px) | (mismatch > SCALE_TOLERANCE_LOG2)] = np.inf
@@ -96,10 +96,10 @@ def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
 def compute(scene: Scene) -> SceneFeatures:
     views = []
     for view in range(scene.views):
-        xys = detect(scene.images[view])[:, :3]
-        points = scene.locate(view, xys[:, :2])
+        table = detect(scene.images[view])[:, :4]
+        points = scene.locate(view, table[:, :2])
         on = points.chart != NO_CHART
-        views.append(ViewFeatures(xys[on], SurfacePoints(points.chart[on], points.uv[on])))
+        views.append(ViewFeatures(table[on], SurfacePoints(points.chart[on], points.uv[on])))
     pairs = {(a, b): corresponding(scene, a, b, views) for a, b in combinations(range(scene.views), 2)}
     return SceneFeatures(views, pairs)
 
@@ -115,7 +115,7 @@ def load_features(scene: Scene, write_cache: bool = True) -> SceneFeatures:
     if path.exists():
         tensors, metadata = tensor_file.load(path)
         if metadata == stamp:
-            views = [ViewFeatures(tensors[f"xys{v}"], SurfacePoints(tensors[f"chart{v}"], tensors[f"uv{v}"]))
+            views = [ViewFeatures(tensors[f"keypoints{v}"], SurfacePoints(tensors[f"chart{v}"], tensors[f"uv{v}"]))
                      for v in range(scene.views)]
             pairs = {(a, b): tensors[f"pair{a}_{b}"] for a, b in combinations(range(scene.views), 2)}
             return SceneFeatures(views, pairs)
@@ -123,7 +123,7 @@ def load_features(scene: Scene, write_cache: bool = True) -> SceneFeatures:
     if write_cache:
         tensors = {}
         for v, view in enumerate(features.views):
-            tensors |= {f"xys{v}": view.xys, f"chart{v}": view.points.chart, f"uv{v}": view.points.uv}
+            tensors |= {f"keypoints{v}": view.keypoints, f"chart{v}": view.points.chart, f"uv{v}": view.points.uv}
         tensors |= {f"pair{a}_{b}": rows for (a, b), rows in features.pairs.items()}
         tensor_file.save(path, tensors, stamp)
     return features

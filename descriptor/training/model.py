@@ -3,7 +3,7 @@
 """The DEAL network (Potje et al., NeurIPS 2021): deformation-aware local features.
 
 Conventions (shared with the C++ side; tests/data/golden_* pin them):
-  pictures   [I, H, W] grey in [0, 1];  key points [N, 3] = x, y, size in pixels of their picture
+  pictures   [I, H, W] grey in [0, 1];  key points [N, 3 or more] = x, y, size in pixels of their picture
   radius     R = radius_per_size * size;  displacements in units of R unless named _px
   theta      [N, 66, 2] TPS parameters after tanh
 """
@@ -24,7 +24,6 @@ from .fast_linear import linear
 from .hardnet import HardNet
 from .sampling import sample_features, sample_pictures
 
-FORMAT = "pliant-deal"
 DEFAULT_WIDTHS = (512, 256, 256)
 _SAMPLED_VALUES = 25 * 128
 _WARP_DROPOUT = 0.1
@@ -88,6 +87,8 @@ class LocalizationNet(nn.Module):
 
 
 class Deal(nn.Module):
+    format = "pliant-deal"  # of its weight files
+
     def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
         super().__init__()
         self.backbone = Backbone()
@@ -117,13 +118,16 @@ class Deal(nn.Module):
         # A 1 x 1 convolution: the same product, but fast with any BLAS.
         return F.conv1d(theta, basis[:, :, None]) * self.gain
 
+    def offsets(self, keypoints: torch.Tensor, displacement: torch.Tensor | None) -> torch.Tensor:
+        """Sampling points [N or 1, 1024, 2] in units of R; the fixed grid where displacement is None."""
+        return self.unit_grid[None] if displacement is None else self.unit_grid + displacement
+
     def patches(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
                 radius_per_size: float | torch.Tensor,
                 displacement: torch.Tensor | None = None) -> torch.Tensor:
-        """Polar patches [N, 32, 32]; the fixed grid where displacement is None."""
-        offsets = self.unit_grid[None] if displacement is None else self.unit_grid + displacement
+        """Patches [N, 32, 32] of the pictures at offsets()."""
         radius = (keypoints[:, 2] * radius_per_size)[:, None, None]
-        grid = keypoints[:, None, :2] + radius * offsets
+        grid = keypoints[:, None, :2] + radius * self.offsets(keypoints, displacement)
         return sample_pictures(pictures, index, grid).view(-1, geometry.GRID, geometry.GRID)
 
     def forward(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
@@ -155,19 +159,19 @@ def export_tensors(model: Deal) -> dict[str, np.ndarray]:
     return tensors
 
 
-def load_model(path: str | os.PathLike) -> tuple[Deal, dict[str, str]]:
-    """Reads a pliant-deal safetensors file; widths come from its shapes.
+def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, dict[str, str]]:
+    """Reads a safetensors file of kind's format; widths come from its shapes.
 
     Raises TensorFileError naming the tensor that is missing or has the wrong shape.
     """
     tensors, metadata = tensor_file.load(path)
-    if metadata.get("format") != FORMAT:
-        raise tensor_file.TensorFileError(f"{path}: metadata 'format' is not '{FORMAT}'")
+    if metadata.get("format") != kind.format:
+        raise tensor_file.TensorFileError(f"{path}: metadata 'format' is not '{kind.format}'")
     names = [f"localization.fc{i}.weight" for i in (1, 2, 3)]
     missing = [name for name in names if name not in tensors]
     if missing:
         raise tensor_file.TensorFileError(f"{path}: tensor '{missing[0]}' is missing")
-    model = Deal(tuple(tensors[name].shape[0] for name in names))
+    model = kind(tuple(tensors[name].shape[0] for name in names))
     state = model.state_dict()
     for name, value in state.items():
         if name.endswith("num_batches_tracked"):
@@ -183,4 +187,4 @@ def load_model(path: str | os.PathLike) -> tuple[Deal, dict[str, str]]:
 
 def save_model(path: str | os.PathLike, model: Deal, metadata: dict[str, str]) -> None:
     """metadata must hold radius_per_size; 'format' is added."""
-    tensor_file.save(path, export_tensors(model), {"format": FORMAT, **metadata})
+    tensor_file.save(path, export_tensors(model), {"format": model.format, **metadata})

@@ -26,11 +26,16 @@ class Stage:
     triplet: bool = False              # hardest-in-batch triplet instead of InfoNCE
     temperature: float = 0.07
     warp_weight: tuple[float, float] = (0.0, 0.0)  # supervised warp: at the start, at the end
+    keep_warp: bool = False            # the model's warp is applied though nothing of it is trained
     batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
-    def uses_warp(self) -> bool:
+    def trains_warp(self) -> bool:
         return self.train_backbone != "none" or self.train_localization
+
+    @property
+    def uses_warp(self) -> bool:
+        return self.keep_warp or self.trains_warp
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ def _cpu() -> Preset:
                                    triplet=False)
     joint = dataclasses.replace(joint, learning_rate=8e-4, warp_learning_rate=3e-4,
                                 batch=dataclasses.replace(joint.batch, extra_keypoints=24, per_pair=64,
-                                                          size_jitter=0.25))
+                                                          size_jitter=0.15, radius_per_size=(7.0, 12.0)))
     return Preset((hardnet, warp, joint), dropout=0.0, validation_seconds=1500, validation_pairs=12,
                   validation_keypoints=300)
 

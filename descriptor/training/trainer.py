@@ -98,7 +98,7 @@ class Trainer:
             group["lr"] = group["peak"] * factor
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
-        if self.run.stage.uses_warp:
+        if self.run.stage.trains_warp:
             torch.nn.utils.clip_grad_norm_(self.optimizer.param_groups[-1]["params"], _WARP_CLIP)
         self.optimizer.step()
 

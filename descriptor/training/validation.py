@@ -127,7 +127,7 @@ def deal_describer(model: Deal, radius_per_size: float, warp: bool, device: torc
         modes = [(module, module.training) for module in model.modules()]
         model.eval()
         image = torch.from_numpy(np.array(picture)).to(device).float().div_(255)[None]
-        points = torch.from_numpy(table[:, :3].copy()).to(device)
+        points = torch.from_numpy(table[:, :4].copy()).to(device)
         index = torch.zeros(len(points), dtype=torch.long, device=device)
         displacement = None
         if warp:

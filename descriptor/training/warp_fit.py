@@ -48,14 +48,14 @@ def extract(directory: Path, model: Deal, radius_per_size: float, per_view: int,
         scene = Scene(path)
         found = load_features(scene)
         for view, table in enumerate(found.views):
-            rows = rng.permutation(len(table.xys))[:per_view]
+            rows = rng.permutation(len(table.keypoints))[:per_view]
             if not len(rows):
                 continue
             points = SurfacePoints(table.points.chart[rows], table.points.uv[rows])
-            warp, known = true_warp(scene, view, points, table.xys[rows], radius_per_size)
+            warp, known = true_warp(scene, view, points, table.keypoints[rows], radius_per_size)
             image = torch.from_numpy(scene.images[view].copy()).float()[None] / 255
             index = torch.zeros(len(rows), dtype=torch.long)
-            sampled = model.features_at(image, index, torch.from_numpy(table.xys[rows].copy()))
+            sampled = model.features_at(image, index, torch.from_numpy(table.keypoints[rows]))
             parts["features"].append(sampled.half().numpy())
             parts["warp"].append(warp)
             parts["known"].append(known)

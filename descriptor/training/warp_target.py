@@ -23,8 +23,8 @@ MAX_DISPLACEMENT = 1.0  # radii; beyond, the target is clipped
 _UNIT = geometry.unit_polar_grid()
 
 
-def true_warp(scene: Scene, view: int, points: SurfacePoints, xys: np.ndarray, radius_per_size: float,
-              grid_points: np.ndarray = SUPERVISED_POINTS) -> tuple[np.ndarray, np.ndarray]:
+def true_warp(scene: Scene, view: int, points: SurfacePoints, keypoints: np.ndarray,
+              radius_per_size: float, grid_points: np.ndarray = SUPERVISED_POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Returns displacement [N, G, 2] in radii and mask [N, G] of the points where it is known.
 
     A key point seen too obliquely, from behind or off the charts has an empty mask.
@@ -36,7 +36,7 @@ def true_warp(scene: Scene, view: int, points: SurfacePoints, xys: np.ndarray, r
     sound = (determinant > 0) & (singular[:, 0] < MAX_ANISOTROPY * singular[:, 1])
     scale = 1 / np.sqrt(np.where(sound, determinant, 1.0))
     rotation_back = np.swapaxes(u @ vt, 1, 2)
-    radius = xys[:, 2] * radius_per_size
+    radius = keypoints[:, 2] * radius_per_size
     offsets = np.einsum("nij,mj->nmi", rotation_back, unit) * (radius * scale)[:, None, None]
     chart = np.minimum(points.chart, len(scene.grid_size) - 1)
     uv = points.uv[:, None] + offsets / scene.grid_size[chart][:, None]

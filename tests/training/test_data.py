@@ -104,7 +104,7 @@ class FeaturesTest(unittest.TestCase):
             self.assertGreater(len(rows), 10)
             first, second = found.views[a], found.views[b]
             truth = scene.project(b, first.points)[rows[:, 0]]
-            distance = np.linalg.norm(truth - second.xys[rows[:, 1], :2], axis=1)
+            distance = np.linalg.norm(truth - second.keypoints[rows[:, 1], :2], axis=1)
             self.assertLessEqual(distance.max(), features.POSITION_TOLERANCE_PX)
             self.assertEqual(len(set(rows[:, 0])), len(rows))
             self.assertEqual(len(set(rows[:, 1])), len(rows))
@@ -138,7 +138,7 @@ class FeaturesTest(unittest.TestCase):
         np.testing.assert_array_equal(batch.warp, same.warp)
         self.assertFalse(np.array_equal(batch.keypoints, draw_batch(data, options, 7, 4).keypoints))
         count = len(batch.surface)
-        self.assertEqual(batch.keypoints.shape, (2 * count, 3))
+        self.assertEqual(batch.keypoints.shape, (2 * count, 4))
         self.assertEqual(len(batch.warp), 2 * count + len(batch.extra_index))
         for picture in range(len(batch.pictures)):
             xy = batch.keypoints[batch.index == picture, :2]
@@ -151,13 +151,14 @@ class FeaturesTest(unittest.TestCase):
 
     def test_sizes_err_within_the_jitter(self):
         data = SceneSet([Path(self.folder.name)], min_pairs=8)
-        detected = {(x, y): size for found in data.features for view in found.views for x, y, size in view.xys}
+        detected = {(x, y): size for found in data.features for view in found.views
+                    for x, y, size, _ in view.keypoints}
 
         def octaves(jitter):
             options = BatchOptions(correspondences=60, crop_px=120, extra_keypoints=5, size_jitter=jitter)
             batch = draw_batch(data, options, 7, 3)
             points = np.concatenate([batch.keypoints, batch.extra_keypoints])
-            return np.log2([size / detected[x, y] for x, y, size in points])
+            return np.log2([size / detected[x, y] for x, y, size, _ in points])
 
         np.testing.assert_array_equal(octaves(0.0), 0)
         self.assertLessEqual(np.abs(octaves(0.25)).max(), 0.2501)
