@@ -101,7 +101,10 @@ class TrainingStep:
             a, b = self._describe(batch, pictures, keypoints, index, theta)
             first, second = keypoints[:, :2].chunk(2)
             ignore = losses.false_negatives(first, second, self._move(batch.surface), self._move(batch.texture))
-            matching = losses.triplet(a, b, ignore) if stage.triplet else                 losses.info_nce(a, b, ignore, stage.temperature)
+            if stage.triplet:
+                matching = losses.triplet(a, b, ignore)
+            else:
+                matching = losses.info_nce(a, b, ignore, stage.temperature)
             loss = loss + matching
             figures["loss"] = matching.item()
             figures["positive"], figures["negative"], figures["accuracy"] = losses.separation(a, b, ignore)
