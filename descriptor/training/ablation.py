@@ -30,7 +30,7 @@ from .cartesian import CartesianDeal  # noqa: E402
 from .model import Deal, load_model, save_model  # noqa: E402
 from .presets import Stage, preset  # noqa: E402
 from .trainer import RADIUS_PER_SIZE, Run, Trainer  # noqa: E402
-from .validation import deal_describer, development_pairs, evaluate, sift_describer  # noqa: E402
+from .validation import MatchingPair, deal_describer, development_pairs, evaluate, sift_describer  # noqa: E402
 
 
 @dataclass(frozen=True)
@@ -93,19 +93,18 @@ def train(setup: Setup, warp: Path, data: SceneSet, run: Path, budget: Budget, d
     return load_model(run / "last.safetensors", setup.kind)[0].to(device)
 
 
-def measure(models: dict[str, Deal], developments: list[Path], pairs: int, keypoints: int,
+def measure(models: dict[str, Deal], developments: dict[str, list[MatchingPair]],
             device: torch.device) -> list[dict[str, str]]:
-    """A row for each set and setup, and for SIFT."""
+    """A row for each set of pairs and setup, and for SIFT."""
     rows = []
-    for directory in developments:
-        chosen = development_pairs(directory, pairs, keypoints)
+    for name, chosen in developments.items():
         describers = {"SIFT": sift_describer(root=False)}
         for setup in SETUPS:
             describers[setup.title] = deal_describer(models[setup.name], RADIUS_PER_SIZE, setup.warp, device)
         for title, describe in describers.items():
             figures = {key: f"{value:.4f}" for key, value in evaluate(describe, chosen).items()}
-            rows.append({"set": directory.name, "pairs": str(len(chosen)), "setup": title, **figures})
-            print(f"{directory.name} ({len(chosen)} pairs)  {title:32} "
+            rows.append({"set": name, "pairs": str(len(chosen)), "setup": title, **figures})
+            print(f"{name} ({len(chosen)} pairs)  {title:32} "
                   + "  ".join(f"{key} {value}" for key, value in figures.items()), flush=True)
     return rows
 
@@ -133,11 +132,11 @@ def ablate(scenes: Path, planar: Path, weights: Path, out: Path, budget: Budget,
     out.mkdir(parents=True, exist_ok=True)
     models = {}
     for kind, directory in {"scenes": scenes, "planar": planar}.items():
+        data = SceneSet([directory])
+        print(f"{kind}: {data.describe()}", flush=True)
         warp = out / f"warp-{kind}.safetensors"
         if not warp.exists():
             fitted_warp(weights, directory, warp, budget)
-        data = SceneSet([directory])
-        print(f"{kind}: {data.describe()}", flush=True)
         for setup in SETUPS:
             if setup.data == kind:
                 print(f"training: {setup.title}", flush=True)
@@ -160,8 +159,11 @@ def main() -> None:
     arguments = parser.parse_args()
     device = runtime.configure(arguments.threads)
     budget = Budget(**{field.name: getattr(arguments, field.name) for field in dataclasses.fields(Budget)})
+    # Read first: a wrong folder is to be known before the training, not after it.
+    developments = {str(directory): development_pairs(directory, arguments.pairs, arguments.keypoints)
+                    for directory in arguments.dev}
     models = ablate(arguments.scenes, arguments.planar, arguments.weights, arguments.out, budget, device)
-    rows = measure(models, arguments.dev, arguments.pairs, arguments.keypoints, device)
+    rows = measure(models, developments, device)
     with (arguments.out / "ablation.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()

@@ -12,6 +12,7 @@ from descriptor.training import ablation, geometry, runtime
 from descriptor.training.cartesian import CartesianDeal, displacement_at, turned, unit_square_grid
 from descriptor.training.model import Deal, load_model, save_model
 from descriptor.training.tensor_file import TensorFileError
+from descriptor.training.validation import development_pairs
 
 
 class CartesianGridTest(unittest.TestCase):
@@ -51,6 +52,9 @@ class AblationTest(unittest.TestCase):
                                  fit_steps=5)
         with tempfile.TemporaryDirectory() as folder:
             root = Path(folder)
+            (root / "nothing").mkdir()
+            with self.assertRaisesRegex(ValueError, "no usable scene.*nothing"):
+                ablation.ablate(root / "nothing", root, root / "any", root / "none", budget, device)
             planar_scenes.write_scenes(root / "scenes", 5)
             planar_scenes.write_scenes(root / "planar", 4)
             torch.manual_seed(2)
@@ -61,7 +65,7 @@ class AblationTest(unittest.TestCase):
             for name, model in models.items():
                 for key, value in model.state_dict().items():
                     self.assertTrue(torch.equal(value, again[name].state_dict()[key]), f"{name} {key}")
-            rows = ablation.measure(models, [root / "scenes"], 2, 80, device)
+            rows = ablation.measure(models, {"small": development_pairs(root / "scenes", 2, 80)}, device)
             ablation.draw(rows, root / "ablation.png")
             self.assertGreater((root / "ablation.png").stat().st_size, 1000)
         self.assertEqual([row["setup"] for row in rows], ["SIFT", *(setup.title for setup in ablation.SETUPS)])
