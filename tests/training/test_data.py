@@ -106,6 +106,10 @@ class FeaturesTest(unittest.TestCase):
             truth = scene.project(b, first.points)[rows[:, 0]]
             distance = np.linalg.norm(truth - second.keypoints[rows[:, 1], :2], axis=1)
             self.assertLessEqual(distance.max(), features.POSITION_TOLERANCE_PX)
+            area = [abs(np.linalg.det(scene.jacobian(view, first.points)))[rows[:, 0]] for view in (a, b)]
+            sizes = second.keypoints[rows[:, 1], 2] / first.keypoints[rows[:, 0], 2]
+            mismatch = np.abs(np.log2(sizes) - 0.5 * np.log2(area[1] / area[0]))
+            self.assertLessEqual(mismatch.max(), features.SCALE_TOLERANCE_LOG2)
             self.assertEqual(len(set(rows[:, 0])), len(rows))
             self.assertEqual(len(set(rows[:, 1])), len(rows))
 
