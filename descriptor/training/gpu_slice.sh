@@ -22,9 +22,11 @@ mkdir -p "$OUT" "$WORK/scenes"
 
 if [ ! -x "$WORK/simulate" ]; then
   eigen=${EIGEN:-/usr/include/eigen3}
-  sources=$(ls descriptor/simulation/*.cc | grep -v -e _main.cc -e simulate)
-  printf '%s\n' $sources descriptor/simulation/scenes_main.cc |
-    xargs -P "$(nproc)" -I{} sh -c '${CXX:-c++} -std=c++20 -O3 -march=native -I. -I"$1" -c "$2" \
+  # The core's sources are those of its CMake target; CMake itself may be missing here.
+  core=descriptor/simulation
+  sources=$(sed -n '/^  pliant_simulation STATIC/,/)/s/^ *\([a-z_./]*\.cc\).*/\1/p' $core/CMakeLists.txt)
+  printf "$core/%s\n" scenes_main.cc $sources |
+    xargs -P "$(nproc)" -I{} sh -c '${CXX:-c++} -std=c++20 ${CXXFLAGS:--O3 -march=native} -I. -I"$1" -c "$2" \
       -o "$3/$(basename "$2" .cc).o"' build "$eigen" {} "$WORK"
   ${CXX:-c++} "$WORK"/*.o -o "$WORK/simulate" -pthread
 fi

@@ -6,7 +6,8 @@
     python3 -m descriptor.training.state unpack OUT RUNS    the other way; does nothing if RUNS holds a stage
 
 A stage that has begun holds everything that later ones need, so only the youngest stage's checkpoint
-travels; of older stages the logs and, unless the joint stage has begun, the weights.
+travels, or its weights if it is finished; of older stages the logs and, unless the joint stage has
+begun, the weights.
 """
 
 from __future__ import annotations
@@ -23,14 +24,19 @@ STAGES = ("hardnet", "warp", "joint")
 _LOGS = ("log.csv", "validation.csv", "console.log", "finished")
 
 
+def _begun(runs: Path) -> list[str]:
+    marks = ("checkpoint.pt", "finished")
+    return [stage for stage in STAGES if any((runs / stage / mark).exists() for mark in marks)]
+
+
 def _travelling(runs: Path) -> list[Path]:
-    begun = [stage for stage in STAGES if (runs / stage / "checkpoint.pt").exists()]
+    begun = _begun(runs)
     chosen: list[Path] = []
     for stage in begun:
         chosen += [runs / stage / name for name in _LOGS]
-        if stage == begun[-1]:
+        if stage == begun[-1] and not (runs / stage / "finished").exists():
             chosen.append(runs / stage / "checkpoint.pt")
-        elif begun[-1] != "joint":
+        elif stage == begun[-1] or begun[-1] != "joint":
             chosen.append(runs / stage / "last.safetensors")
     return [path for path in chosen if path.exists()]
 
@@ -59,7 +65,7 @@ def unpack(out: Path, runs: Path) -> bool:
 
     Raises ValueError if pieces are missing or damaged.
     """
-    if not (out / "state.json").exists() or any((runs / stage / "checkpoint.pt").exists() for stage in STAGES):
+    if not (out / "state.json").exists() or _begun(runs):
         return False
     about = json.loads((out / "state.json").read_text())
     try:

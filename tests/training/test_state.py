@@ -40,6 +40,17 @@ class StateTest(unittest.TestCase):
         self.assertEqual(set(self.restored()), {"hardnet/log.csv", "warp/log.csv", "joint/log.csv",
                                                 "joint/checkpoint.pt"})
 
+    def test_a_finished_stage_travels_as_its_weights(self):
+        self.begin("hardnet")
+        (self.runs / "hardnet" / "finished").touch()
+        state.pack(self.runs, self.out)
+        expected = {"hardnet/last.safetensors", "hardnet/log.csv", "hardnet/finished"}
+        self.assertEqual(set(self.restored()), expected)
+        further = self.root / "further"
+        state.unpack(self.out, further)
+        state.pack(further, self.out)  # the machine after that one
+        self.assertEqual(set(self.restored()), expected)
+
     def test_damage_is_noticed_and_newer_work_is_kept(self):
         self.begin("hardnet")
         state.pack(self.runs, self.out, piece_bytes=5000)
