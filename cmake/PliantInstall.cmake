@@ -15,21 +15,35 @@ install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATA
         COMPONENT runtime)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
-# The public headers; the rest is each folder's own business.
-install(FILES descriptor/descriptor.h descriptor/distance.h descriptor/error.h descriptor/features.h descriptor/image.h
-              descriptor/keypoints.h descriptor/matching.h descriptor/sha256.h descriptor/tps.h
-              descriptor/tps_ransac.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor)
-install(FILES descriptor/simulation/simulate.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/descriptor/simulation)
-install(FILES vocab/k_medoids.h vocab/quantizer.h vocab/signature.h vocab/vocabulary.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/vocab)
-install(FILES index/engine.h index/explanation.h index/filter.h index/search.h index/verification.h
-              index/warp_mesh.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index)
-
-install(FILES index/tracking/location.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/index/tracking)
+# The public headers, each under the name that the sources include it by; the rest is each folder's
+# own business.
+set(PLIANT_PUBLIC_HEADERS
+    descriptor/base/error.h
+    descriptor/base/sha256.h
+    descriptor/features/descriptor.h
+    descriptor/features/features.h
+    descriptor/features/keypoints.h
+    descriptor/image/image.h
+    descriptor/match/distance.h
+    descriptor/match/matching.h
+    descriptor/simulation/simulate.h
+    descriptor/warp/tps.h
+    descriptor/warp/tps_ransac.h
+    index/engine/engine.h
+    index/records/filter.h
+    index/records/search.h
+    index/verify/explanation.h
+    index/verify/location.h
+    index/verify/verification.h
+    index/verify/warp_mesh.h
+    vocab/k_medoids.h
+    vocab/quantizer.h
+    vocab/signature.h
+    vocab/vocabulary.h)
+foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)
+  cmake_path(GET header PARENT_PATH folder)
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/${folder})
+endforeach()
 
 install(EXPORT PliantTargets NAMESPACE Pliant:: DESTINATION ${PLIANT_CMAKE_DIR})
 configure_package_config_file(cmake/PliantConfig.cmake.in

@@ -34,7 +34,7 @@ bin=build/quickstart/bin
 
 step "3/5 Index the demonstration pictures (photographs from Debian's opencv-doc)"
 mkdir -p "$data"
-bash server/demo_pictures.sh "$data"
+bash server/app/demo_pictures.sh "$data"
 "$bin/pliant" index "$data/objects" --db "$data/demo.db"
 
 step "4/5 Start the server"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "descriptor/parallel.h"
+#include "descriptor/base/parallel.h"
 
 namespace pliant {
 namespace {

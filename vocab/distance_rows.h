@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "descriptor/distance.h"
+#include "descriptor/match/distance.h"
 
 namespace pliant {
 

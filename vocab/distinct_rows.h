@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant {
 

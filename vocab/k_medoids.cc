@@ -9,9 +9,9 @@
 #include <string>
 #include <utility>
 
-#include "descriptor/distance.h"
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/match/distance.h"
 #include "vocab/distance_rows.h"
 #include "vocab/fasterpam.h"
 #include "vocab/seeding.h"

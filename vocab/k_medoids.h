@@ -14,7 +14,7 @@
 #include <stop_token>
 #include <vector>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant {
 

@@ -12,9 +12,9 @@
 #include <string>
 #include <utility>
 
-#include "descriptor/distance.h"
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/match/distance.h"
 #include "vocab/distinct_rows.h"
 
 namespace pliant {

@@ -18,7 +18,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 #include "vocab/k_medoids.h"
 
 namespace pliant {

@@ -7,8 +7,8 @@
 #include <numeric>
 #include <utility>
 
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 
 namespace pliant {
 namespace {

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "descriptor/distance.h"
+#include "descriptor/match/distance.h"
 #include "vocab/signature.h"
 #include "vocab/vocabulary.h"
 

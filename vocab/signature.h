@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant {
 

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "descriptor/distance.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/match/distance.h"
 #include "vocab/distinct_rows.h"
 #include "vocab/medoid_tree.h"
 #include "vocab/signature.h"

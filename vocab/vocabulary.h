@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 #include "vocab/k_medoids.h"
 
 namespace pliant {

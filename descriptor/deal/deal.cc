@@ -5,8 +5,8 @@
 #include <array>
 #include <utility>
 
+#include "descriptor/base/parallel.h"
 #include "descriptor/deal/network.h"
-#include "descriptor/parallel.h"
 
 namespace pliant {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "descriptor/descriptor.h"
+#include "descriptor/features/descriptor.h"
 
 namespace pliant {
 

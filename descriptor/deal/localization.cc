@@ -6,10 +6,10 @@
 #include <array>
 #include <cstring>
 
+#include "descriptor/base/parallel.h"
 #include "descriptor/deal/kernels.h"
 #include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
-#include "descriptor/parallel.h"
 
 namespace pliant::deal {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "descriptor/deal/backbone.h"
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant::deal {
 

@@ -8,12 +8,12 @@
 #include <string>
 #include <utility>
 
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/deal/geometry.h"
 #include "descriptor/deal/kernels.h"
 #include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
 
 namespace pliant::deal {
 namespace {

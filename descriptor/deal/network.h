@@ -14,8 +14,8 @@
 #include "descriptor/deal/hardnet.h"
 #include "descriptor/deal/localization.h"
 #include "descriptor/deal/weights.h"
-#include "descriptor/features.h"
-#include "descriptor/image.h"
+#include "descriptor/features/features.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::deal {
 

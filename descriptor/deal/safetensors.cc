@@ -15,7 +15,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::deal {
 namespace {

@@ -9,8 +9,8 @@
 #include <system_error>
 #include <utility>
 
-#include "descriptor/error.h"
-#include "descriptor/sha256.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
 
 namespace pliant::deal {
 namespace {

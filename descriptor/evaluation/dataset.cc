@@ -11,9 +11,9 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "descriptor/cv_image.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/evaluation/dataset_readers.h"
+#include "descriptor/image/cv_image.h"
 
 namespace pliant::evaluation {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image.h"
-#include "descriptor/tps.h"
+#include "descriptor/image/image.h"
+#include "descriptor/warp/tps.h"
 
 namespace pliant::evaluation {
 

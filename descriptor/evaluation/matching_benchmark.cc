@@ -9,10 +9,10 @@
 #include <mutex>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/evaluation/pair_order.h"
 #include "descriptor/evaluation/scene_matcher.h"
-#include "descriptor/parallel.h"
 
 namespace pliant::evaluation {
 namespace {

@@ -16,9 +16,9 @@
 #include <span>
 #include <vector>
 
-#include "descriptor/features.h"
-#include "descriptor/matching.h"
-#include "descriptor/tps.h"
+#include "descriptor/features/features.h"
+#include "descriptor/match/matching.h"
+#include "descriptor/warp/tps.h"
 
 namespace pliant::evaluation {
 

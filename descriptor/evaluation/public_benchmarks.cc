@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/evaluation/dataset_readers.h"
 
 namespace pliant::evaluation {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "descriptor/evaluation/matching_benchmark.h"
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::evaluation {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "descriptor/keypoints.h"
+#include "descriptor/features/keypoints.h"
 
 namespace pliant::evaluation {
 

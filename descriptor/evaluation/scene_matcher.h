@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/descriptor.h"
 #include "descriptor/evaluation/metrics.h"
 #include "descriptor/evaluation/truth_scene.h"
+#include "descriptor/features/descriptor.h"
 
 namespace pliant::evaluation {
 

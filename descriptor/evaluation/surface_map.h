@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "descriptor/tps.h"
+#include "descriptor/warp/tps.h"
 
 namespace pliant::evaluation {
 

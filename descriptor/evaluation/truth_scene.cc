@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::evaluation {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "descriptor/evaluation/surface_map.h"
-#include "descriptor/image.h"
-#include "descriptor/tps.h"
+#include "descriptor/image/image.h"
+#include "descriptor/warp/tps.h"
 
 namespace pliant::evaluation {
 

@@ -3,7 +3,7 @@
 // Checks a figure and divides the sheet among its charts.
 #include <cmath>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/plot/chart.h"
 
 namespace pliant::plot {

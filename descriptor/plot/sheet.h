@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A white sheet for charts: drawn twice as large with descriptor/drawing.h and scaled down, which
-// makes thin lines and small letters smooth. Positions and sizes are of the small sheet.
+// A white sheet for charts: drawn twice as large with descriptor/plot/drawing.h and scaled down,
+// which makes thin lines and small letters smooth. Positions and sizes are of the small sheet.
 #pragma once
 
 #include <string>
 
-#include "descriptor/drawing.h"
+#include "descriptor/plot/drawing.h"
 
 namespace pliant::plot {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::simulation {
 namespace {

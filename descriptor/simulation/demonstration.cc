@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::simulation {
 

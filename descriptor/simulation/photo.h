@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/random.h"
 #include "descriptor/simulation/renderer.h"
 

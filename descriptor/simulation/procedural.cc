@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <string_view>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/procedural_painters.h"
 
 namespace pliant::simulation {

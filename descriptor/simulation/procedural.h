@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <string>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/texture_source.h"
 
 namespace pliant::simulation {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/framing.h"
 #include "descriptor/simulation/view.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/scene.h"
 
 namespace pliant::simulation {

@@ -10,8 +10,8 @@
 #include <map>
 #include <string>
 
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"

@@ -9,9 +9,9 @@
 #include <mutex>
 #include <system_error>
 
-#include "descriptor/error.h"
-#include "descriptor/image.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <system_error>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::simulation {
 namespace {

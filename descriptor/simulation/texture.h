@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::simulation {
 

@@ -9,8 +9,8 @@
 #include <optional>
 #include <system_error>
 
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/simulation/tensor_file.h"
 
 namespace pliant::simulation {

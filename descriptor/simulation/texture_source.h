@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/texture.h"
 
 namespace pliant::simulation {

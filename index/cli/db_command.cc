@@ -9,7 +9,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
-#include "index/text.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

@@ -9,8 +9,8 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/safetensors_writer.h"
-#include "index/picture_files.h"
-#include "index/text.h"
+#include "index/files/picture_files.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

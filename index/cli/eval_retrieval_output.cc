@@ -7,11 +7,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
-#include "index/picture_files.h"
-#include "index/text.h"
+#include "index/files/picture_files.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "index/evaluation/retrieval_evaluation.h"
 
 namespace pliant::cli {

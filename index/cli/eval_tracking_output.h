@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "index/tracking/tracking_benchmark.h"
 
 namespace pliant::cli {

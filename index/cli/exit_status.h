@@ -3,7 +3,7 @@
 // The one place where errors become exit statuses of `pliant`.
 #pragma once
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::cli {
 

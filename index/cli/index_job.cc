@@ -8,9 +8,9 @@
 #include <mutex>
 #include <thread>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "index/cli/progress.h"
-#include "index/text.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "index/cli/interrupt.h"
-#include "index/engine.h"
-#include "index/picture_files.h"
+#include "index/engine/engine.h"
+#include "index/files/picture_files.h"
 
 namespace pliant::cli {
 

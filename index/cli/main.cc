@@ -4,7 +4,7 @@
 #include <iostream>
 #include <new>
 
-#include "descriptor/quiet_decoders.h"
+#include "descriptor/image/quiet_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/output.h"
 

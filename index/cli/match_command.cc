@@ -14,8 +14,8 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/write_picture.h"
-#include "index/picture_files.h"
-#include "index/verification.h"
+#include "index/files/picture_files.h"
+#include "index/verify/verification.h"
 
 namespace pliant::cli {
 namespace {

@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "index/text.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

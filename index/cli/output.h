@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "descriptor/error.h"
-#include "index/engine.h"
+#include "descriptor/base/error.h"
+#include "index/engine/engine.h"
 
 namespace pliant::cli {
 

@@ -10,9 +10,9 @@
 #include "index/cli/output.h"
 #include "index/cli/query_pictures.h"
 #include "index/cli/write_picture.h"
-#include "index/filter.h"
-#include "index/picture_files.h"
-#include "index/result_json.h"
+#include "index/files/picture_files.h"
+#include "index/json/result_json.h"
+#include "index/records/filter.h"
 
 namespace pliant::cli {
 namespace {

@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
-#include "descriptor/drawing.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/plot/drawing.h"
 #include "index/cli/output.h"
 
 namespace pliant::cli {

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "descriptor/image.h"
-#include "index/engine.h"
+#include "descriptor/image/image.h"
+#include "index/engine/engine.h"
 
 namespace pliant::cli {
 

@@ -6,11 +6,11 @@
 #include <system_error>
 #include <utility>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "index/cli/output.h"
 #include "index/cli/query_drawing.h"
 #include "index/cli/write_picture.h"
-#include "index/text.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {

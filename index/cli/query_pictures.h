@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
 
 namespace pliant::cli {
 

@@ -12,7 +12,7 @@
 
 #include <filesystem>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant::cli {
 

@@ -14,8 +14,8 @@
 #include "index/cli/track_flags.h"
 #include "index/cli/track_output.h"
 #include "index/cli/write_picture.h"
-#include "index/picture_files.h"
-#include "index/text.h"
+#include "index/files/picture_files.h"
+#include "index/files/text.h"
 #include "index/tracking/pipeline.h"
 
 namespace pliant::cli {

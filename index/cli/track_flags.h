@@ -5,7 +5,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "index/tracking/location.h"
+#include "index/verify/location.h"
 
 namespace pliant::cli {
 

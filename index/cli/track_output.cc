@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <system_error>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "index/cli/write_picture.h"
 
 namespace pliant::cli {

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "descriptor/video.h"
+#include "descriptor/image/video.h"
 #include "index/tracking/track_picture.h"
 
 namespace pliant::cli {

@@ -8,7 +8,7 @@
 
 #include <unistd.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "index/cli/write_file.h"
 
 namespace pliant::cli {

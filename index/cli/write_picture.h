@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::cli {
 

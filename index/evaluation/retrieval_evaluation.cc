@@ -10,9 +10,9 @@
 
 #include <stdlib.h>
 
-#include "descriptor/error.h"
-#include "descriptor/sha256.h"
-#include "index/text.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
+#include "index/files/text.h"
 
 namespace pliant {
 namespace {

@@ -8,11 +8,11 @@
 #include <optional>
 #include <utility>
 
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
-#include "descriptor/sha256.h"
-#include "index/blob_codec.h"
-#include "index/text.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/base/sha256.h"
+#include "index/files/text.h"
+#include "index/store/blob_codec.h"
 
 namespace pliant {
 namespace {

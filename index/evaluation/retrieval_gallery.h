@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
 #include "index/evaluation/retrieval_metrics.h"
 #include "index/evaluation/retrieval_set.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant {
 namespace {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <set>
 
-#include "descriptor/error.h"
-#include "index/text.h"
+#include "descriptor/base/error.h"
+#include "index/files/text.h"
 
 namespace pliant {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "index/picture_files.h"
+#include "index/files/picture_files.h"
 
 namespace pliant {
 

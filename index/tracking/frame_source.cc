@@ -10,9 +10,9 @@
 #include <system_error>
 #include <utility>
 
-#include "descriptor/error.h"
-#include "descriptor/video.h"
-#include "index/text.h"
+#include "descriptor/base/error.h"
+#include "descriptor/image/video.h"
+#include "index/files/text.h"
 
 namespace pliant {
 namespace {

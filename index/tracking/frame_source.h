@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant {
 

@@ -9,9 +9,9 @@
 #include <cstdio>
 #include <utility>
 
-#include "descriptor/drawing.h"
-#include "descriptor/error.h"
-#include "descriptor/unwarp.h"
+#include "descriptor/base/error.h"
+#include "descriptor/plot/drawing.h"
+#include "descriptor/warp/unwarp.h"
 
 namespace pliant {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "descriptor/distance.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/match/distance.h"
 
 namespace pliant {
 namespace {

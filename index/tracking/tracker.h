@@ -8,9 +8,9 @@
 #include <optional>
 #include <vector>
 
-#include "descriptor/descriptor.h"
-#include "descriptor/image.h"
-#include "index/tracking/location.h"
+#include "descriptor/features/descriptor.h"
+#include "descriptor/image/image.h"
+#include "index/verify/location.h"
 
 namespace pliant {
 

@@ -9,11 +9,11 @@
 #include <set>
 #include <utility>
 
-#include "descriptor/descriptor.h"
-#include "descriptor/error.h"
-#include "descriptor/parallel.h"
-#include "descriptor/perceptual.h"
-#include "descriptor/unwarp.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/evaluation/perceptual.h"
+#include "descriptor/features/descriptor.h"
+#include "descriptor/warp/unwarp.h"
 #include "index/tracking/tracker.h"
 #include "index/tracking/tracking_truth.h"
 

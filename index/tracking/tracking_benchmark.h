@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "descriptor/evaluation/dataset.h"
-#include "index/tracking/location.h"
+#include "index/verify/location.h"
 
 namespace pliant {
 
@@ -45,8 +45,8 @@ struct TrackingBenchmarkOptions {
   double tracked_error = 0.03;  // of the object's size
   int every = 1;                // looks at every n-th view after the template
   int jobs = 0;                 // threads, one sequence each; 0 = one a core
-  // An ONNX file that compares two pictures as LPIPS does (see descriptor/perceptual.h); empty:
-  // that figure is left out.
+  // An ONNX file that compares two pictures as LPIPS does (see descriptor/evaluation/perceptual.h);
+  // empty: that figure is left out.
   std::filesystem::path lpips;
   // Told after each view, from any thread, never two at once. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;

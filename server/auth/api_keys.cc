@@ -11,11 +11,11 @@
 #include <openssl/crypto.h>
 #include <openssl/rand.h>
 
-#include "descriptor/error.h"
-#include "descriptor/sha256.h"
-#include "index/hex.h"
-#include "server/json.h"
-#include "server/problem.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
+#include "index/files/hex.h"
+#include "server/http/json.h"
+#include "server/http/problem.h"
 
 namespace pliant::server {
 

@@ -8,11 +8,11 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "descriptor/error.h"
-#include "index/engine.h"
-#include "index/text.h"
+#include "descriptor/base/error.h"
+#include "index/engine/engine.h"
+#include "index/files/text.h"
 #include "server/auth/api_keys.h"
-#include "server/json.h"
+#include "server/http/json.h"
 
 namespace pliant::server {
 

@@ -13,8 +13,8 @@
 #include "server/http/connection.h"
 #include "server/http/http_server.h"
 #include "server/http/message.h"
+#include "server/http/problem.h"
 #include "server/http/router.h"
-#include "server/problem.h"
 
 namespace pliant::server {
 

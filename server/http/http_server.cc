@@ -11,7 +11,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "server/http/connection_queue.h"
 #include "server/http/exchange.h"
 

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include "index/text.h"
-#include "server/problem.h"
+#include "index/files/text.h"
+#include "server/http/problem.h"
 
 namespace pliant::server {
 

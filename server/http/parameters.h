@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/router.h"
-#include "server/json.h"
 
 namespace pliant::server {
 

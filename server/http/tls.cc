@@ -11,7 +11,7 @@
 #include <openssl/ssl.h>
 #include <poll.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::server {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <map>
 
+#include "server/http/problem.h"
 #include "server/openapi/route_codes.h"
-#include "server/problem.h"
 
 namespace pliant::server {
 

@@ -13,8 +13,8 @@
 
 #include <vector>
 
+#include "server/http/json.h"
 #include "server/http/router.h"
-#include "server/json.h"
 
 namespace pliant::server {
 

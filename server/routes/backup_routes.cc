@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Backups while the server runs, into the operator's directory.
-#include "server/problem.h"
+#include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 

@@ -5,8 +5,8 @@
 #include <atomic>
 #include <thread>
 
-#include "server/import_job.h"
-#include "server/problem.h"
+#include "server/http/problem.h"
+#include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"

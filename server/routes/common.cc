@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "index/text.h"
+#include "index/files/text.h"
+#include "server/http/problem.h"
 #include "server/http/router.h"
-#include "server/problem.h"
 
 namespace pliant::server {
 

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
+#include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/parameters.h"
-#include "server/jobs.h"
-#include "server/json.h"
+#include "server/jobs/jobs.h"
 
 namespace pliant::server {
 

@@ -4,7 +4,7 @@
 #include <charconv>
 
 #include "descriptor/simulation/demonstration.h"
-#include "server/problem.h"
+#include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 

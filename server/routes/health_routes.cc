@@ -3,7 +3,7 @@
 // Is it alive, is it ready, how is it doing?
 #include <fmt/format.h>
 
-#include "server/problem.h"
+#include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Pictures: add, replace, show, list, delete.
-#include "server/problem.h"
+#include "server/http/problem.h"
 #include "server/routes/adding.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"

@@ -3,8 +3,8 @@
 // Objects: what pictures show, and where one is in a picture.
 #include <chrono>
 
-#include "index/tracking/location.h"
-#include "server/problem.h"
+#include "index/verify/location.h"
+#include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 

@@ -3,7 +3,7 @@
 // The web page, built into the program.
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
-#include "server/web_assets.h"
+#include "server/web/web_assets.h"
 
 namespace pliant::server {
 

@@ -5,8 +5,8 @@
 
 #include <vector>
 
+#include "server/app/service.h"
 #include "server/http/router.h"
-#include "server/service.h"
 
 namespace pliant::server {
 

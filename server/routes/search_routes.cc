@@ -3,8 +3,8 @@
 // Which object is this?
 #include <chrono>
 
-#include "index/result_json.h"
-#include "server/problem.h"
+#include "index/json/result_json.h"
+#include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 

@@ -4,10 +4,10 @@
 #include <charconv>
 #include <limits>
 
-#include "server/problem.h"
+#include "server/http/problem.h"
+#include "server/jobs/training_job.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
-#include "server/training_job.h"
 
 namespace pliant::server {
 

@@ -33,7 +33,7 @@ export function problemWords(status, body, retryAfterS) {
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 
-// How sure a hit is. What counts is the evidence of verification (index/verification.h,
+// How sure a hit is. What counts is the evidence of verification (index/verify/verification.h,
 // CombineScores): points that agree on one smooth bending of the object, by the share of the matches
 // that they are. A score without any only says that the pictures have details in common.
 const kGrades = [

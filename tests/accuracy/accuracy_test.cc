@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "descriptor/image.h"
-#include "descriptor/sha256.h"
+#include "descriptor/base/sha256.h"
+#include "descriptor/image/image.h"
 #include "tests/accuracy/small_set.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/small_set.h"
 
-#include "descriptor/parallel.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_file.h"
 #include "tests/unit/index_test_pictures.h"

@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/sha256.h"
+#include "descriptor/base/sha256.h"
 #include "tests/accuracy/small_set.h"
 #include "tests/unit/index_test_pictures.h"
 

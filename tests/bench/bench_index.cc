@@ -14,11 +14,11 @@
 #include <benchmark/benchmark.h>
 #include <unistd.h>
 
-#include "index/catalogue_vocabularies.h"
-#include "index/database.h"
-#include "index/hex.h"
-#include "index/index_state.h"
-#include "index/ranking.h"
+#include "index/files/hex.h"
+#include "index/rank/ranking.h"
+#include "index/store/sqlite/catalogue_vocabularies.h"
+#include "index/store/sqlite/database.h"
+#include "index/store/sqlite/index_state.h"
 
 namespace pliant {
 namespace {

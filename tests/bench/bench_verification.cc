@@ -8,9 +8,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "descriptor/matching.h"
-#include "descriptor/parallel.h"
-#include "index/verification.h"
+#include "descriptor/base/parallel.h"
+#include "descriptor/match/matching.h"
+#include "index/verify/verification.h"
 
 namespace pliant {
 namespace {

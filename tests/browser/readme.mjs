@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Makes the picture on README's first screen, server/readme-query.jpg: a demonstration object found
+// Makes the picture on README's first screen, server/web/readme-query.jpg: a demonstration object found
 // crumpled, by DEAL. Run as: bash tests/browser/run.sh build/release readme.mjs
 import assert from "node:assert/strict";
 import { statSync } from "node:fs";
@@ -8,7 +8,7 @@ import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 import * as house from "./house.mjs";
 
-const picture = fileURLToPath(new URL("../../server/readme-query.jpg", import.meta.url));
+const picture = fileURLToPath(new URL("../../server/web/readme-query.jpg", import.meta.url));
 const kLargest = 200_000;  // bytes
 
 test("the picture of a query", async () => {

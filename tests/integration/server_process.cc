@@ -16,7 +16,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::testing {
 

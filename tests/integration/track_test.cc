@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/video.h"
+#include "descriptor/image/video.h"
 #include "tests/integration/program.h"
 #include "tests/unit/bent_pictures.h"
 

@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <random>
 
-#include "descriptor/image.h"
-#include "descriptor/tps.h"
+#include "descriptor/image/image.h"
+#include "descriptor/warp/tps.h"
 
 namespace pliant::testing {
 

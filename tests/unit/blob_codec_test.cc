@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/blob_codec.h"
+#include "index/store/blob_codec.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The database file: made whole, recognised, migrated, refused untouched.
-#include "index/database.h"
+#include "index/store/sqlite/database.h"
 
 #include <array>
 #include <thread>
@@ -9,8 +9,8 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
-#include "index/catalogue.h"
-#include "index/schema.h"
+#include "index/store/sqlite/catalogue.h"
+#include "index/store/sqlite/schema.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

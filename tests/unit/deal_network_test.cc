@@ -8,9 +8,9 @@
 #include <random>
 #include <thread>
 
+#include "descriptor/base/error.h"
 #include "descriptor/deal/deal.h"
-#include "descriptor/descriptor.h"
-#include "descriptor/error.h"
+#include "descriptor/features/descriptor.h"
 #include "tests/unit/deal_golden.h"
 #include "tests/unit/wavy_picture.h"
 

@@ -14,9 +14,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "descriptor/base/error.h"
 #include "descriptor/deal/safetensors.h"
 #include "descriptor/deal/weights.h"
-#include "descriptor/error.h"
 
 namespace pliant::deal {
 namespace {

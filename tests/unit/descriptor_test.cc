@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What every descriptor behind the interface must do, and the extractor that wraps them.
-#include "descriptor/descriptor.h"
+#include "descriptor/features/descriptor.h"
 
 #include <algorithm>
 #include <bit>
@@ -13,9 +13,9 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
-#include "descriptor/cv_image.h"
-#include "descriptor/error.h"
-#include "descriptor/sha256.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
+#include "descriptor/image/cv_image.h"
 #include "tests/unit/picture_files.h"
 
 namespace pliant {

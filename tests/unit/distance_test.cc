@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/distance.h"
+#include "descriptor/match/distance.h"
 
 #include <algorithm>
 #include <limits>
@@ -9,8 +9,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/distance_kernels.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/match/distance_kernels.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant::testing {

@@ -13,7 +13,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -3,7 +3,7 @@
 // Directories of originals looked after: moved, swept, copied, backed up.
 #include <gmock/gmock.h>
 
-#include "index/original_store.h"
+#include "index/store/sqlite/original_store.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/originals_fixture.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/sha256.h"
+#include "descriptor/base/sha256.h"
 #include "tests/unit/engine_fixture.h"
 
 namespace pliant::testing {

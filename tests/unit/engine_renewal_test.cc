@@ -8,7 +8,7 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
-#include "index/blob_codec.h"
+#include "index/store/blob_codec.h"
 #include "tests/unit/engine_options_fixture.h"
 
 namespace pliant::testing {

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
-#include "index/engine.h"
+#include "descriptor/base/error.h"
+#include "index/engine/engine.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/expansion.h"
+#include "index/verify/expansion.h"
 
 #include <algorithm>
 #include <map>

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::testing {
 

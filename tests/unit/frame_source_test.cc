@@ -8,8 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
-#include "descriptor/video.h"
+#include "descriptor/base/error.h"
+#include "descriptor/image/video.h"
 #include "index/tracking/channel.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"

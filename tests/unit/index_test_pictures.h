@@ -12,7 +12,7 @@
 
 #include <unistd.h>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::testing {
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "index/inverted_index.h"
+#include "index/rank/inverted_index.h"
 
 namespace pliant::testing {
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index against a brute-force oracle that holds plain vectors.
-#include "index/inverted_index.h"
+#include "index/rank/inverted_index.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 
 #include <gtest/gtest.h>
 
-#include "index/ranking.h"
+#include "index/rank/ranking.h"
 #include "tests/unit/index_test_words.h"
 
 namespace pliant::testing {

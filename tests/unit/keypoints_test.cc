@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/keypoints.h"
+#include "descriptor/features/keypoints.h"
 
 #include <algorithm>
 #include <set>
@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/cv_image.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/image/cv_image.h"
 #include "tests/unit/picture_files.h"
 
 namespace pliant {

@@ -42,7 +42,7 @@ def problems(root):
                 if header.startswith(prefix) and layer not in owners:
                     found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")
     installed = (root / "cmake" / "PliantInstall.cmake").read_text(encoding="utf-8")
-    for public in re.findall(r"\b(?:descriptor|vocab|index)/\w+\.h\b", installed):
+    for public in re.findall(r"\b(?:descriptor|vocab|index)/[\w/]+\.h\b", installed):
         path = root / public
         for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
             if "/" in header and header not in installed:

@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "descriptor/local_affine.h"
-#include "index/tracking/location.h"
+#include "descriptor/warp/local_affine.h"
+#include "index/verify/location.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {

@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
-#include "descriptor/cv_image.h"
 #include "descriptor/evaluation/dataset.h"
+#include "descriptor/image/cv_image.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_file.h"
 #include "descriptor/simulation/scene_folder.h"

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/matching.h"
+#include "descriptor/match/matching.h"
 
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {

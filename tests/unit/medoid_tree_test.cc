@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/random_descriptors.h"
 #include "vocab/distinct_rows.h"

@@ -11,8 +11,8 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/sha256.h"
-#include "index/engine.h"
+#include "descriptor/base/sha256.h"
+#include "index/engine/engine.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant::testing {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/parallel.h"
+#include "descriptor/base/parallel.h"
 
 #include <atomic>
 #include <stdexcept>

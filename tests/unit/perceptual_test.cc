@@ -5,12 +5,12 @@
 //       def forward(self, a, b): return ((a - b) * (a - b)).mean(dim=(1, 2, 3), keepdim=True)
 //   x = torch.zeros(1, 3, 256, 256)
 //   torch.onnx.export(M(), (x, x + 1), "mean_square_difference.onnx", input_names=["in0", "in1"])
-#include "descriptor/perceptual.h"
+#include "descriptor/evaluation/perceptual.h"
 
 #include <gtest/gtest.h>
 
-#include "descriptor/drawing.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
+#include "descriptor/plot/drawing.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -11,9 +11,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/drawing.h"
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/plot/axis.h"
+#include "descriptor/plot/drawing.h"
 #include "descriptor/plot/sheet.h"
 
 namespace pliant::plot {

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <random>
 
-#include "descriptor/features.h"
+#include "descriptor/features/features.h"
 
 namespace pliant::testing {
 

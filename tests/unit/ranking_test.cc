@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Ranking: ties, scores at their ends, threads. The scores' oracle is in inverted_index_test.
-#include "index/ranking.h"
+#include "index/rank/ranking.h"
 
 #include <random>
 #include <utility>
@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "index/inverted_index.h"
+#include "index/rank/inverted_index.h"
 #include "tests/unit/index_test_words.h"
 
 namespace pliant::testing {

@@ -10,11 +10,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/command_line.h"
+#include "server/app/command_line.h"
+#include "server/app/service.h"
+#include "server/http/problem.h"
 #include "server/openapi/document.h"
 #include "server/openapi/route_codes.h"
-#include "server/problem.h"
-#include "server/service.h"
 
 namespace pliant::server {
 namespace {

@@ -6,10 +6,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/http/json.h"
 #include "server/http/parameters.h"
+#include "server/http/problem.h"
 #include "server/http/router.h"
-#include "server/json.h"
-#include "server/problem.h"
 
 namespace pliant::server {
 namespace {

@@ -8,11 +8,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "index/engine.h"
+#include "index/engine/engine.h"
 #include "server/auth/api_keys.h"
 #include "server/auth/rate_limiter.h"
-#include "server/backups.h"
-#include "server/import_job.h"
+#include "server/jobs/backups.h"
+#include "server/jobs/import_job.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant::server {

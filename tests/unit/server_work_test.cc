@@ -12,9 +12,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/problem.h"
-#include "server/thumbnails.h"
-#include "server/worker_pool.h"
+#include "server/http/problem.h"
+#include "server/jobs/worker_pool.h"
+#include "server/routes/thumbnails.h"
 
 namespace pliant::server {
 namespace {

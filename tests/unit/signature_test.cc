@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/distance.h"
+#include "descriptor/match/distance.h"
 #include "tests/unit/random_descriptors.h"
 #include "vocab/quantizer.h"
 

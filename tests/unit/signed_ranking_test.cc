@@ -10,8 +10,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
-#include "index/ranking.h"
+#include "descriptor/base/error.h"
+#include "index/rank/ranking.h"
 #include "tests/unit/expect_error.h"
 
 namespace pliant {

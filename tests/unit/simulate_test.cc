@@ -16,7 +16,7 @@
 #include <opencv2/imgproc.hpp>
 #include <unistd.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/photo.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"

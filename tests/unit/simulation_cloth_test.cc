@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/motion.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/tensor_file.h"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/tps_ransac.h"
+#include "descriptor/warp/tps_ransac.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,8 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
-#include "descriptor/local_affine.h"
+#include "descriptor/base/error.h"
+#include "descriptor/warp/local_affine.h"
 
 namespace pliant {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/tps.h"
+#include "descriptor/warp/tps.h"
 
 #include <cmath>
 #include <limits>
@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant {
 namespace {

@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "index/tracking/pipeline.h"
 #include "index/tracking/track_picture.h"
 #include "tests/unit/tracker_fixture.h"

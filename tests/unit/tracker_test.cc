@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "tests/unit/tracker_fixture.h"
 
 namespace pliant::testing {

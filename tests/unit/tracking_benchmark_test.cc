@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "descriptor/simulation/simulate.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"

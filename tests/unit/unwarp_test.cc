@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What is bent laid flat.
-#include "descriptor/unwarp.h"
+#include "descriptor/warp/unwarp.h"
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "tests/unit/bent_pictures.h"
 #include "tests/unit/tracker_fixture.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verification.h"
+#include "index/verify/verification.h"
 
 #include <cmath>
 #include <limits>
@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
-#include "index/outline.h"
+#include "descriptor/base/error.h"
+#include "index/verify/outline.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {

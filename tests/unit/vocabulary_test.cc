@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 #include "tests/unit/random_descriptors.h"
 #include "vocab/quantizer.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/warp_mesh.h"
+#include "index/verify/warp_mesh.h"
 
 #include <cmath>
 #include <vector>
@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "descriptor/error.h"
+#include "descriptor/base/error.h"
 
 namespace pliant {
 namespace {

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <random>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 
 namespace pliant::testing {
 

@@ -3,8 +3,8 @@
 #include <iostream>
 #include <iterator>
 
-#include "descriptor/descriptor.h"
-#include "index/engine.h"
+#include "descriptor/features/descriptor.h"
+#include "index/engine/engine.h"
 
 int main(int, char** argv) {
   std::ifstream file(argv[1], std::ios::binary);

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The one exception type of Pliant. One place per program maps a code to an HTTP status
+// (server/http/problem.h) or an exit status (index/cli/exit_status.h).
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace pliant {
+
+enum class ErrorCode {
+  kInvalidArgument,       // the caller passed something out of range; the message names it
+  kNotFound,              // no such picture, object, vocabulary, file
+  kConflict,              // the state forbids it (model mismatch, name taken)
+  kCorrupt,               // stored data or a model file fails its checks
+  kUnsupportedMediaType,  // not a picture type that Pliant reads
+  kTooLarge,              // over a limit an operator can set
+  kUnprocessable,         // right type, but it decodes badly or has too few features
+  kUnavailable,           // busy; trying later may succeed
+  kNoSpace,               // the disk is full or read-only
+  kCancelled,             // stopped on request; what was reported done is done
+  kInternal,              // a defect in Pliant
+};
+
+// Thrown by every library of Pliant. `reason()` is a stable snake_case word for programs
+// ("image_truncated"); `what()` is a sentence for people that names the input and what to do.
+class Error : public std::runtime_error {
+ public:
+  Error(ErrorCode code, std::string reason, const std::string& message)
+      : std::runtime_error(message), code_(code), reason_(std::move(reason)) {}
+
+  ErrorCode code() const noexcept { return code_; }
+  const std::string& reason() const noexcept { return reason_; }
+
+ private:
+  ErrorCode code_;
+  std::string reason_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// SHA-256 (FIPS 180-4) through OpenSSL.
+#pragma once
+
+#include <string>
+
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+// 64 lower-case hex digits. Thread-safe.
+std::string Sha256Hex(Bytes bytes);
+
+}  // namespace pliant

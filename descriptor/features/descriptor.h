@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The small interface behind which DEAL and the baselines stand.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "descriptor/features/keypoints.h"
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+struct DescriptorInfo {
+  std::string name;  // one of DescriptorNames()
+  DescriptorKind kind = DescriptorKind::kFloat;
+  int dim = 0;           // floats or bytes a descriptor
+  std::string model_id;  // "deal:<first 16 hex digits of the weight file's SHA-256>", "sift:1", ...
+};
+
+// Describes given key points in a grey picture. Implementations are immutable and thread-safe.
+class Descriptor {
+ public:
+  virtual ~Descriptor() = default;
+
+  virtual const DescriptorInfo& info() const = 0;
+
+  // Row i of the result describes keypoints[i] (pixels of `grey`). `threads`: how many cores this
+  // call may use, 0 = all. Throws kInvalidArgument for a picture that is not grey.
+  virtual Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
+                               int threads) const = 0;
+
+  // The same for a picture that is described once and compared with many: it may take longer and
+  // match better. Its rows are compared with those of Describe; the model id is the same.
+  virtual Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
+                                        int threads) const {
+    return Describe(grey, keypoints, threads);
+  }
+};
+
+struct DescriptorOptions {
+  std::filesystem::path
+      model_path;  // weights for deal and its variants; empty = DefaultModelPath()
+};
+
+// Names that MakeDescriptor knows, best first.
+std::vector<std::string> DescriptorNames();
+
+// Throws kInvalidArgument for an unknown name (the message lists the known ones), kNotFound or
+// kCorrupt for the weight file.
+std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
+                                                 const DescriptorOptions& options = {});
+
+// $PLIANT_MODEL, else share/pliant/deal.safetensors beside or above the running program, else the
+// installed one. Throws kNotFound naming every place looked at.
+std::filesystem::path DefaultModelPath();
+
+struct ExtractionOptions {
+  DecodeOptions decode;
+  KeypointOptions keypoints;
+};
+
+// What a picture is described for.
+enum class PictureRole {
+  kQuery,      // to be compared now: Descriptor::Describe
+  kReference,  // to be compared with many: Descriptor::DescribeReference
+};
+
+// Wall-clock milliseconds each stage took.
+struct ExtractionTimings {
+  double decode_ms = 0;
+  double detect_ms = 0;
+  double describe_ms = 0;
+};
+
+// Encoded picture to features: decode, detect, describe. Immutable and thread-safe.
+class FeatureExtractor {
+ public:
+  FeatureExtractor(std::shared_ptr<const Descriptor> descriptor, ExtractionOptions options);
+
+  const Descriptor& descriptor() const { return *descriptor_; }
+  const ExtractionOptions& options() const { return options_; }
+
+  // Throws what DecodeImage throws. A picture without key points gives features without rows.
+  Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
+                   PictureRole role = PictureRole::kQuery) const;
+
+  // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
+  Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
+                       PictureRole role = PictureRole::kQuery) const;
+
+ private:
+  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
+                       int threads) const;
+
+  std::shared_ptr<const Descriptor> descriptor_;
+  ExtractionOptions options_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "descriptor/base/error.h"
+#include "descriptor/features/descriptor.h"
+
+namespace pliant {
+namespace {
+
+class Stopwatch {
+ public:
+  // Milliseconds since the last lap.
+  double Lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const std::chrono::duration<double, std::milli> passed = now - last_;
+    last_ = now;
+    return passed.count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+// From pixels of the decoded picture to pixels of the original: centres are at integers.
+void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
+  if (scale == 1.0) return;
+  const auto inverse = static_cast<float>(1.0 / scale);
+  for (Keypoint& k : keypoints) {
+    k.x = (k.x + 0.5F) * inverse - 0.5F;
+    k.y = (k.y + 0.5F) * inverse - 0.5F;
+    k.size *= inverse;
+  }
+}
+
+}  // namespace
+
+FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
+                                   ExtractionOptions options)
+    : descriptor_(std::move(descriptor)), options_(options) {
+  if (!descriptor_) {
+    throw Error(ErrorCode::kInvalidArgument, "no_descriptor",
+                "FeatureExtractor needs a descriptor");
+  }
+  options_.decode.colour = false;
+}
+
+Descriptors FeatureExtractor::Describe(const Image& grey, std::span<const Keypoint> keypoints,
+                                       PictureRole role, int threads) const {
+  return role == PictureRole::kReference ? descriptor_->DescribeReference(grey, keypoints, threads)
+                                         : descriptor_->Describe(grey, keypoints, threads);
+}
+
+Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
+                                       ExtractionTimings* timings, PictureRole role) const {
+  if (picture.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "picture_empty", "A picture without pixels was given");
+  }
+  Stopwatch watch;
+  ExtractionTimings passed;
+  Image grey = ToGrey(picture);
+  const int longer = std::max(grey.width, grey.height);
+  const int most = options_.decode.max_side_px;
+  double scale = 1.0;
+  if (most > 0 && longer > most) {
+    scale = static_cast<double>(most) / longer;
+    const auto scaled = [&](int side) {
+      return std::max(1, static_cast<int>(std::lround(side * scale)));
+    };
+    grey = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  }
+  passed.decode_ms = watch.Lap();
+
+  Features features;
+  features.width = picture.width;
+  features.height = picture.height;
+  features.model_id = descriptor_->info().model_id;
+  features.keypoints = DetectKeypoints(grey, options_.keypoints);
+  passed.detect_ms = watch.Lap();
+
+  features.descriptors = Describe(grey, features.keypoints, role, threads);
+  ScaleToOriginal(features.keypoints, scale);
+  passed.describe_ms = watch.Lap();
+  if (timings != nullptr) *timings = passed;
+  return features;
+}
+
+Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings,
+                                   PictureRole role) const {
+  Stopwatch watch;
+  ExtractionTimings passed;
+  const DecodedImage decoded = DecodeImage(encoded, options_.decode);
+  passed.decode_ms = watch.Lap();
+
+  Features features;
+  features.width = decoded.original_width;
+  features.height = decoded.original_height;
+  features.model_id = descriptor_->info().model_id;
+  features.keypoints = DetectKeypoints(decoded.image, options_.keypoints);
+  passed.detect_ms = watch.Lap();
+
+  features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
+  ScaleToOriginal(features.keypoints, decoded.scale);
+  passed.describe_ms = watch.Lap();
+  if (timings != nullptr) *timings = passed;
+  return features;
+}
+
+}  // namespace pliant

@@ -1,0 +1,24 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// SIFT key-point detection (Lowe 2004) through OpenCV.
+#pragma once
+
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+struct KeypointOptions {
+  int max_keypoints = 1024;  // strongest by response; 1..4096
+  // SIFT repeats a key point once for each dominant orientation (about 17 % of them). Rotation-
+  // invariant descriptors see the repeats as duplicates, so by default one key point a place stays.
+  bool keep_repeated_orientations = false;
+};
+
+// Detects in a grey picture. Order is deterministic: response descending, then y, x, size, angle.
+// Throws kInvalidArgument for options out of range or a picture that is not grey. Thread-safe.
+std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options = {});
+
+}  // namespace pliant

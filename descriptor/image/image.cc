@@ -1,0 +1,226 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/image/image.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "descriptor/base/error.h"
+#include "descriptor/image/cv_image.h"
+#include "descriptor/image/image_header.h"
+#include "descriptor/image/quiet_decoders.h"
+
+namespace pliant {
+namespace {
+
+void CheckLimits(Bytes bytes, const ImageHeader& header, const DecodeOptions& options) {
+  const std::string size = std::to_string(header.width) + " x " + std::to_string(header.height);
+  if (header.width > options.max_pixels / header.height) {
+    throw Error(ErrorCode::kTooLarge, "image_too_large",
+                "The picture has " + size + " pixels; at most " +
+                    std::to_string(options.max_pixels) + " are accepted. Scale it down.");
+  }
+  if (std::min(header.width, header.height) < options.min_side_px) {
+    throw Error(ErrorCode::kUnprocessable, "image_too_small",
+                "The picture has " + size + " pixels; each side needs at least " +
+                    std::to_string(options.min_side_px) + ".");
+  }
+  CheckComplete(bytes, header.format);
+}
+
+// libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
+int JpegReduction(const ImageHeader& header, int max_side_px) {
+  if (header.format != ImageFormat::kJpeg || max_side_px <= 0) return 1;
+  const std::int64_t longer = std::max(header.width, header.height);
+  int reduction = 1;
+  while (reduction < 8 && longer / (reduction * 2) >= max_side_px) reduction *= 2;
+  return reduction;
+}
+
+int ReadFlags(const ImageHeader& header, const DecodeOptions& options, int reduction) {
+  // PNG and WebP may carry transparency, which is composed below.
+  if (header.format == ImageFormat::kPng || header.format == ImageFormat::kWebp) {
+    return cv::IMREAD_UNCHANGED;
+  }
+  int flags = options.colour ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE;
+  if (reduction == 2)
+    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_REDUCED_GRAYSCALE_2;
+  if (reduction == 4)
+    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_4 : cv::IMREAD_REDUCED_GRAYSCALE_4;
+  if (reduction == 8)
+    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_8 : cv::IMREAD_REDUCED_GRAYSCALE_8;
+  return flags | cv::IMREAD_IGNORE_ORIENTATION;
+}
+
+// Transparent pixels become white: what is under them is arbitrary.
+cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
+  cv::Mat bgr(bgra.size(), CV_8UC3);
+  for (int y = 0; y < bgra.rows; ++y) {
+    const auto* source = bgra.ptr<cv::Vec4b>(y);
+    auto* target = bgr.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < bgra.cols; ++x) {
+      const int alpha = source[x][3];
+      for (int c = 0; c < 3; ++c) {
+        target[x][c] =
+            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
+      }
+    }
+  }
+  return bgr;
+}
+
+cv::Mat ToChannels(cv::Mat pixels, bool colour) {
+  if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1.0 / 257);
+  if (pixels.channels() == 4) pixels = ComposeOnWhite(pixels);
+  if (colour && pixels.channels() == 1) cv::cvtColor(pixels, pixels, cv::COLOR_GRAY2BGR);
+  if (!colour && pixels.channels() == 3) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2GRAY);
+  return pixels;
+}
+
+// EXIF 2.3, tag 0x0112.
+cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
+  switch (orientation) {
+    case 2:
+      cv::flip(pixels, pixels, 1);
+      break;
+    case 3:
+      cv::rotate(pixels, pixels, cv::ROTATE_180);
+      break;
+    case 4:
+      cv::flip(pixels, pixels, 0);
+      break;
+    case 5:
+      cv::transpose(pixels, pixels);
+      break;
+    case 6:
+      cv::rotate(pixels, pixels, cv::ROTATE_90_CLOCKWISE);
+      break;
+    case 7:
+      cv::transpose(pixels, pixels);
+      cv::rotate(pixels, pixels, cv::ROTATE_180);
+      break;
+    case 8:
+      cv::rotate(pixels, pixels, cv::ROTATE_90_COUNTERCLOCKWISE);
+      break;
+    default:
+      break;
+  }
+  return pixels;
+}
+
+cv::Mat DecodePixels(Bytes bytes, int flags) {
+  cv::Mat pixels;
+  std::string detail;
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<std::uint8_t*>(bytes.data()));  // imdecode only reads
+    const DecoderSilence silence;  // what is wrong is said once, by the Error
+    pixels = cv::imdecode(encoded, flags);
+  } catch (const cv::Exception& e) {
+    detail = " (" + e.err + ")";
+  }
+  if (pixels.empty() || (pixels.depth() != CV_8U && pixels.depth() != CV_16U)) {
+    throw Error(ErrorCode::kUnprocessable, "image_corrupt",
+                "The picture cannot be decoded: its data are damaged or of a kind that is not "
+                "read" +
+                    detail + ". Save it again as JPEG or PNG.");
+  }
+  return pixels;
+}
+
+// OpenCV turns TIFF upright itself, whatever the flags; the other formats are ours to turn.
+int OrientationLeft(const ImageHeader& header) {
+  return header.format == ImageFormat::kTiff ? 1 : header.exif_orientation;
+}
+
+std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
+                                 const std::vector<int>& parameters) {
+  cv::Mat pixels = ViewAsMat(image);
+  if (image.channels == 3) cv::cvtColor(pixels, pixels, cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> encoded;
+  if (!cv::imencode(extension, pixels, encoded, parameters)) {
+    throw Error(ErrorCode::kInternal, "image_encode_failed", "A picture could not be encoded");
+  }
+  return encoded;
+}
+
+}  // namespace
+
+DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
+  if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
+    throw Error(ErrorCode::kTooLarge, "image_too_large",
+                "The picture file has " + std::to_string(bytes.size()) + " bytes; at most " +
+                    std::to_string(options.max_bytes) + " are accepted.");
+  }
+  const ImageHeader header = ReadImageHeader(bytes);
+  CheckLimits(bytes, header, options);
+
+  const int reduction = JpegReduction(header, options.max_side_px);
+  cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, options, reduction));
+  pixels = TurnUpright(ToChannels(std::move(pixels), options.colour), OrientationLeft(header));
+
+  DecodedImage decoded;
+  decoded.format = header.format;
+  const bool turned = header.exif_orientation >= 5;
+  decoded.original_width = static_cast<int>(turned ? header.height : header.width);
+  decoded.original_height = static_cast<int>(turned ? header.width : header.height);
+  const int longer = std::max(decoded.original_width, decoded.original_height);
+  if (options.max_side_px > 0 && longer > options.max_side_px) {
+    decoded.scale = static_cast<double>(options.max_side_px) / longer;
+    const auto scaled = [&](int side) {
+      return std::max(1, static_cast<int>(std::lround(side * decoded.scale)));
+    };
+    cv::resize(pixels, pixels, {scaled(decoded.original_width), scaled(decoded.original_height)}, 0,
+               0, cv::INTER_AREA);
+  }
+  if (options.colour) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2RGB);
+  decoded.image = CopyFromMat(pixels);
+  return decoded;
+}
+
+std::string MediaType(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::kJpeg:
+      return "image/jpeg";
+    case ImageFormat::kPng:
+      return "image/png";
+    case ImageFormat::kWebp:
+      return "image/webp";
+    case ImageFormat::kBmp:
+      return "image/bmp";
+    case ImageFormat::kTiff:
+      return "image/tiff";
+    case ImageFormat::kUnknown:
+      break;
+  }
+  return "application/octet-stream";
+}
+
+std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality) {
+  return Encode(image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
+}
+
+std::vector<std::uint8_t> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
+
+Image ToGrey(const Image& image) {
+  if (image.channels == 1) return image;
+  cv::Mat grey;
+  cv::cvtColor(ViewAsMat(image), grey, cv::COLOR_RGB2GRAY);
+  return CopyFromMat(grey);
+}
+
+Image ResizeImage(const Image& image, int width, int height) {
+  if (width < 1 || height < 1 || image.empty()) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "bad_size",
+        "Cannot scale a picture to " + std::to_string(width) + " x " + std::to_string(height));
+  }
+  cv::Mat scaled;
+  cv::resize(ViewAsMat(image), scaled, {width, height}, 0, 0, cv::INTER_AREA);
+  return CopyFromMat(scaled);
+}
+
+}  // namespace pliant

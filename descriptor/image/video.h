@@ -1,0 +1,78 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Video files in and out, through OpenCV's videoio.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+struct VideoInfo {
+  int width = 0;
+  int height = 0;
+  double frames_per_second = 0;  // 0 = unknown
+  std::int64_t frames = 0;       // as the file's header says; 0 = unknown
+};
+
+// Not thread-safe. FFmpeg may write a line about damaged data to standard error.
+class VideoReader {
+ public:
+  // Throws kNotFound "cannot_read" when there is no such file, kUnprocessable "video_empty" for a
+  // file of no bytes or without a frame, kUnsupportedMediaType "video_unreadable" for one that is
+  // no video.
+  explicit VideoReader(const std::filesystem::path& file);
+  ~VideoReader();
+  VideoReader(const VideoReader&) = delete;
+  VideoReader& operator=(const VideoReader&) = delete;
+
+  const VideoInfo& info() const { return info_; }
+
+  // The next frame in colour; nothing at the end, or where the data stop making sense. Throws
+  // kUnprocessable "frames_vary" when its size is not the first one's.
+  std::optional<Image> Next();
+  // Goes past a frame; false at the end.
+  bool Skip();
+
+ private:
+  struct Capture;
+
+  std::string name_;
+  VideoInfo info_;
+  std::unique_ptr<Capture> capture_;
+};
+
+// Whether VideoWriter writes files of this name: .mp4, .m4v, .mov, .mkv or .avi.
+bool HasVideoName(const std::filesystem::path& file);
+
+// Writes H.264 where the system's FFmpeg can, else MPEG-4 (Motion JPEG for .avi). The file appears
+// under its name when it is complete. Not thread-safe.
+class VideoWriter {
+ public:
+  // Odd sizes are cut by a pixel. Throws kInvalidArgument for a name that is none of a video or a
+  // size below 2 x 2, kNoSpace "file_unwritable".
+  VideoWriter(const std::filesystem::path& file, int width, int height, double frames_per_second);
+  ~VideoWriter();  // without Close, nothing is left
+  VideoWriter(const VideoWriter&) = delete;
+  VideoWriter& operator=(const VideoWriter&) = delete;
+
+  // Grey or colour. Throws kInvalidArgument "frames_vary" for another size than was announced.
+  void Write(const Image& frame);
+  void Close();  // throws kNoSpace "file_unwritable"
+
+ private:
+  struct Output;
+
+  std::filesystem::path file_;
+  std::filesystem::path part_;
+  int width_;
+  int height_;
+  std::unique_ptr<Output> output_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,206 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/match/distance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <new>
+#include <string>
+
+#include "descriptor/base/error.h"
+#include "descriptor/match/distance_kernels.h"
+
+namespace pliant {
+namespace {
+
+using kernels::Kernels;
+
+constexpr std::size_t kPanel = PackedDescriptors::kPanel;
+static_assert(kPanel == kernels::kPanel);
+constexpr std::size_t kRowBlock = 64;  // query rows a panel is kept in the cache for
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+std::size_t WordsOf(int bytes) { return (static_cast<std::size_t>(bytes) + 7) / 8; }
+
+// Binary rows as whole 64-bit words, the last one filled up with zeros.
+std::vector<std::uint64_t> PackBits(const Descriptors& d, std::size_t first, std::size_t count) {
+  const std::size_t words = WordsOf(d.dim);
+  std::vector<std::uint64_t> bits(count * words, 0);
+  for (std::size_t r = 0; r < count; ++r) {
+    std::memcpy(bits.data() + r * words, d.bytes.data() + (first + r) * d.dim, d.dim);
+  }
+  return bits;
+}
+
+void StartState(kernels::RowState* state, std::size_t rows) {
+  for (std::size_t r = 0; r < rows; ++r) {
+    std::fill_n(state[r].best, kPanel, kInfinity);
+    std::fill_n(state[r].second, kPanel, kInfinity);
+    std::fill_n(state[r].panel, kPanel, 0U);
+  }
+}
+
+// Joins the columns of a row's state; of equal values the lowest index wins.
+NearestTwo Finish(const kernels::RowState& state) {
+  NearestTwo result{0, kInfinity, kInfinity};
+  for (std::size_t j = 0; j < kPanel; ++j) {
+    const float v = state.best[j];
+    const auto index = static_cast<std::uint32_t>(state.panel[j] * kPanel + j);
+    if (v < result.distance || (v == result.distance && v < kInfinity && index < result.index)) {
+      result.second = std::min(result.distance, state.second[j]);
+      result.distance = v;
+      result.index = index;
+    } else {
+      result.second = std::min(result.second, v);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+void CheckDescriptors(const Descriptors& d, const char* what) {
+  const bool is_float = d.kind == DescriptorKind::kFloat;
+  const std::size_t have = is_float ? d.floats.size() : d.bytes.size();
+  if (d.dim < 1 || have != d.rows * static_cast<std::size_t>(d.dim)) {
+    throw Error(ErrorCode::kInvalidArgument, "descriptors_malformed",
+                std::string(what) + ": " + std::to_string(d.rows) + " rows of " +
+                    std::to_string(d.dim) + " components do not make the " + std::to_string(have) +
+                    " values given.");
+  }
+  if (!is_float) return;
+  for (std::size_t i = 0; i < d.floats.size(); ++i) {
+    if (std::isfinite(d.floats[i])) continue;
+    throw Error(ErrorCode::kInvalidArgument, "descriptors_not_finite",
+                std::string(what) + ": row " + std::to_string(i / d.dim) +
+                    " has a component that is not a finite number; leave such rows out.");
+  }
+}
+
+Descriptors SelectRows(const Descriptors& from, std::span<const std::uint32_t> rows) {
+  const auto width = static_cast<std::size_t>(from.dim);
+  if (from.kind == DescriptorKind::kFloat) {
+    auto out = Descriptors::Float(rows.size(), from.dim);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      std::copy_n(from.floats.data() + rows[i] * width, width, out.floats.data() + i * width);
+    }
+    return out;
+  }
+  auto out = Descriptors::Binary(rows.size(), from.dim);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::copy_n(from.bytes.data() + rows[i] * width, width, out.bytes.data() + i * width);
+  }
+  return out;
+}
+
+void PackedDescriptors::AlignedDelete::operator()(float* p) const {
+  ::operator delete[](p, std::align_val_t{64});
+}
+
+PackedDescriptors::PackedDescriptors(const Descriptors& d)
+    : kind_(d.kind), dim_(d.dim), rows_(d.rows) {
+  if (kind_ == DescriptorKind::kBinary) {
+    words_ = WordsOf(dim_);
+    bits_ = PackBits(d, 0, rows_);
+    return;
+  }
+  const std::size_t panels = (rows_ + kPanel - 1) / kPanel;
+  const std::size_t size = panels * kPanel * dim_;
+  panels_.reset(new (std::align_val_t{64}) float[size]());
+  for (std::size_t j = 0; j < rows_; ++j) {
+    float* panel = panels_.get() + (j / kPanel) * kPanel * dim_ + j % kPanel;
+    const float* row = d.floats.data() + j * dim_;
+    for (int p = 0; p < dim_; ++p) panel[p * kPanel] = row[p];
+  }
+  squared_norms_.assign(panels * kPanel, kInfinity);  // padding is never near anything
+  Kernels().squared_norms(d.floats.data(), rows_, dim_, squared_norms_.data());
+}
+
+void PackedDescriptors::CheckQueries(const Descriptors& queries, std::size_t first,
+                                     std::size_t count) const {
+  if (queries.kind != kind_ || queries.dim != dim_) {
+    throw Error(ErrorCode::kConflict, "descriptor_mismatch",
+                "Descriptors of " + std::to_string(queries.dim) + " and " + std::to_string(dim_) +
+                    " components, or of different kinds, cannot be compared.");
+  }
+  if (first > queries.rows || count > queries.rows - first) {
+    throw Error(ErrorCode::kInvalidArgument, "rows_out_of_range",
+                "Rows " + std::to_string(first) + " to " + std::to_string(first + count) +
+                    " are beyond the " + std::to_string(queries.rows) + " there are.");
+  }
+}
+
+void PackedDescriptors::Distances(const Descriptors& queries, std::size_t first, std::size_t count,
+                                  float* out) const {
+  CheckQueries(queries, first, count);
+  const bool is_float = kind_ == DescriptorKind::kFloat;
+  const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
+  alignas(64) float tile[kRowBlock * kPanel];
+  for (std::size_t r0 = 0; r0 < count; r0 += kRowBlock) {
+    const std::size_t block = std::min(kRowBlock, count - r0);
+    for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
+      const std::size_t columns = std::min(kPanel, rows_ - j0);
+      if (is_float) {
+        Kernels().squared_distance_tile(queries.floats.data() + (first + r0) * dim_, block, dim_,
+                                        panels_.get() + j0 * dim_, tile);
+      } else {
+        Kernels().hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
+                               columns, tile);
+      }
+      for (std::size_t r = 0; r < block; ++r) {
+        float* to = out + (r0 + r) * rows_ + j0;
+        const float* from = tile + r * kPanel;
+        for (std::size_t j = 0; j < columns; ++j) to[j] = is_float ? std::sqrt(from[j]) : from[j];
+      }
+    }
+  }
+}
+
+void PackedDescriptors::FindNearest(const Descriptors& queries, std::size_t first,
+                                    std::size_t count, NearestTwo* nearest,
+                                    NearestOne* nearest_query) const {
+  CheckQueries(queries, first, count);
+  const bool is_float = kind_ == DescriptorKind::kFloat;
+  const auto& kernel = Kernels();
+  const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
+  const std::size_t padded = (rows_ + kPanel - 1) / kPanel * kPanel;
+  std::vector<float> column_best(nearest_query != nullptr ? padded : 0, kInfinity);
+  std::vector<std::uint32_t> column_index(column_best.size(), 0);
+  std::vector<kernels::RowState> state(std::min(kRowBlock, count));
+  alignas(64) float tile[kRowBlock * kPanel];
+  float norms[kRowBlock] = {};
+  for (std::size_t r0 = 0; r0 < count; r0 += kRowBlock) {
+    const std::size_t block = std::min(kRowBlock, count - r0);
+    const float* a = is_float ? queries.floats.data() + (first + r0) * dim_ : nullptr;
+    if (is_float) kernel.squared_norms(a, block, dim_, norms);
+    StartState(state.data(), block);
+    for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
+      if (is_float) {
+        kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
+      } else {
+        std::fill_n(tile, block * kPanel, kInfinity);
+        kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
+                            std::min(kPanel, rows_ - j0), tile);
+      }
+      if (is_float) kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
+      kernel.update_rows(tile, block, static_cast<std::uint32_t>(j0 / kPanel), state.data());
+      if (nearest_query == nullptr) continue;
+      kernel.update_columns(tile, block, static_cast<std::uint32_t>(first + r0),
+                            column_best.data() + j0, column_index.data() + j0);
+    }
+    for (std::size_t r = 0; r < block; ++r) nearest[r0 + r] = Finish(state[r]);
+  }
+  const auto root = [&](float v) { return is_float ? std::sqrt(v) : v; };
+  for (std::size_t r = 0; r < count; ++r) {
+    nearest[r].distance = root(nearest[r].distance);
+    nearest[r].second = root(nearest[r].second);
+  }
+  if (nearest_query == nullptr) return;
+  for (std::size_t j = 0; j < rows_; ++j) {
+    nearest_query[j] = {column_index[j], root(column_best[j])};
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Inner loops of descriptor/match/distance.h, one set for each instruction set. Not for use
+// elsewhere.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace pliant::kernels {
+
+inline constexpr std::size_t kPanel = 32;
+
+// Running two smallest values of a row, kept apart for each column of a panel.
+struct RowState {
+  float best[kPanel];
+  float second[kPanel];
+  std::uint32_t panel[kPanel];  // of best
+};
+
+struct KernelSet {
+  const char* name;
+  // out[r * kPanel + j] = a_r . b_j for `rows` contiguous rows of `dim` floats and one panel.
+  void (*dot_tile)(const float* a, std::size_t rows, std::size_t dim, const float* panel,
+                   float* out);
+  // The same with |a_r - b_j|^2.
+  void (*squared_distance_tile)(const float* a, std::size_t rows, std::size_t dim,
+                                const float* panel, float* out);
+  // out[r] = |a_r|^2, summed as dot_tile sums.
+  void (*squared_norms)(const float* a, std::size_t rows, std::size_t dim, float* out);
+  // out[r * kPanel + j] = number of bits that differ, j < columns.
+  void (*hamming_tile)(const std::uint64_t* a, std::size_t rows, std::size_t words,
+                       const std::uint64_t* b, std::size_t columns, float* out);
+  // values[r * kPanel + j] = max(0, a2[r] + b2[j] - 2 values[r * kPanel + j]).
+  void (*dots_to_squared)(float* values, std::size_t rows, const float* a2, const float* b2);
+  // Brings the states of `rows` rows up to date with a tile of panel number `panel`.
+  void (*update_rows)(const float* values, std::size_t rows, std::uint32_t panel, RowState* states);
+  // Keeps the smallest value of each column and the row it came from (strictly smaller wins);
+  // `row` is the number of the tile's first row.
+  void (*update_columns)(const float* values, std::size_t rows, std::uint32_t row, float* best,
+                         std::uint32_t* index);
+};
+
+// The best set that this processor runs; chosen once.
+const KernelSet& Kernels();
+
+}  // namespace pliant::kernels

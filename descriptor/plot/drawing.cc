@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/plot/drawing.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include <opencv2/imgproc.hpp>
+
+#include "descriptor/base/error.h"
+#include "descriptor/image/cv_image.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kShift = 4;  // OpenCV draws in sixteenths of a pixel
+// Beyond it a coordinate is cut off: it would not fit OpenCV's fixed-point numbers.
+constexpr double kFarthest = 1e5;
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+
+cv::Mat Canvas(Image& image) {
+  if (image.channels != 3 || image.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "not_colour",
+                "Drawing needs a picture with 3 channels and at least one pixel");
+  }
+  return ViewAsMat(image);
+}
+
+cv::Scalar ToScalar(Colour colour) { return cv::Scalar(colour.red, colour.green, colour.blue); }
+
+cv::Point ToFixed(Vec2 p) {
+  const auto fixed = [](double value) {
+    const double near = std::isnan(value) ? kFarthest : std::clamp(value, -kFarthest, kFarthest);
+    return static_cast<int>(std::lround(near * (1 << kShift)));
+  };
+  return {fixed(p.x), fixed(p.y)};
+}
+
+std::vector<cv::Point> ToFixed(std::span<const Vec2> points) {
+  std::vector<cv::Point> fixed;
+  fixed.reserve(points.size());
+  for (const Vec2 p : points) fixed.push_back(ToFixed(p));
+  return fixed;
+}
+
+double FontScale(int height_px) { return cv::getFontScaleFromHeight(kFont, height_px); }
+
+int Stroke(int height_px) { return std::max(1, height_px / 10); }
+
+}  // namespace
+
+Colour DistinctColour(std::size_t i) {
+  static constexpr std::array kColours = {
+      Colour{31, 119, 180},  Colour{235, 100, 20},  Colour{44, 160, 44},
+      Colour{214, 39, 40},   Colour{148, 103, 189}, Colour{140, 86, 75},
+      Colour{227, 119, 194}, Colour{120, 120, 120}, Colour{180, 180, 30}};
+  return kColours[i % kColours.size()];
+}
+
+Image BlankPicture(int width, int height, Colour colour) {
+  if (width < 1 || height < 1) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_size",
+                "A picture of " + std::to_string(width) + " x " + std::to_string(height) +
+                    " pixels cannot be made");
+  }
+  return CopyFromMat(cv::Mat(height, width, CV_8UC3, ToScalar(colour)));
+}
+
+Image ToColour(const Image& image) {
+  if (image.channels == 3) return image;
+  cv::Mat colour;
+  cv::cvtColor(ViewAsMat(image), colour, cv::COLOR_GRAY2RGB);
+  return CopyFromMat(colour);
+}
+
+void DrawLine(Image& on, Vec2 from, Vec2 to, Colour colour, int thickness_px) {
+  cv::Mat canvas = Canvas(on);
+  cv::line(canvas, ToFixed(from), ToFixed(to), ToScalar(colour), thickness_px, cv::LINE_AA, kShift);
+}
+
+void DrawPolyline(Image& on, std::span<const Vec2> points, bool closed, Colour colour,
+                  int thickness_px) {
+  cv::Mat canvas = Canvas(on);
+  if (points.empty()) return;
+  cv::polylines(canvas, ToFixed(points), closed, ToScalar(colour), thickness_px, cv::LINE_AA,
+                kShift);
+}
+
+void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour) {
+  cv::Mat canvas = Canvas(on);
+  const int radius = std::max(1, static_cast<int>(std::lround(radius_px * (1 << kShift))));
+  cv::circle(canvas, ToFixed(centre), radius, ToScalar(colour), cv::FILLED, cv::LINE_AA, kShift);
+}
+
+void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour) {
+  cv::Mat canvas = Canvas(on);
+  if (corners.empty()) return;
+  cv::fillConvexPoly(canvas, ToFixed(corners), ToScalar(colour), cv::LINE_AA, kShift);
+}
+
+void FillBox(Image& on, int x, int y, int width, int height, Colour colour) {
+  cv::Mat canvas = Canvas(on);
+  const cv::Rect box = cv::Rect(x, y, width, height) & cv::Rect(0, 0, on.width, on.height);
+  if (!box.empty()) canvas(box).setTo(ToScalar(colour));
+}
+
+void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
+              int height_px) {
+  cv::Mat canvas = Canvas(on);
+  cv::putText(canvas, text, {left, baseline}, kFont, FontScale(height_px), ToScalar(colour),
+              Stroke(height_px), cv::LINE_AA);
+}
+
+int TextWidth(const std::string& text, int height_px) {
+  int below = 0;
+  return cv::getTextSize(text, kFont, FontScale(height_px), Stroke(height_px), &below).width;
+}
+
+void PastePicture(Image& onto, const Image& what, int x, int y) {
+  cv::Mat canvas = Canvas(onto);
+  if (what.empty()) return;
+  const cv::Rect place = cv::Rect(x, y, what.width, what.height);
+  const cv::Rect seen = place & cv::Rect(0, 0, onto.width, onto.height);
+  if (seen.empty()) return;
+  const Image colour = ToColour(what);
+  ViewAsMat(colour)(seen - place.tl()).copyTo(canvas(seen));
+}
+
+}  // namespace pliant

@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Which correspondences agree with one smooth warp of a bent surface, and the warp.
+//
+// Random samples of three neighbouring correspondences give affine maps, which approximate a smooth
+// warp locally (Tran et al., ECCV 2012); the best are grown to neighbouring correspondences that
+// the map of their own neighbourhood predicts; a regularised thin-plate spline is fitted robustly
+// to what has grown and decides about all. Needs no majority of right correspondences, only a place
+// where some neighbours are right.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "descriptor/warp/tps.h"
+
+namespace pliant {
+
+struct Correspondence {
+  Vec2 reference;         // pixels of the reference picture
+  Vec2 query;             // pixels of the query picture
+  double size_ratio = 0;  // key-point size in the query / in the reference; 0 = unknown
+};
+
+struct TpsRansacOptions {
+  std::uint64_t seed = 1;
+  int iterations = 1500;         // samples of three, at most
+  double tolerance_px = 4;       // in the query picture, between a point and its mapped partner
+  double regularization = 3e-3;  // of the final spline, see TpsOptions
+  double max_anisotropy = 6;     // of local maps, see IsPlausible
+  // The key points' size ratio may differ from the warp's local scale by this factor.
+  double max_size_factor = 2;
+  int min_inliers = 5;  // fewer agreeing correspondences are taken for chance
+};
+
+// Why there is no warp.
+enum class TpsRansacFailure {
+  kNone,
+  kTooFew,       // fewer than min_inliers correspondences were given
+  kNoAgreement,  // no neighbourhood agrees on a map, or too little grew from it
+  kDegenerate,   // what agrees lies on a line
+  kFolded,       // the spline folds over whatever the regularisation
+};
+const char* ToString(TpsRansacFailure failure);
+
+struct TpsRansacResult {
+  TpsRansacFailure failure = TpsRansacFailure::kTooFew;
+  std::vector<std::uint32_t> inliers;   // positions in the input, ascending; empty on failure
+  std::optional<ThinPlateSpline> warp;  // reference -> query; none on failure
+};
+
+// Deterministic for a seed. Throws kInvalidArgument for options out of range or coordinates that
+// are not finite; too few, collinear and contradicting correspondences are no errors but a
+// `failure`. About O(n^2 + 20 iterations + n m^2), m control points. Thread-safe.
+TpsRansacResult TpsRansac(std::span<const Correspondence> correspondences,
+                          const TpsRansacOptions& options = {});
+
+}  // namespace pliant

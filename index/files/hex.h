@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+std::string ToHex(Bytes bytes);                                          // lower case
+std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex);  // nullopt = not hex
+
+}  // namespace pliant

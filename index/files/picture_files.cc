@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/files/picture_files.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <fstream>
+#include <set>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <sys/stat.h>
+
+#include "descriptor/base/error.h"
+#include "descriptor/image/image.h"
+#include "index/files/text.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Names that promise a picture, also of types that Pliant does not read: those are reported.
+constexpr std::array<std::string_view, 19> kPictureExtensions = {
+    ".jpg", ".jpeg", ".jpe",  ".jfif", ".png", ".webp", ".bmp", ".dib", ".tif", ".tiff",
+    ".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
+
+bool HasPictureName(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), extension) !=
+         kPictureExtensions.end();
+}
+
+bool HasPictureContent(const fs::path& path) {
+  std::array<std::uint8_t, 64> start{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(reinterpret_cast<char*>(start.data()), start.size());
+  const auto got = static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0));
+  if (got == 0) return false;
+  try {
+    ReadImageHeader(Bytes(start).first(got));
+    return true;
+  } catch (const Error& error) {
+    return error.code() != ErrorCode::kUnsupportedMediaType;  // a known type that goes on
+  }
+}
+
+class Walk {
+ public:
+  void Visit(const fs::path& path, int depth) {
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    if (fs::is_directory(status)) {
+      VisitFolder(path, depth);
+    } else if (fs::is_regular_file(status)) {
+      if (depth == 0 || LooksLikePicture(path)) {
+        found_.push_back({path, depth});
+      }
+    } else if (depth == 0) {
+      throw Error(ErrorCode::kNotFound, "input_not_found",
+                  path.string() + " is neither a folder nor a file" +
+                      (error ? " (" + error.message() + ")" : ""));
+    } else if (HasPictureName(path)) {
+      skipped_.push_back({ToDisplayText(path.string()), "cannot_read",
+                          error ? error.message() : "it is neither a folder nor a file"});
+    }
+  }
+
+  struct Found {
+    fs::path path;
+    int depth;  // 0 = named itself, 1 = directly in a named folder
+  };
+  std::vector<Found> found_;
+  std::vector<SkippedFile> skipped_;
+
+ private:
+  void VisitFolder(const fs::path& folder, int depth) {
+    struct stat info {};
+    if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
+      return;
+    std::vector<fs::path> entries;
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      if (!it->path().filename().native().starts_with('.')) entries.push_back(it->path());
+    }
+    if (error) skipped_.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
+    std::sort(entries.begin(), entries.end(),
+              [](const fs::path& a, const fs::path& b) { return a.native() < b.native(); });
+    for (const fs::path& entry : entries) Visit(entry, depth + 1);
+  }
+
+  std::set<std::pair<dev_t, ino_t>> visited_;
+};
+
+std::string FolderName(const fs::path& path) {
+  const fs::path folder = fs::absolute(path).lexically_normal().parent_path();
+  return folder.filename().string();
+}
+
+std::string ObjectOf(const fs::path& path, ObjectFrom object_from) {
+  switch (object_from) {
+    case ObjectFrom::kStem:
+      return ToDisplayText(path.stem().string());
+    case ObjectFrom::kNone:
+      return {};
+    default:
+      return ToDisplayText(FolderName(path));
+  }
+}
+
+}  // namespace
+
+bool LooksLikePicture(const fs::path& path) {
+  return HasPictureName(path) || HasPictureContent(path);
+}
+
+PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object_from) {
+  Walk walk;
+  for (const fs::path& input : inputs) walk.Visit(input, 0);
+  PictureFiles files;
+  files.skipped = std::move(walk.skipped_);
+  files.named_by = object_from;
+  if (object_from == ObjectFrom::kAuto) {
+    const bool flat = inputs.size() == 1 &&
+                      std::all_of(walk.found_.begin(), walk.found_.end(),
+                                  [](const Walk::Found& found) { return found.depth <= 1; });
+    files.named_by = flat ? ObjectFrom::kStem : ObjectFrom::kFolder;
+  }
+  std::set<fs::path> seen;  // a folder and a file in it may both be named
+  for (const Walk::Found& found : walk.found_) {
+    if (!seen.insert(found.path).second) continue;
+    files.pictures.push_back({found.path, ObjectOf(found.path, files.named_by)});
+  }
+  return files;
+}
+
+std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes) {
+  const auto fail = [&](const std::string& why) {
+    throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read: " + why);
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (error) fail(error.message());
+  if (!fs::is_regular_file(status)) fail("it is no regular file");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) fail(std::generic_category().message(errno));
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) fail(error.message());
+  if (size > static_cast<std::uintmax_t>(max_bytes)) {
+    throw Error(ErrorCode::kTooLarge, "image_too_large",
+                path.string() + " has " + std::to_string(size) + " bytes; the limit is " +
+                    std::to_string(max_bytes));
+  }
+  std::vector<std::uint8_t> bytes(size);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
+  if (file.bad()) fail(std::generic_category().message(errno));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));  // it may have shrunk meanwhile
+  return bytes;
+}
+
+bool ConcernsOnePicture(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kUnsupportedMediaType:
+    case ErrorCode::kTooLarge:
+    case ErrorCode::kUnprocessable:
+    case ErrorCode::kInvalidArgument:
+      return true;
+    default:
+      return false;
+  }
+}
+
+bool ConcernsOnePicture(const Error& error) {
+  return error.reason() == "same_bytes" || ConcernsOnePicture(error.code());
+}
+
+}  // namespace pliant

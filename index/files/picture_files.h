@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Which files below the given folders are pictures, what they show, and their bytes.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "descriptor/base/error.h"
+
+namespace pliant {
+
+enum class ObjectFrom {
+  kAuto,    // kStem for a single folder without sub-folders that hold pictures, else kFolder
+  kFolder,  // name of the folder that the picture lies in
+  kStem,    // file name without its extension
+  kNone,
+};
+
+struct PictureFile {
+  std::filesystem::path path;
+  std::string object;  // valid UTF-8; bytes that are none are written as \xHH
+};
+
+struct SkippedFile {
+  std::string file;
+  std::string code;  // stable word
+  std::string reason;
+};
+
+struct PictureFiles {
+  std::vector<PictureFile> pictures;
+  std::vector<SkippedFile> skipped;  // folders that cannot be read
+  ObjectFrom named_by = ObjectFrom::kFolder;
+};
+
+// Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
+// every machine. Links to folders are followed, each folder is visited once. Hidden files and
+// folders are left out, and so are files that have neither a picture's name nor its content.
+// Throws kNotFound for an input that does not exist.
+PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
+
+// Whether a regular file has a picture's name (of any type, also one that Pliant does not read:
+// such a file is then refused with a reason instead of being overlooked) or a picture's content.
+bool LooksLikePicture(const std::filesystem::path& path);
+
+// The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`.
+std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
+
+// Whether an error is the fault of one picture (unreadable, no picture, too few features), so that
+// the job goes on without it, and not of all (disk full, database busy, model mismatch).
+bool ConcernsOnePicture(ErrorCode code);
+// The same, and that its bytes are stored already as another object.
+bool ConcernsOnePicture(const Error& error);
+
+}  // namespace pliant

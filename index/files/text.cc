@@ -1,0 +1,120 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/files/text.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/base/error.h"
+#include "index/files/hex.h"
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kMaxMetadataBytes = 64 * 1024;
+constexpr int kMaxMetadataDepth = 32;
+
+// Length of the valid UTF-8 sequence that `text` begins with; 0 = none (RFC 3629).
+std::size_t SequenceLength(std::string_view text) {
+  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned char lead = at(0);
+  if (lead < 0x80) return 1;
+  const std::size_t length = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
+  if (lead < 0xC2 || lead > 0xF4 || text.size() < length) return 0;
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((at(i) & 0xC0) != 0x80) return 0;
+  }
+  const unsigned char second = at(1);
+  const bool overlong = (lead == 0xE0 && second < 0xA0) || (lead == 0xF0 && second < 0x90);
+  const bool surrogate = lead == 0xED && second > 0x9F;
+  const bool too_large = lead == 0xF4 && second > 0x8F;
+  return overlong || surrogate || too_large ? 0 : length;
+}
+
+bool HasControlCharacter(std::string_view text) {
+  return std::any_of(text.begin(), text.end(),
+                     [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+bool IsNameOf(std::string_view text, std::string_view marks) {
+  return std::all_of(text.begin(), text.end(), [&](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           marks.find(c) != std::string_view::npos;
+  });
+}
+
+[[noreturn]] void ThrowInvalid(const std::string& reason, const std::string& message) {
+  throw Error(ErrorCode::kInvalidArgument, reason, message);
+}
+
+void CheckText(std::string_view text, std::size_t max_bytes, const std::string& field) {
+  if (text.size() > max_bytes || !IsValidUtf8(text) || HasControlCharacter(text)) {
+    ThrowInvalid(field + "_invalid", field + " must be UTF-8 without control characters, at most " +
+                                         std::to_string(max_bytes) + " bytes");
+  }
+}
+
+}  // namespace
+
+bool IsValidUtf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t length = SequenceLength(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
+std::string ToDisplayText(std::string_view text) {
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = HasControlCharacter(text.substr(0, 1)) ? 0 : SequenceLength(text);
+    if (length == 0) {
+      const auto byte = static_cast<std::uint8_t>(text[0]);
+      out += "\\x" + ToHex({&byte, 1});
+    } else {
+      out += text.substr(0, length);
+    }
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return out;
+}
+
+void CheckImageId(std::string_view id) {
+  if (id.empty() || id.size() > 128 || id == "." || id == ".." || !IsNameOf(id, "._~:@-")) {
+    ThrowInvalid("id_invalid",
+                 "an image id must be 1 to 128 letters, digits or any of . _ ~ : @ -, not \"" +
+                     ToDisplayText(id.substr(0, 140)) + "\"");
+  }
+}
+
+void CheckCollectionName(std::string_view name) {
+  if (name.empty() || name.size() > 64 || name == "." || name == ".." || !IsNameOf(name, "._-")) {
+    ThrowInvalid("collection_invalid",
+                 "a collection's name must be 1 to 64 letters, digits or any of . _ -, not \"" +
+                     ToDisplayText(name.substr(0, 80)) + "\"");
+  }
+}
+
+void CheckObject(std::string_view object) { CheckText(object, 512, "object"); }
+
+void CheckSource(std::string_view source) { CheckText(source, 4096, "source"); }
+
+std::string CanonicalMetadata(const std::string& metadata) {
+  if (metadata.size() > kMaxMetadataBytes) {
+    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
+  }
+  bool too_deep = false;
+  const auto watch_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    too_deep = too_deep || depth > kMaxMetadataDepth;
+    return !too_deep;
+  };
+  const nlohmann::json json = nlohmann::json::parse(metadata, watch_depth, false);
+  if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
+  if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
+  return json.dump();
+}
+
+}  // namespace pliant

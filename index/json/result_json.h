@@ -1,0 +1,22 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The JSON form of a search answer, one for the command line and the HTTP server.
+#pragma once
+
+#include <string>
+
+#include "index/engine/engine.h"
+
+namespace pliant {
+
+// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "hits":
+// [{"rank", "object", "score", "image_id", "inliers", "polygon", "instances": [{"inliers",
+// "polygon"}], "metadata"}], "timings": {...}}. An object that is not named is null; the polygon is
+// a list of [x, y] or null. A hit with an explanation has "explain" too:
+// {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction", "pairs":
+// [[query x, query y, reference x, reference y], ...], "reference": {"width", "height"} or null,
+// "mesh": MeshJson's or null}.
+// `indent` -1 = on one line.
+std::string SearchResultJson(const SearchResult& result, double took_ms, int indent = -1);
+
+}  // namespace pliant

@@ -1,0 +1,114 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What a search is asked and what it answers (Engine::Search). Plain values.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/features/descriptor.h"
+#include "index/records/filter.h"
+#include "index/verify/explanation.h"
+
+namespace pliant {
+
+inline constexpr const char* kDefaultCollection = "default";
+
+enum class RankMethod {
+  kTfIdf,      // words weighted by how rare they are: 1 = the same, 0 = nothing in common
+  kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
+};
+enum class GroupBy { kObject, kImage };
+enum class Verification {
+  kAuto,  // kTps for tf-idf; kNone for the paper's histogram, whose protocol has none
+  kNone,
+  kTps,  // one smooth warp, a thin-plate spline
+};
+
+struct Region {
+  double x = 0, y = 0, width = 0, height = 0;  // pixels of the original upright query picture
+};
+
+struct Point {
+  double x = 0, y = 0;
+};
+
+// How kTfIdf compares words. For experiments: the defaults are what was measured to be best.
+struct RankTuning {
+  // Compare binary signatures within a word, where the vocabulary has them (vocab/signature.h).
+  bool signatures = true;
+  int assignments = 1;  // nearest words that a query descriptor counts for; 1..16
+};
+
+inline constexpr int kMostExpansions = 20;
+
+struct SearchOptions {
+  std::string collection = kDefaultCollection;
+  std::size_t limit = 10;  // hits returned; 0 = all
+  std::size_t offset = 0;
+  RankMethod rank = RankMethod::kTfIdf;
+  GroupBy group_by = GroupBy::kObject;
+  // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
+  // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
+  Verification verify = Verification::kAuto;
+  std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
+  // When verifying: the object's part of so many of the best verified pictures asks in turn, and
+  // pictures that agree with them rise (index/verify/expansion.h): 0 to kMostExpansions. Absent: 3
+  // by picture, none by object, where further pictures of an object that was found add nothing.
+  std::optional<int> expand;
+  int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
+  RankTuning tuning;
+  std::optional<Region> region;  // only key points inside count
+  double min_score = 0;
+  std::optional<std::string> object;  // only pictures of this object
+  Filter filter;                      // only pictures whose metadata pass
+  bool explain = false;               // every hit says why: Hit::explanation
+  int threads = 0;                    // for the description of the query; 0 = all cores
+};
+
+// One place in the query picture where the object is.
+struct Instance {
+  int inliers = 0;
+  std::vector<Point> polygon;  // outline in the query picture
+};
+
+struct Hit {
+  std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
+  std::string object;
+  std::string image_id;        // the best picture of the object
+  double score = 0;            // 0..1, see RankMethod; when verified, CombineScores
+  int inliers = 0;             // verified matches; 0 when not verified
+  std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
+  // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
+  // when not verified. More inliers in more places do not make the score higher.
+  std::vector<Instance> instances;
+  // The hit that this one owes its place to: it agrees with that one, which agrees with the query
+  // (SearchOptions::expand). Empty when the words and its own inliers speak for it.
+  std::string via;
+  std::string metadata = "{}";
+  std::optional<Explanation> explanation;  // with SearchOptions::explain
+};
+
+struct SearchTimings {
+  ExtractionTimings extraction;
+  double quantize_ms = 0;
+  double rank_ms = 0;
+  double verify_ms = 0;
+  double database_ms = 0;  // reading the records of the hits
+};
+
+struct SearchResult {
+  std::vector<Hit> hits;
+  std::size_t total = 0;        // hits there are, over all pages
+  std::int64_t vocabulary = 0;  // id of the vocabulary that answered
+  std::size_t words = 0;        // its size
+  std::uint32_t keypoints = 0;  // of the query, after the region
+  int query_width = 0;          // of the original upright query picture, in pixels
+  int query_height = 0;
+  SearchTimings timings;
+};
+
+}  // namespace pliant

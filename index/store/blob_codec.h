@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Compact, checked byte forms of features and bags of words, as kept in the database. The formats
+// are described byte by byte in index/README.md, section FORMAT.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "descriptor/image/image.h"
+#include "vocab/quantizer.h"
+
+namespace pliant {
+
+// How descriptors lie in a feature blob. The encoder chooses.
+enum class DescriptorEncoding : std::uint8_t {
+  kBits = 0,        // binary descriptors, as they are
+  kUint8 = 1,       // floats that are all whole numbers 0..255 (OpenCV's SIFT): lossless
+  kScaledInt8 = 2,  // float32 scale s = max|v| / 127 a row, then round(v / s) as int8
+};
+
+// Throws kInvalidArgument for descriptors that are not finite or do not fit the key points.
+std::vector<std::uint8_t> EncodeFeatures(const Features& features);
+
+// Throws kCorrupt when anything about the blob is wrong: magic, version, sizes, checksum. The
+// model id is kept beside the blob, not in it: it comes back empty.
+Features DecodeFeatures(Bytes blob);
+
+// `features` as they will be once stored and read again. Queries and new pictures are quantised in
+// this precision, so that a picture gets the same words when it is asked for as when it was stored.
+Features InStoredPrecision(const Features& features);
+
+std::vector<std::uint8_t> EncodeBow(const Bow& bow);
+
+// Throws kCorrupt also for a word of `vocabulary_size` or more.
+Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
+
+// CRC-32 (IEEE 802.3, as in zlib and PNG), continued from `seed`.
+std::uint32_t Crc32(Bytes bytes, std::uint32_t seed = 0);
+
+}  // namespace pliant

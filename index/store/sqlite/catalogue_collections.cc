@@ -1,0 +1,95 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/base/error.h"
+#include "index/store/sqlite/catalogue.h"
+#include "index/store/sqlite/database.h"
+
+namespace pliant {
+namespace {
+
+constexpr const char* kSelectCollection =
+    "SELECT key, name, model, active_vocabulary, created_ms FROM collections ";
+
+CollectionRow ToCollection(const Cursor& row) {
+  return {row.Int(0), row.Text(1), row.Int(2), row.IsNull(3) ? 0 : row.Int(3), row.Int(4)};
+}
+
+}  // namespace
+
+ModelRow ReadModel(Connection& db) {
+  Cursor row = db.Prepare(
+      "SELECT key, name, model_id, kind, dim, coalesce(max_keypoints, 0), coalesce(max_side, 0) "
+      "FROM models ORDER BY key LIMIT 1");
+  row.One();
+  return {row.Int(0),
+          {row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
+           row.Text(2)},
+          static_cast<int>(row.Int(5)),
+          static_cast<int>(row.Int(6))};
+}
+
+void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px) {
+  db.Prepare(
+        "UPDATE models SET max_keypoints = coalesce(max_keypoints, nullif(?1, 0)), "
+        "max_side = coalesce(max_side, nullif(?2, 0)) WHERE key = ?3")
+      .Bind(max_keypoints, max_side_px, model)
+      .Run();
+}
+
+std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name) {
+  Cursor row = db.Prepare(std::string(kSelectCollection) + "WHERE name = ?");
+  if (!row.Bind(name).Next()) return std::nullopt;
+  return ToCollection(row);
+}
+
+CollectionRow RequireCollection(Connection& db, const std::string& name) {
+  if (auto collection = FindCollection(db, name)) return *std::move(collection);
+  throw Error(ErrorCode::kNotFound, "collection_not_found",
+              "there is no collection \"" + name + "\"");
+}
+
+std::vector<CollectionRow> AllCollections(Connection& db) {
+  Cursor row = db.Prepare(std::string(kSelectCollection) + "ORDER BY name");
+  std::vector<CollectionRow> rows;
+  while (row.Next()) rows.push_back(ToCollection(row));
+  return rows;
+}
+
+Key InsertCollection(Connection& db, const std::string& name, Key model) {
+  db.Prepare("INSERT INTO collections (name, model, created_ms) VALUES (?, ?, ?)")
+      .Bind(name, model, NowMs())
+      .Run();
+  return db.last_insert_key();
+}
+
+void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary) {
+  db.Prepare("UPDATE collections SET active_vocabulary = ? WHERE key = ?")
+      .Bind(vocabulary, collection)
+      .Run();
+}
+
+Key FindObject(Connection& db, Key collection, const std::string& name) {
+  if (name.empty()) return 0;
+  Cursor row = db.Prepare("SELECT key FROM objects WHERE collection = ? AND name = ?");
+  return row.Bind(collection, name).Next() ? row.Int(0) : 0;
+}
+
+Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) {
+  if (name.empty()) return 0;
+  if (const Key found = FindObject(db, collection, name)) return found;
+  db.Prepare("INSERT INTO objects (collection, name) VALUES (?, ?)").Bind(collection, name).Run();
+  return db.last_insert_key();
+}
+
+std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
+                                        int limit) {
+  Cursor row = db.Prepare(
+      "SELECT o.name, (SELECT count(*) FROM pictures p WHERE p.object = o.key) FROM objects o "
+      "WHERE o.collection = ? AND o.name > ? ORDER BY o.name LIMIT ?");
+  row.Bind(collection, after, limit);
+  std::vector<ObjectRecord> objects;
+  while (row.Next()) objects.push_back({row.Text(0), static_cast<std::uint64_t>(row.Int(1))});
+  return objects;
+}
+
+}  // namespace pliant

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/base/error.h"
+#include "index/files/hex.h"
+#include "index/store/sqlite/catalogue.h"
+
+namespace pliant {
+namespace {
+
+#define PLIANT_SELECT_PICTURE                                                                    \
+  "SELECT p.key, p.object, c.name, p.id, o.name, p.sha256, p.media_type, p.metadata, p.source, " \
+  "p.width, p.height, p.keypoints, p.bytes, p.added_ms FROM pictures p "                         \
+  "JOIN collections c ON c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
+
+PictureRow ToPicture(const Cursor& row) {
+  PictureRow picture;
+  picture.key = row.Int(0);
+  picture.object = row.IsNull(1) ? 0 : row.Int(1);
+  ImageRecord& record = picture.record;
+  record.collection = row.Text(2);
+  record.id = row.Text(3);
+  if (!row.IsNull(4)) record.object = row.Text(4);
+  record.sha256 = ToHex(row.Blob(5));
+  record.media_type = row.Text(6);
+  record.metadata = row.Text(7);
+  record.source = row.Text(8);
+  record.width = static_cast<int>(row.Int(9));
+  record.height = static_cast<int>(row.Int(10));
+  record.keypoints = static_cast<std::uint32_t>(row.Int(11));
+  record.bytes = static_cast<std::uint64_t>(row.Int(12));
+  record.added_ms = row.Int(13);
+  return picture;
+}
+
+std::optional<PictureRow> FirstPicture(Cursor& row) {
+  if (!row.Next()) return std::nullopt;
+  return ToPicture(row);
+}
+
+// An unusable hash matches nothing.
+std::vector<std::uint8_t> Sha256Bytes(const std::string& hex) {
+  return FromHex(hex).value_or(std::vector<std::uint8_t>{});
+}
+
+std::vector<std::uint8_t> Copy(Bytes bytes) { return {bytes.begin(), bytes.end()}; }
+
+}  // namespace
+
+std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std::string& id) {
+  Cursor row = db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.collection = ? AND p.id = ?");
+  return FirstPicture(row.Bind(collection, id));
+}
+
+std::optional<PictureRow> FindPictureByKey(Connection& db, Key key) {
+  Cursor row = db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.key = ?");
+  return FirstPicture(row.Bind(key));
+}
+
+std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
+                                              const std::string& sha256) {
+  const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
+  Cursor row = db.Prepare(PLIANT_SELECT_PICTURE
+                          "WHERE p.sha256 = ? AND p.collection = ? ORDER BY p.id LIMIT 1");
+  return FirstPicture(row.Bind(hash, collection));
+}
+
+std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& filter) {
+  std::vector<Key> passing;
+  Cursor row = db.Prepare("SELECT key, metadata FROM pictures WHERE collection = ? ORDER BY key");
+  row.Bind(collection);
+  while (row.Next()) {
+    if (Passes(filter, row.Text(1))) passing.push_back(row.Int(0));
+  }
+  return passing;
+}
+
+std::vector<ImageRecord> PicturesBySha256(Connection& db, Key collection,
+                                          const std::string& sha256) {
+  const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
+  Cursor row =
+      db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.sha256 = ? AND p.collection = ? ORDER BY p.id");
+  row.Bind(hash, collection);
+  std::vector<ImageRecord> records;
+  while (row.Next()) records.push_back(ToPicture(row).record);
+  return records;
+}
+
+std::vector<ImageRecord> SelectPictures(Connection& db, Key collection,
+                                        const ListOptions& options) {
+  std::vector<ImageRecord> records;
+  const auto read = [&](Cursor& row) {
+    while (row.Next()) records.push_back(ToPicture(row).record);
+  };
+  if (!options.object) {
+    Cursor row = db.Prepare(PLIANT_SELECT_PICTURE
+                            "WHERE p.collection = ? AND p.id > ? ORDER BY p.id LIMIT ?");
+    read(row.Bind(collection, options.after_id, options.limit));
+  } else if (options.object->empty()) {
+    Cursor row = db.Prepare(
+        PLIANT_SELECT_PICTURE
+        "WHERE p.collection = ? AND p.object IS NULL AND p.id > ? ORDER BY p.id LIMIT ?");
+    read(row.Bind(collection, options.after_id, options.limit));
+  } else {
+    Cursor row =
+        db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.object = ? AND p.id > ? ORDER BY p.id LIMIT ?");
+    read(row.Bind(FindObject(db, collection, *options.object), options.after_id, options.limit));
+  }
+  return records;
+}
+
+Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model) {
+  const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
+  Cursor row = db.Prepare(
+      "SELECT p.key FROM pictures p JOIN features f ON f.picture = p.key "
+      "WHERE p.sha256 = ? AND f.model = ? ORDER BY p.key LIMIT 1");
+  return row.Bind(hash, model).Next() ? row.Int(0) : 0;
+}
+
+Key InsertPicture(Connection& db, Key collection, const PictureRow& picture) {
+  const ImageRecord& record = picture.record;
+  const std::vector<std::uint8_t> hash = Sha256Bytes(record.sha256);
+  db.Prepare(
+        "INSERT INTO pictures (collection, id, object, sha256, media_type, width, height, bytes, "
+        "keypoints, metadata, source, added_ms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+      .Bind(collection, record.id, KeyOrNull{picture.object}, hash, record.media_type, record.width,
+            record.height, record.bytes, record.keypoints, record.metadata, record.source,
+            record.added_ms)
+      .Run();
+  return db.last_insert_key();
+}
+
+void DeletePicture(Connection& db, const PictureRow& picture) {
+  db.Prepare("DELETE FROM pictures WHERE key = ?").Bind(picture.key).Run();
+  if (picture.object == 0) return;
+  db.Prepare(
+        "DELETE FROM objects WHERE key = ?1 AND NOT EXISTS (SELECT 1 FROM pictures WHERE object = "
+        "?1)")
+      .Bind(picture.object)
+      .Run();
+}
+
+void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob) {
+  db.Prepare("INSERT INTO features (picture, model, data) VALUES (?, ?, ?)")
+      .Bind(picture, model, blob)
+      .Run();
+}
+
+std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture) {
+  Cursor row = db.Prepare("SELECT data FROM features WHERE picture = ?");
+  if (!row.Bind(picture).Next()) {
+    throw Error(ErrorCode::kCorrupt, "features_missing",
+                "a stored picture has lost its features; run `pliant db check`");
+  }
+  return Copy(row.Blob(0));
+}
+
+}  // namespace pliant

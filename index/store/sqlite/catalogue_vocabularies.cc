@@ -1,0 +1,192 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/catalogue_vocabularies.h"
+
+#include <cstring>
+#include <string>
+
+#include "descriptor/base/error.h"
+#include "index/store/blob_codec.h"
+#include "index/store/sqlite/database.h"
+
+namespace pliant {
+namespace {
+
+constexpr std::int64_t kDayMs = 24LL * 60 * 60 * 1000;
+
+#define PLIANT_SELECT_VOCABULARY                                                          \
+  "SELECT v.key, m.model_id, v.words, v.seed, v.sampled, v.available, v.loss, v.method, " \
+  "v.created_ms, v.checksum, m.kind, m.dim FROM vocabularies v JOIN models m ON m.key = v.model "
+
+VocabularyOrigin ToOrigin(const Cursor& row) {
+  return {static_cast<std::uint64_t>(row.Int(3)), static_cast<std::uint64_t>(row.Int(4)),
+          static_cast<std::uint64_t>(row.Int(5)), row.Double(6), row.Text(7)};
+}
+
+VocabularyRecord ToRecord(const Cursor& row, const CollectionRow& collection) {
+  VocabularyRecord record;
+  record.id = row.Int(0);
+  record.collection = collection.name;
+  record.model_id = row.Text(1);
+  record.words = static_cast<std::size_t>(row.Int(2));
+  record.origin = ToOrigin(row);
+  record.created_ms = row.Int(8);
+  record.active = record.id == collection.active_vocabulary;
+  return record;
+}
+
+Bytes WordBytes(const Descriptors& words, std::size_t i) {
+  if (words.kind == DescriptorKind::kBinary) return words.binary_row(i);
+  const std::span<const float> row = words.float_row(i);
+  return {reinterpret_cast<const std::uint8_t*>(row.data()), row.size_bytes()};
+}
+
+// Of word i; empty when there are none.
+Bytes ThresholdBytes(const Vocabulary& vocabulary, std::size_t i) {
+  if (vocabulary.thresholds.empty()) return {};
+  return {reinterpret_cast<const std::uint8_t*>(vocabulary.thresholds.data() + i * kSignatureBits),
+          kSignatureBits * sizeof(float)};
+}
+
+std::uint32_t Checksum(const Vocabulary& vocabulary) {
+  std::uint32_t crc = 0;
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    crc = Crc32(WordBytes(vocabulary.words, i), crc);
+  }
+  if (vocabulary.thresholds.empty()) return crc;
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    crc = Crc32(ThresholdBytes(vocabulary, i), crc);
+  }
+  return crc;
+}
+
+[[noreturn]] void ThrowCorrupt(Key vocabulary, const std::string& what) {
+  throw Error(ErrorCode::kCorrupt, "vocabulary_corrupt",
+              "vocabulary " + std::to_string(vocabulary) + " " + what + "; train a new one");
+}
+
+}  // namespace
+
+Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary& vocabulary) {
+  const VocabularyOrigin& origin = vocabulary.origin;
+  db.Prepare(
+        "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
+        "method, checksum, created_ms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+      .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
+            origin.available, origin.loss, origin.method, Checksum(vocabulary), NowMs())
+      .Run();
+  const Key key = db.last_insert_key();
+  // nullif: an empty blob stands for no thresholds.
+  Cursor insert = db.Prepare(
+      "INSERT INTO vocabulary_words (vocabulary, word, data, thresholds) "
+      "VALUES (?, ?, ?, nullif(?, x''))");
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    insert.Reset()
+        .Bind(key, std::uint64_t{i}, WordBytes(vocabulary.words, i), ThresholdBytes(vocabulary, i))
+        .Run();
+  }
+  return key;
+}
+
+void MarkVocabularyReady(Connection& db, Key vocabulary) {
+  db.Prepare("UPDATE vocabularies SET ready = 1 WHERE key = ?").Bind(vocabulary).Run();
+}
+
+void DeleteVocabulary(Connection& db, Key vocabulary) {
+  db.Prepare("DELETE FROM vocabularies WHERE key = ?").Bind(vocabulary).Run();
+}
+
+void DeleteAbandonedVocabularies(Connection& db, Key collection) {
+  db.Prepare("DELETE FROM vocabularies WHERE collection = ? AND ready = 0 AND created_ms < ?")
+      .Bind(collection, NowMs() - kDayMs)
+      .Run();
+}
+
+std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary) {
+  Cursor row = db.Prepare(PLIANT_SELECT_VOCABULARY "WHERE v.key = ?");
+  if (!row.Bind(vocabulary).Next()) ThrowCorrupt(vocabulary, "is missing");
+  const auto kind = static_cast<DescriptorKind>(row.Int(10));
+  const int dim = static_cast<int>(row.Int(11));
+  const auto rows = static_cast<std::size_t>(row.Int(2));
+  auto result = std::make_shared<Vocabulary>();
+  result->words = kind == DescriptorKind::kFloat ? Descriptors::Float(rows, dim)
+                                                 : Descriptors::Binary(rows, dim);
+  result->model_id = row.Text(1);
+  result->origin = ToOrigin(row);
+  Cursor words = db.Prepare(
+      "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = ? "
+      "ORDER BY word");
+  words.Bind(vocabulary);
+  std::size_t i = 0;
+  for (; words.Next(); ++i) {
+    if (i >= rows || words.Int(0) != static_cast<std::int64_t>(i))
+      ThrowCorrupt(vocabulary, "has a gap");
+    const Bytes target = WordBytes(result->words, i);
+    const Bytes data = words.Blob(1);
+    if (data.size() != target.size()) ThrowCorrupt(vocabulary, "has a word of the wrong size");
+    std::memcpy(const_cast<std::uint8_t*>(target.data()), data.data(), data.size());
+    if (words.IsNull(2)) continue;
+    const Bytes thresholds = words.Blob(2);
+    if (thresholds.size() != kSignatureBits * sizeof(float)) {
+      ThrowCorrupt(vocabulary, "has thresholds of the wrong size");
+    }
+    const std::size_t at = result->thresholds.size();
+    result->thresholds.resize(at + kSignatureBits);
+    std::memcpy(result->thresholds.data() + at, thresholds.data(), thresholds.size());
+  }
+  if (i != rows) ThrowCorrupt(vocabulary, "has lost words");
+  if (!result->thresholds.empty() && result->thresholds.size() != rows * kSignatureBits) {
+    ThrowCorrupt(vocabulary, "has lost thresholds");
+  }
+  if (Checksum(*result) != static_cast<std::uint32_t>(row.Int(9))) {
+    ThrowCorrupt(vocabulary, "does not match its checksum");
+  }
+  return result;
+}
+
+std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const CollectionRow& collection) {
+  Cursor row =
+      db.Prepare(PLIANT_SELECT_VOCABULARY "WHERE v.collection = ? AND v.ready = 1 ORDER BY v.key");
+  row.Bind(collection.key);
+  std::vector<VocabularyRecord> records;
+  while (row.Next()) records.push_back(ToRecord(row, collection));
+  return records;
+}
+
+std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionRow& collection,
+                                               Key vocabulary) {
+  Cursor row =
+      db.Prepare(PLIANT_SELECT_VOCABULARY "WHERE v.collection = ? AND v.key = ? AND v.ready = 1");
+  if (!row.Bind(collection.key, vocabulary).Next()) return std::nullopt;
+  return ToRecord(row, collection);
+}
+
+void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& bow) {
+  const std::vector<std::uint8_t> blob = EncodeBow(bow);
+  db.Prepare(
+        "INSERT OR REPLACE INTO picture_words (vocabulary, picture, data) "
+        "SELECT ?1, key, ?3 FROM pictures WHERE key = ?2")
+      .Bind(vocabulary, picture, blob)
+      .Run();
+}
+
+std::vector<Key> PicturesWithoutWords(Connection& db, Key collection, Key vocabulary, Key after,
+                                      int limit) {
+  Cursor row = db.Prepare(
+      "SELECT p.key FROM pictures p WHERE p.collection = ?1 AND p.key > ?3 AND NOT EXISTS "
+      "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key) "
+      "ORDER BY p.key LIMIT ?4");
+  row.Bind(collection, vocabulary, after, limit);
+  std::vector<Key> keys;
+  while (row.Next()) keys.push_back(row.Int(0));
+  return keys;
+}
+
+std::uint64_t CountPicturesWithoutWords(Connection& db, Key collection, Key vocabulary) {
+  Cursor row = db.Prepare(
+      "SELECT count(*) FROM pictures p WHERE p.collection = ?1 AND NOT EXISTS "
+      "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key)");
+  return static_cast<std::uint64_t>(row.Bind(collection, vocabulary).One().Int(0));
+}
+
+}  // namespace pliant

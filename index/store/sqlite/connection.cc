@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/connection.h"
+
+#include <sqlite3.h>
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kMaxIdleConnections = 16;
+
+// SQLite reads a name that begins with "file:" as a URI; an absolute one never does.
+std::string FileName(const std::filesystem::path& path) {
+  return std::filesystem::absolute(path).string();
+}
+
+std::string PercentEncoded(const std::string& path) {
+  static constexpr char kHex[] = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) || c == '/' || c == '.' || c == '-' || c == '_') {
+      out += c;
+    } else {
+      out += {'%', kHex[byte >> 4], kHex[byte & 15]};
+    }
+  }
+  return out;
+}
+
+SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeout_ms) {
+  const std::string name = FileName(path);
+  SQLite::Database database(name, SQLite::OPEN_READONLY, busy_timeout_ms);
+  // On read-only media WAL's side files cannot be made. A cleanly closed database has none and
+  // nobody can change it there: read it as immutable.
+  const int code = database.tryExec("SELECT 1 FROM sqlite_schema") & 0xff;
+  if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) &&
+      !std::filesystem::exists(name + "-wal")) {
+    return {"file:" + PercentEncoded(name) + "?immutable=1",
+            SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};
+  }
+  return database;
+}
+
+}  // namespace
+
+Cursor::~Cursor() {
+  if (statement_) owner_->GiveBack(std::move(statement_));
+}
+
+Cursor& Cursor::One() {
+  if (!Next()) throw SQLite::Exception("a row that must exist is missing", SQLITE_CORRUPT);
+  return *this;
+}
+
+Bytes Cursor::Blob(int column) const {
+  const SQLite::Column value = statement_->getColumn(column);
+  return {static_cast<const std::uint8_t*>(value.getBlob()),
+          static_cast<std::size_t>(value.size())};
+}
+
+void Cursor::BindOne(int index, Bytes value) {
+  if (value.size() > std::size_t{1} << 30) {
+    throw SQLite::Exception("a value of more than 1 GiB", SQLITE_TOOBIG);
+  }
+  // A null pointer would bind NULL instead of an empty blob.
+  static constexpr char kNothing[1] = {};
+  const void* data = value.empty() ? static_cast<const void*>(kNothing) : value.data();
+  statement_->bindNoCopy(index, data, static_cast<int>(value.size()));
+}
+
+Connection::Connection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms)
+    : database_(mode == Mode::kReadOnly
+                    ? OpenReadOnly(path, busy_timeout_ms)
+                    : SQLite::Database(FileName(path), SQLite::OPEN_READWRITE, busy_timeout_ms)) {
+  database_.exec("PRAGMA foreign_keys = ON");
+  if (mode == Mode::kReadWrite) {
+    database_.exec("PRAGMA synchronous = FULL");
+    database_.exec("PRAGMA secure_delete = ON");
+    database_.exec("PRAGMA journal_size_limit = 67108864");
+  }
+}
+
+Cursor Connection::Prepare(std::string_view sql) {
+  if (const auto found = idle_.find(sql); found != idle_.end() && !found->second.empty()) {
+    std::unique_ptr<SQLite::Statement> statement = std::move(found->second.back());
+    found->second.pop_back();
+    return {*this, std::move(statement)};
+  }
+  return {*this, std::make_unique<SQLite::Statement>(database_, std::string(sql))};
+}
+
+void Connection::GiveBack(std::unique_ptr<SQLite::Statement> statement) noexcept {
+  statement->tryReset();  // its error was thrown when the statement ran
+  try {
+    statement->clearBindings();
+    idle_[statement->getQuery()].push_back(std::move(statement));
+  } catch (const std::exception&) {
+    statement.reset();  // no memory to keep it: prepared anew next time
+  }
+}
+
+ConnectionPool::Lease ConnectionPool::Borrow() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      std::unique_ptr<Connection> connection = std::move(idle_.back());
+      idle_.pop_back();
+      return {*this, std::move(connection)};
+    }
+  }
+  return {*this,
+          std::make_unique<Connection>(path_, Connection::Mode::kReadOnly, busy_timeout_ms_)};
+}
+
+void ConnectionPool::GiveBack(std::unique_ptr<Connection> connection) noexcept {
+  try {
+    const std::lock_guard lock(mutex_);
+    if (idle_.size() < kMaxIdleConnections) idle_.push_back(std::move(connection));
+  } catch (const std::exception&) {
+    connection.reset();
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The database file: made whole or not at all, recognised before it is touched, migrated. Private
+// to index/.
+#pragma once
+
+#include <filesystem>
+
+#include "descriptor/features/descriptor.h"
+#include "index/store/sqlite/connection.h"
+
+namespace pliant {
+
+enum class FileState { kAbsent, kEmpty, kPliant };
+
+// Looks at the file's first bytes without opening it with SQLite. Throws kCorrupt "not_a_database"
+// (something else lies there; it stays untouched) or "database_truncated", kNotFound when it cannot
+// be read.
+FileState InspectDatabaseFile(const std::filesystem::path& path);
+
+// Makes a new database with the collection `default`, written to a temporary file and then given
+// its name in one step. An existing database is left alone (another process was faster).
+void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& model);
+
+// Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
+// Error kConflict "old_schema".
+void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, int busy_timeout_ms);
+
+// Copies the database of `source` to `target` while it is in use: temporary file, fsync, rename.
+// Throws kConflict "backup_exists" when `target` exists.
+void BackupDatabase(Connection& source, const std::filesystem::path& target);
+
+std::int64_t NowMs();  // Unix time
+
+}  // namespace pliant

@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A directory of uploaded files named by their SHA-256. It knows files only; which of them belong
+// to a picture is in the database (catalogue_originals.h). Private to index/.
+//
+//   DIR/pliant-originals    whose directory it is: two lines, the database's id and its path
+//   DIR/incoming/...        files being written, each locked (flock) by its writer
+//   DIR/ab/abcd...          64 hex digits, in one of 256 folders by the first two
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+// Whose files a directory holds. Only its owner adds to it and removes from it, so that a copy of
+// a database, which names the same directory, takes nothing away from the original.
+struct OriginalsOwner {
+  std::string id;        // of the database: 32 hex digits, made when it first used a directory
+  std::string database;  // its absolute path
+
+  friend bool operator==(const OriginalsOwner&, const OriginalsOwner&) = default;
+};
+
+// A file that is written and flushed, but has no name that anybody looks for yet. Gone with the
+// object unless it was published.
+class IncomingOriginal {
+ public:
+  // Throws kNoSpace "write_failed", kInternal "io_error".
+  IncomingOriginal(const std::filesystem::path& directory, std::string sha256, Bytes bytes);
+  ~IncomingOriginal();
+  IncomingOriginal(const IncomingOriginal&) = delete;
+  IncomingOriginal& operator=(const IncomingOriginal&) = delete;
+
+  const std::string& sha256() const { return sha256_; }
+
+ private:
+  friend class OriginalStore;
+  void OpenLocked();
+  void Write(Bytes bytes);
+
+  std::filesystem::path path_;  // empty = published
+  std::string sha256_;
+  int fd_ = -1;
+};
+
+// Thread-safe; every method may also be called while other processes use the directory. Publish and
+// Remove must be called with the database's write lock held: it is what keeps one process from
+// removing what another is about to refer to.
+class OriginalStore {
+ public:
+  explicit OriginalStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  const std::filesystem::path& directory() const { return directory_; }
+
+  // nullopt: nobody's. Throws kCorrupt "originals_owner_invalid".
+  std::optional<OriginalsOwner> Owner() const;
+  // Makes the directory (not those above it) where it is missing, and `owner` its owner.
+  void Claim(const OriginalsOwner& owner) const;
+
+  // Replaces a file of that name: it had the same bytes or was damaged. Durable on return.
+  void Publish(IncomingOriginal& incoming) const;
+  bool Remove(const std::string& sha256) const;                          // false = was not there
+  std::optional<std::uint64_t> SizeOf(const std::string& sha256) const;  // nullopt = not there
+
+  // nullopt = there is no such file. Throws kCorrupt "original_corrupt" when it cannot be read, is
+  // larger than `size` bytes, or does not have the hash.
+  std::optional<std::vector<std::uint8_t>> Read(const std::string& sha256,
+                                                std::uint64_t size) const;
+
+  std::vector<std::string> List() const;  // hashes of all published files
+  // Removes what dead writers left in `incoming`; how many.
+  std::uint64_t RemoveAbandoned() const;
+
+ private:
+  std::filesystem::path PathOf(const std::string& sha256) const;
+
+  std::filesystem::path directory_;
+};
+
+}  // namespace pliant

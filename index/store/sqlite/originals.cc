@@ -1,0 +1,110 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/originals.h"
+
+#include "descriptor/base/error.h"
+#include "index/files/durable_file.h"
+#include "index/store/sqlite/sqlite_error.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Absolute(const fs::path& path) {
+  fs::path clean = fs::absolute(path).lexically_normal();
+  if (!clean.has_filename()) clean = clean.parent_path();  // "dir/"
+  return clean.string();
+}
+
+// What the row becomes when `directory` is asked for.
+OriginalsDirectoryRow Wanted(OriginalsDirectoryRow row, const std::optional<fs::path>& directory) {
+  if (!directory) return row;
+  row.active = !directory->empty();
+  if (row.active) row.path = Absolute(*directory);
+  return row;
+}
+
+}  // namespace
+
+Originals::Originals(Connection& db, const fs::path& database,
+                     const std::optional<fs::path>& directory) {
+  self_.database = fs::weakly_canonical(fs::absolute(database)).string();
+  const auto row = FindOriginalsDirectory(db);
+  if (row) self_.id = row->owner;
+  const bool named = directory && !directory->empty();
+  if (!row && !named) return;
+  store_.emplace(named ? Absolute(*directory) : row->path);
+  owned_ = row && store_->Owner() == self_;
+  takes_new_ = owned_ && row->active;
+}
+
+bool Originals::Settled(Connection& db, const std::optional<fs::path>& directory) const {
+  const auto row = FindOriginalsDirectory(db);
+  if (!row) return !directory || directory->empty();
+  const OriginalsDirectoryRow wanted = Wanted(*row, directory);
+  return owned_ && wanted.path == row->path && wanted.active == row->active;
+}
+
+void Originals::Claim(Connection& db, const std::optional<fs::path>& directory) {
+  const auto row = FindOriginalsDirectory(db);
+  if (!row && (!directory || directory->empty())) return;
+  const OriginalsDirectoryRow wanted =
+      Wanted(row.value_or(OriginalsDirectoryRow{"", NewOwnerId(db), true}), directory);
+  self_.id = wanted.owner;
+  store_.emplace(wanted.path);
+  owned_ = false;
+  takes_new_ = wanted.active;
+  if (wanted.active || !AnyOriginalFile(db).empty()) TakeOver(db, wanted);
+  StoreOriginalsDirectory(db, wanted);
+}
+
+void Originals::TakeOver(Connection& db, const OriginalsDirectoryRow& row) {
+  const std::string name = "the directory " + DisplayPath(store_->directory());
+  CheckParentDirectory(store_->directory());
+  const auto owner = store_->Owner();
+  if (owner && *owner != self_) {
+    throw Error(
+        ErrorCode::kConflict, "originals_foreign",
+        name + " holds the originals of the database " + owner->database +
+            ", which would be lost to it; name another directory. If that database is gone, "
+            "or is this one and was moved, remove the file pliant-originals in the "
+            "directory first");
+  }
+  const std::string sample = AnyOriginalFile(db);
+  if (!sample.empty() && !store_->SizeOf(sample)) {
+    throw Error(
+        ErrorCode::kNotFound, "originals_missing",
+        name + " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
+            " pictures; mount it, move the files there, or name the directory that has them "
+            "with --originals-dir (it was " +
+            row.path + ")");
+  }
+  if (!owner) store_->Claim(self_);
+  owned_ = true;
+}
+
+std::unique_ptr<IncomingOriginal> Originals::Receive(const std::string& sha256, Bytes bytes) const {
+  if (!takes_new_) return nullptr;
+  return std::make_unique<IncomingOriginal>(store_->directory(), sha256, bytes);
+}
+
+void Originals::Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const {
+  if (incoming == nullptr) return InsertOriginal(db, picture, bytes);
+  store_->Publish(*incoming);
+  InsertOriginalFile(db, picture, incoming->sha256());
+}
+
+void Originals::RemoveDropped(Connection& db) const {
+  if (!owned_) return;
+  for (const std::string& sha256 : DroppedOriginals(db)) {
+    RemoveUnreferenced(db, sha256);
+    ForgetDroppedOriginal(db, sha256);
+  }
+}
+
+bool Originals::RemoveUnreferenced(Connection& db, const std::string& sha256) const {
+  return owned_ && !IsOriginalFile(db, sha256) && store_->Remove(sha256);
+}
+
+}  // namespace pliant

@@ -1,0 +1,194 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/schema.h"
+
+#include <array>
+#include <string>
+
+#include <SQLiteCpp/Transaction.h>
+
+#include "descriptor/base/error.h"
+
+namespace pliant {
+namespace {
+
+// Keys are AUTOINCREMENT: a key is never used twice, so that an index in memory can tell what is
+// new (greater keys) and what is gone (removals) since it last looked.
+constexpr const char* kVersion1 = R"sql(
+CREATE TABLE models (
+  key INTEGER PRIMARY KEY,
+  name TEXT NOT NULL,                  -- "deal", "sift", ...
+  model_id TEXT NOT NULL UNIQUE,
+  kind INTEGER NOT NULL,               -- DescriptorKind
+  dim INTEGER NOT NULL
+);
+CREATE TABLE collections (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  name TEXT NOT NULL UNIQUE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  active_vocabulary INTEGER REFERENCES vocabularies (key) ON DELETE SET NULL,
+  created_ms INTEGER NOT NULL
+);
+CREATE TABLE objects (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  name TEXT NOT NULL CHECK (name <> ''),
+  UNIQUE (collection, name)
+);
+CREATE TABLE pictures (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  id TEXT NOT NULL,
+  object INTEGER REFERENCES objects (key) ON DELETE CASCADE,
+  sha256 BLOB NOT NULL CHECK (length(sha256) = 32),
+  media_type TEXT NOT NULL,
+  width INTEGER NOT NULL,
+  height INTEGER NOT NULL,
+  bytes INTEGER NOT NULL,
+  keypoints INTEGER NOT NULL,
+  metadata TEXT NOT NULL,
+  source TEXT NOT NULL,
+  added_ms INTEGER NOT NULL,
+  UNIQUE (collection, id)
+);
+CREATE INDEX pictures_by_sha256 ON pictures (sha256, collection);
+CREATE INDEX pictures_by_object ON pictures (object, id);
+CREATE TABLE features (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  data BLOB NOT NULL
+);
+CREATE TABLE originals (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  data BLOB NOT NULL
+);
+CREATE TABLE vocabularies (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  model INTEGER NOT NULL REFERENCES models (key),
+  words INTEGER NOT NULL,
+  seed INTEGER NOT NULL,
+  sampled INTEGER NOT NULL,
+  available INTEGER NOT NULL,
+  loss REAL NOT NULL,
+  method TEXT NOT NULL,
+  checksum INTEGER NOT NULL,           -- CRC-32 over the words' bytes in order
+  ready INTEGER NOT NULL DEFAULT 0,    -- 1 when every picture was quantised with it
+  created_ms INTEGER NOT NULL
+);
+CREATE INDEX vocabularies_by_collection ON vocabularies (collection);
+CREATE TABLE vocabulary_words (
+  vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
+  word INTEGER NOT NULL,
+  data BLOB NOT NULL,
+  PRIMARY KEY (vocabulary, word)
+) WITHOUT ROWID;
+CREATE TABLE picture_words (
+  key INTEGER PRIMARY KEY,
+  vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
+  picture INTEGER NOT NULL REFERENCES pictures (key) ON DELETE CASCADE,
+  data BLOB NOT NULL,
+  UNIQUE (vocabulary, picture)
+);
+CREATE INDEX picture_words_by_picture ON picture_words (picture);
+CREATE TABLE removals (
+  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  picture INTEGER NOT NULL
+);
+CREATE TRIGGER picture_removed AFTER DELETE ON pictures BEGIN
+  INSERT INTO removals (picture) VALUES (old.key);
+  -- A reader that missed more than these loads everything anew.
+  DELETE FROM removals WHERE seq <= (SELECT max(seq) FROM removals) - 10000;
+END;
+)sql";
+
+// Words may have thresholds, and the words of pictures signatures (vocab/signature.h). Vocabularies
+// that are there have none and rank as before; those trained from now on have them.
+constexpr const char* kVersion2 = R"sql(
+ALTER TABLE vocabulary_words ADD COLUMN thresholds BLOB;  -- 64 float32; NULL = none
+)sql";
+
+// What a server keeps beside the pictures (service_store.h), and how pictures are described, so
+// that every program that opens the database describes alike. NULL: not decided yet.
+constexpr const char* kVersion3 = R"sql(
+ALTER TABLE models ADD COLUMN max_keypoints INTEGER;
+ALTER TABLE models ADD COLUMN max_side INTEGER;
+CREATE TABLE api_keys (
+  key INTEGER PRIMARY KEY AUTOINCREMENT,
+  id TEXT NOT NULL UNIQUE,
+  name TEXT NOT NULL,
+  scope TEXT NOT NULL CHECK (scope IN ('read', 'write', 'admin')),
+  hash BLOB NOT NULL UNIQUE CHECK (length(hash) = 32),  -- SHA-256 of the whole key
+  created_ms INTEGER NOT NULL,
+  revoked_ms INTEGER                                    -- NULL: it works
+);
+CREATE TABLE jobs (
+  number INTEGER PRIMARY KEY AUTOINCREMENT,
+  id TEXT NOT NULL UNIQUE,
+  kind TEXT NOT NULL,
+  collection TEXT NOT NULL,
+  parameters TEXT NOT NULL,            -- a JSON object
+  state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
+  done REAL NOT NULL,
+  total REAL NOT NULL,
+  failed INTEGER NOT NULL,
+  attempts INTEGER NOT NULL,           -- times it was begun
+  result TEXT NOT NULL,
+  report TEXT NOT NULL,                -- a JSON object: the problem, what was skipped
+  created_ms INTEGER NOT NULL,
+  finished_ms INTEGER NOT NULL         -- 0: not yet
+);
+)sql";
+
+// Originals may be files of a directory (original_store.h). What no picture refers to any more is
+// written down by the transaction that drops the last reference and removed after its commit.
+constexpr const char* kVersion4 = R"sql(
+CREATE TABLE originals_directory (
+  key INTEGER PRIMARY KEY CHECK (key = 1),
+  path TEXT NOT NULL,
+  owner TEXT NOT NULL,                 -- 32 hex digits, also in the directory
+  active INTEGER NOT NULL              -- 1: new originals go there; 0: into the database
+);
+CREATE TABLE original_files (
+  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  sha256 BLOB NOT NULL CHECK (length(sha256) = 32)
+);
+CREATE INDEX original_files_by_sha256 ON original_files (sha256);
+CREATE TABLE dropped_originals (
+  sha256 BLOB PRIMARY KEY
+) WITHOUT ROWID;
+CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
+  INSERT OR IGNORE INTO dropped_originals (sha256) VALUES (old.sha256);
+END;
+)sql";
+
+constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
+                                    Migration{kVersion3}, Migration{kVersion4}};
+
+}  // namespace
+
+std::span<const Migration> Migrations() { return kMigrations; }
+
+int SchemaVersion() { return static_cast<int>(kMigrations.size()); }
+
+void Migrate(SQLite::Database& database, std::span<const Migration> migrations) {
+  const int newest = static_cast<int>(migrations.size());
+  while (true) {
+    const int seen = database.execAndGet("PRAGMA user_version").getInt();
+    if (seen == newest) return;
+    if (seen < 0 || seen > newest) {
+      throw Error(ErrorCode::kCorrupt, "newer_schema",
+                  database.getFilename() + " was made by a newer Pliant (schema version " +
+                      std::to_string(seen) + ", this program knows " + std::to_string(newest) +
+                      "); use that one");
+    }
+    SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
+    // Another process may have migrated while this one waited for the write lock.
+    if (database.execAndGet("PRAGMA user_version").getInt() != seen) continue;
+    database.exec(migrations[static_cast<std::size_t>(seen)].sql);
+    database.exec("PRAGMA user_version = " + std::to_string(seen + 1));
+    transaction.commit();
+  }
+}
+
+}  // namespace pliant

@@ -1,0 +1,190 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/service_store.h"
+
+#include <mutex>
+
+#include "descriptor/base/error.h"
+#include "index/files/hex.h"
+#include "index/store/sqlite/connection.h"
+#include "index/store/sqlite/database.h"
+#include "index/store/sqlite/schema.h"
+#include "index/store/sqlite/sqlite_error.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kBusyTimeoutMs = 10'000;
+
+// Must not open the file other than through SQLite: closing it would drop the locks that other
+// connections of this process hold (POSIX), and another process would take the log away from them.
+void RequireDatabase(const std::filesystem::path& path) {
+  std::error_code error;
+  if (std::filesystem::file_size(path, error) > 0 && !error) return;
+  throw Error(ErrorCode::kNotFound, "database_not_found",
+              "there is no database " + DisplayPath(path));
+}
+
+void RequirePliant(const std::filesystem::path& path) {
+  Connection db(path, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+  if (db.Scalar("PRAGMA application_id") == static_cast<std::int64_t>(kApplicationId)) return;
+  throw Error(ErrorCode::kCorrupt, "not_a_database",
+              DisplayPath(path) + " is not a Pliant database; it was left untouched");
+}
+
+JobRecord ToJob(const Cursor& row) {
+  JobRecord job;
+  job.id = row.Text(0);
+  job.kind = row.Text(1);
+  job.collection = row.Text(2);
+  job.parameters = row.Text(3);
+  job.state = row.Text(4);
+  job.done = row.Double(5);
+  job.total = row.Double(6);
+  job.failed = static_cast<std::uint64_t>(row.Int(7));
+  job.attempts = static_cast<int>(row.Int(8));
+  job.result = row.Text(9);
+  job.report = row.Text(10);
+  job.created_ms = row.Int(11);
+  job.finished_ms = row.Int(12);
+  return job;
+}
+
+}  // namespace
+
+class ServiceStore::Impl {
+ public:
+  explicit Impl(const std::filesystem::path& path) : path_(path) {
+    WithDatabaseErrors(path_, [&] {
+      RequireDatabase(path_);
+      RequirePliant(path_);
+      UpgradeDatabase(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+      reader_ = std::make_unique<Connection>(path_, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+      writer_ = std::make_unique<Connection>(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+    });
+  }
+
+  template <typename Work>
+  auto Read(Work&& work) {
+    return WithDatabaseErrors(path_, [&] {
+      const std::lock_guard lock(reader_mutex_);
+      return work(*reader_);
+    });
+  }
+
+  template <typename Work>
+  auto Write(Work&& work) {
+    return WithDatabaseErrors(path_, [&] {
+      const std::lock_guard lock(writer_mutex_);
+      SQLite::Transaction transaction(writer_->database(), SQLite::TransactionBehavior::IMMEDIATE);
+      auto result = work(*writer_);
+      transaction.commit();
+      return result;
+    });
+  }
+
+ private:
+  const std::filesystem::path path_;
+  std::mutex reader_mutex_;  // guards reader_
+  std::unique_ptr<Connection> reader_;
+  std::mutex writer_mutex_;  // guards writer_
+  std::unique_ptr<Connection> writer_;
+};
+
+ServiceStore::ServiceStore(const std::filesystem::path& database)
+    : impl_(std::make_unique<Impl>(database)) {}
+ServiceStore::~ServiceStore() = default;
+
+std::int64_t ServiceStore::Version() {
+  return impl_->Read([](Connection& db) { return db.Scalar("PRAGMA data_version"); });
+}
+
+std::vector<ApiKeyRecord> ServiceStore::Keys() {
+  return impl_->Read([](Connection& db) {
+    Cursor row = db.Prepare(
+        "SELECT id, name, scope, hash, created_ms, revoked_ms FROM api_keys ORDER BY key");
+    std::vector<ApiKeyRecord> keys;
+    while (row.Next()) {
+      keys.push_back({row.Text(0), row.Text(1), row.Text(2), ToHex(row.Blob(3)), row.Int(4),
+                      row.IsNull(5) ? 0 : row.Int(5)});
+    }
+    return keys;
+  });
+}
+
+void ServiceStore::AddKey(const ApiKeyRecord& key) {
+  const std::vector<std::uint8_t> hash =
+      FromHex(key.hash).value_or(std::vector<std::uint8_t>{});  // the table refuses another length
+  impl_->Write([&](Connection& db) {
+    db.Prepare("INSERT INTO api_keys (id, name, scope, hash, created_ms) VALUES (?, ?, ?, ?, ?)")
+        .Bind(key.id, key.name, key.scope, hash, key.created_ms)
+        .Run();
+    return 0;
+  });
+}
+
+bool ServiceStore::RevokeKey(const std::string& id_or_name) {
+  return impl_->Write([&](Connection& db) {
+    Cursor row = db.Prepare(
+        "SELECT key FROM api_keys WHERE revoked_ms IS NULL AND (id = ?1 OR name = ?1) "
+        "ORDER BY id <> ?1");
+    row.Bind(id_or_name);
+    if (!row.Next()) return false;
+    const std::int64_t key = row.Int(0);
+    Cursor by_id = db.Prepare("SELECT 1 FROM api_keys WHERE revoked_ms IS NULL AND id = ?");
+    if (!by_id.Bind(id_or_name).Next() && row.Next()) {
+      throw Error(
+          ErrorCode::kConflict, "key_ambiguous",
+          "several keys are called \"" + id_or_name + "\"; name the id of the one to revoke");
+    }
+    db.Prepare("UPDATE api_keys SET revoked_ms = ? WHERE key = ?").Bind(NowMs(), key).Run();
+    return true;
+  });
+}
+
+std::uint64_t ServiceStore::ForgetRevokedKeys() {
+  return impl_->Write([](Connection& db) {
+    db.Prepare("DELETE FROM api_keys WHERE revoked_ms IS NOT NULL").Run();
+    return static_cast<std::uint64_t>(db.changes());
+  });
+}
+
+std::vector<JobRecord> ServiceStore::Jobs() {
+  return impl_->Read([](Connection& db) {
+    Cursor row = db.Prepare(
+        "SELECT id, kind, collection, parameters, state, done, total, failed, attempts, result, "
+        "report, created_ms, finished_ms FROM jobs ORDER BY number");
+    std::vector<JobRecord> jobs;
+    while (row.Next()) jobs.push_back(ToJob(row));
+    return jobs;
+  });
+}
+
+void ServiceStore::SaveJob(const JobRecord& job) {
+  impl_->Write([&](Connection& db) {
+    db.Prepare(
+          "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
+          "attempts, result, report, created_ms, finished_ms) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
+          "state = excluded.state, done = excluded.done, total = excluded.total, "
+          "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
+          "report = excluded.report, finished_ms = excluded.finished_ms")
+        .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
+              job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms)
+        .Run();
+    return 0;
+  });
+}
+
+void ServiceStore::KeepNewestJobs(std::size_t count) {
+  impl_->Write([&](Connection& db) {
+    db.Prepare(
+          "DELETE FROM jobs WHERE state NOT IN ('queued', 'running') AND number NOT IN "
+          "(SELECT number FROM jobs ORDER BY number DESC LIMIT ?)")
+        .Bind(static_cast<std::int64_t>(count))
+        .Run();
+    return 0;
+  });
+}
+
+}  // namespace pliant

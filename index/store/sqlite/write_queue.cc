@@ -1,0 +1,89 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/write_queue.h"
+
+#include <algorithm>
+
+#include <sqlite3.h>
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kMaxBatch = 64;
+
+}  // namespace
+
+void WriteQueue::Run(Work work, bool reclaim) {
+  Job job{std::move(work), reclaim, false, nullptr};
+  std::unique_lock lock(mutex_);
+  jobs_.push_back(&job);
+  while (!job.done) {
+    changed_.wait(lock, [&] { return job.done || !busy_; });
+    if (job.done) break;
+    busy_ = true;
+    const std::size_t count = std::min(jobs_.size(), kMaxBatch);
+    const std::vector<Job*> batch(jobs_.begin(),
+                                  jobs_.begin() + static_cast<std::ptrdiff_t>(count));
+    jobs_.erase(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(count));
+    lock.unlock();
+    Execute(batch);
+    lock.lock();
+    for (Job* each : batch) each->done = true;
+    busy_ = false;
+    changed_.notify_all();
+  }
+  lock.unlock();
+  if (job.failure) std::rethrow_exception(job.failure);
+}
+
+void WriteQueue::Execute(const std::vector<Job*>& batch) {
+  try {
+    SQLite::Transaction transaction(connection_->database(),
+                                    SQLite::TransactionBehavior::IMMEDIATE);
+    for (Job* job : batch) RunInSavepoint(*job);
+    transaction.commit();
+  } catch (...) {
+    for (Job* job : batch) {
+      if (!job->failure) job->failure = std::current_exception();
+    }
+    return;
+  }
+  try {
+    if (std::any_of(batch.begin(), batch.end(),
+                    [](const Job* j) { return j->reclaim && !j->failure; })) {
+      ReclaimSpace();
+    }
+    after_commit_();
+  } catch (const std::exception&) {
+    // What was written is durable and must be reported so. The index in memory stays marked as out
+    // of date: the next search brings it up to date or throws what is wrong.
+  }
+}
+
+void WriteQueue::RunInSavepoint(Job& job) {
+  SQLite::Database& database = connection_->database();
+  database.exec("SAVEPOINT job");
+  try {
+    job.work(*connection_);
+  } catch (...) {
+    // A full disk or a failing one may have rolled back everything already.
+    if (sqlite3_get_autocommit(database.getHandle()) != 0) throw;
+    job.failure = std::current_exception();
+    database.exec("ROLLBACK TO job");
+  }
+  database.exec("RELEASE job");
+}
+
+// Freed pages go back to the file system, and the log, which still holds what was deleted, is
+// emptied. Both wait for nobody: what another process holds up is done after a later removal.
+void WriteQueue::ReclaimSpace() {
+  SQLite::Database& database = connection_->database();
+  const std::int64_t timeout_ms = connection_->Scalar("PRAGMA busy_timeout");
+  database.setBusyTimeout(0);
+  if (connection_->Scalar("PRAGMA freelist_count") > 0)
+    database.tryExec("PRAGMA incremental_vacuum");
+  database.tryExec("PRAGMA wal_checkpoint(TRUNCATE)");
+  database.setBusyTimeout(static_cast<int>(timeout_ms));
+}
+
+}  // namespace pliant

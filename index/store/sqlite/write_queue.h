@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One writer for many threads, with group commit: whoever finds nobody writing takes everything
+// that waits, runs it in ONE transaction (a savepoint each) and commits once. Private to index/.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "index/store/sqlite/connection.h"
+
+namespace pliant {
+
+class WriteQueue {
+ public:
+  using Work = std::function<void(Connection& db)>;
+
+  // `after_commit` runs after each commit and before the callers return, one thread at a time.
+  WriteQueue(std::unique_ptr<Connection> connection, std::function<void()> after_commit)
+      : connection_(std::move(connection)), after_commit_(std::move(after_commit)) {}
+
+  // Returns when `work` is committed and durable. What `work` throws undoes only its own changes
+  // and is thrown here; a failing transaction fails every work in it. `work` may run once more
+  // than its effects are kept, so it must not change anything but the database and its own result.
+  // `reclaim`: it removed much; give pages back to the file system after the commit. Thread-safe.
+  void Run(Work work, bool reclaim = false);
+
+ private:
+  struct Job {
+    Work work;
+    bool reclaim = false;
+    bool done = false;
+    std::exception_ptr failure;
+  };
+
+  void Execute(const std::vector<Job*>& batch);
+  void RunInSavepoint(Job& job);
+  void ReclaimSpace();
+
+  std::mutex mutex_;  // guards jobs_, busy_, Job::done
+  std::condition_variable changed_;
+  std::deque<Job*> jobs_;
+  bool busy_ = false;  // whoever set it owns connection_
+  std::unique_ptr<Connection> connection_;
+  std::function<void()> after_commit_;
+};
+
+}  // namespace pliant

@@ -1,0 +1,89 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/verify/expansion.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "descriptor/base/parallel.h"
+#include "index/verify/features_subset.h"
+#include "index/verify/outline.h"
+#include "index/verify/verification.h"
+
+namespace pliant {
+namespace {
+
+constexpr double kTrusted = 8;    // evidence that a picture must have to ask in turn
+constexpr double kDecay = 0.8;    // of evidence, from link to link
+constexpr double kGrowth = 1.3;   // of the part that agreed: more of the object lies around it
+constexpr double kSupported = 1;  // less evidence than this moves nothing
+
+// The key points in and around the part of the picture that agreed with the query.
+Features ObjectsPart(const Features& features, const std::vector<Vec2>& seen) {
+  Vec2 centre{0, 0};
+  for (const Vec2 p : seen) {
+    centre.x += p.x / static_cast<double>(seen.size());
+    centre.y += p.y / static_cast<double>(seen.size());
+  }
+  std::vector<Vec2> part = seen;
+  for (Vec2& p : part) {
+    p = {centre.x + (p.x - centre.x) * kGrowth, centre.y + (p.y - centre.y) * kGrowth};
+  }
+  return Subset(features, [&](const Keypoint& k) { return IsInside({k.x, k.y}, part); });
+}
+
+std::vector<const VerifiedPicture*> SourcesOf(const std::vector<VerifiedPicture>& pictures,
+                                              int most) {
+  std::vector<const VerifiedPicture*> sources;
+  for (const VerifiedPicture& picture : pictures) {
+    if (picture.evidence >= kTrusted) sources.push_back(&picture);
+  }
+  std::sort(sources.begin(), sources.end(), [](const auto* a, const auto* b) {
+    if (a->inliers() != b->inliers()) return a->inliers() > b->inliers();
+    return a->picture.id < b->picture.id;
+  });
+  if (sources.size() > static_cast<std::size_t>(most))
+    sources.resize(static_cast<std::size_t>(most));
+  return sources;
+}
+
+}  // namespace
+
+std::unordered_map<std::int64_t, Support> Expand(
+    const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
+    const std::function<std::optional<Features>(std::int64_t key)>& load,
+    const std::function<std::vector<RankedPicture>(const Features&, std::size_t depth)>& nearest) {
+  std::unordered_map<std::int64_t, double> known;  // evidence so far
+  for (const VerifiedPicture& picture : pictures) known[picture.picture.key] = picture.evidence;
+  std::unordered_map<std::int64_t, Support> supports;
+  for (const VerifiedPicture* source : SourcesOf(pictures, options.sources)) {
+    const auto whole = load(source->picture.key);
+    if (!whole) continue;
+    const Features part = ObjectsPart(*whole, source->seen);
+    if (part.keypoints.size() < kMinKeypoints) continue;
+    const double most = kDecay * source->evidence;
+    std::vector<RankedPicture> found = nearest(part, options.depth);
+    std::erase_if(found, [&](const RankedPicture& picture) {
+      const auto at = known.find(picture.key);
+      return picture.key == source->picture.key || (at != known.end() && at->second >= most);
+    });
+    const Verifier verifier(part, {});
+    std::vector<double> evidence(found.size(), 0);
+    ParallelFor(found.size(), options.threads, [&](std::size_t i) {
+      const auto features = load(found[i].key);
+      if (!features) return;
+      const VerificationResult result = verifier.Verify(*features);
+      evidence[i] = Evidence(static_cast<int>(result.inliers.size()), result.inlier_fraction);
+    });
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const double chained = kDecay * std::min(source->evidence, evidence[i]);
+      double& so_far = known[found[i].key];
+      if (chained < kSupported || chained <= so_far) continue;
+      so_far = chained;
+      supports[found[i].key] = {chained, source->picture.id};
+    }
+  }
+  return supports;
+}
+
+}  // namespace pliant

@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Query expansion through verified pictures (Chum et al., "Total Recall", ICCV 2007): a view that
+// is bent too far for the query is often found by another view between the two. The object's part
+// of the best verified pictures asks in turn. Private to index/.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "index/verify/rerank.h"
+
+namespace pliant {
+
+// How a picture is supported that agrees with a verified one.
+struct Support {
+  double evidence = 0;  // as Evidence(); a chain is as strong as its weaker link, and less
+  std::string via;      // id of the verified picture
+};
+
+struct ExpansionOptions {
+  int sources = 3;         // verified pictures that ask in turn, at most
+  std::size_t depth = 50;  // pictures that each of them looks at
+  int threads = 1;         // pictures at a time; 0 = all cores
+};
+
+// By key: the pictures that have more evidence through others than by themselves. `pictures` are
+// verified already. `load` is as in Rerank; `nearest` ranks the pictures most like some features by
+// their words, best first, `depth` of them. Deterministic.
+std::unordered_map<std::int64_t, Support> Expand(
+    const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
+    const std::function<std::optional<Features>(std::int64_t key)>& load,
+    const std::function<std::vector<RankedPicture>(const Features&, std::size_t depth)>& nearest);
+
+}  // namespace pliant

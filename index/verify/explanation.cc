@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/verify/explanation.h"
+
+namespace pliant {
+namespace {
+
+std::string FailureInWords(const VerificationResult& result) {
+  const std::string matches = std::to_string(result.matches);
+  switch (result.failure) {
+    case TpsRansacFailure::kNone:
+      return "";
+    case TpsRansacFailure::kTooFew:
+      return "Only " + matches + " key points look alike in both pictures; that is too few.";
+    case TpsRansacFailure::kNoAgreement:
+      return "The " + matches + " key points that look alike do not agree on where the object is.";
+    case TpsRansacFailure::kDegenerate:
+      return "The key points that agree lie on one line, so they do not show how the object bends.";
+    case TpsRansacFailure::kFolded:
+      return "The key points that agree would fold the object over itself.";
+  }
+  return "";
+}
+
+}  // namespace
+
+Explanation Explain(const Features& query, const Features& reference,
+                    const VerificationResult& result) {
+  Explanation explanation;
+  explanation.verified = result.verified();
+  explanation.failure = FailureInWords(result);
+  explanation.matches = result.matches;
+  explanation.inlier_fraction = result.inlier_fraction;
+  explanation.reference_width = reference.width;
+  explanation.reference_height = reference.height;
+  for (const MatchedPair& pair : result.inliers) {
+    const Keypoint& q = query.keypoints[pair.query];
+    const Keypoint& r = reference.keypoints[pair.reference];
+    explanation.inliers.push_back({{q.x, q.y}, {r.x, r.y}});
+  }
+  if (result.warp) {
+    explanation.mesh = WarpMesh(*result.warp, reference.width, reference.height);
+  }
+  return explanation;
+}
+
+}  // namespace pliant

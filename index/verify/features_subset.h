@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Some of a picture's features. Private to index/.
+#pragma once
+
+#include <functional>
+
+#include "descriptor/features/features.h"
+
+namespace pliant {
+
+// The key points that `keep` accepts, with their descriptors, in their order.
+Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep);
+
+}  // namespace pliant

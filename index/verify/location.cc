@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/verify/location.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/base/error.h"
+#include "index/verify/outline.h"
+
+namespace pliant {
+namespace {
+
+// A point of the mesh is held by an inlier that is nearer than this share of the longer side.
+constexpr double kReach = 0.1;
+
+LostReason ToLostReason(TpsRansacFailure failure) {
+  switch (failure) {
+    case TpsRansacFailure::kNone:
+      return LostReason::kNone;
+    case TpsRansacFailure::kTooFew:
+      return LostReason::kFewMatches;
+    case TpsRansacFailure::kNoAgreement:
+      return LostReason::kNoAgreement;
+    case TpsRansacFailure::kDegenerate:
+      return LostReason::kDegenerate;
+    case TpsRansacFailure::kFolded:
+      break;
+  }
+  return LostReason::kFolded;
+}
+
+double Area(const std::vector<Vec2>& polygon) {
+  double twice = 0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vec2 a = polygon[i];
+    const Vec2 b = polygon[(i + 1) % polygon.size()];
+    twice += a.x * b.y - b.x * a.y;
+  }
+  return std::abs(twice) / 2;
+}
+
+// The share of the mesh's points that inliers hold and where the warp mirrors, or stretches beyond
+// belief (the Jacobian, see WarpMesh). Elsewhere the spline extrapolates, and the mesh says where.
+double FoldedShare(const Mesh& mesh, const std::vector<Vec2>& inliers) {
+  const double reach = kReach * std::max(mesh.reference_width, mesh.reference_height);
+  int held = 0;
+  int folded = 0;
+  for (int r = 0; r < mesh.rows; ++r) {
+    for (int c = 0; c < mesh.columns; ++c) {
+      const Vec2 p = mesh.reference_point(c, r);
+      const bool near = std::any_of(inliers.begin(), inliers.end(), [&](Vec2 q) {
+        return std::hypot(p.x - q.x, p.y - q.y) <= reach;
+      });
+      if (!near) continue;
+      ++held;
+      folded += mesh.trusted[static_cast<std::size_t>(r) * mesh.columns + c] ? 0 : 1;
+    }
+  }
+  return held > 0 ? static_cast<double>(folded) / held : 0;
+}
+
+LostReason Judge(const Features& object, const VerificationResult& result, const Mesh& mesh,
+                 const LocateOptions& options) {
+  if (result.inliers.size() < static_cast<std::size_t>(options.min_inliers)) {
+    return LostReason::kFewInliers;
+  }
+  std::vector<Vec2> inliers;
+  for (const MatchedPair& pair : result.inliers) {
+    const Keypoint& k = object.keypoints[pair.reference];
+    inliers.push_back({k.x, k.y});
+  }
+  const double whole = static_cast<double>(object.width) * object.height;
+  if (Area(ConvexHull(inliers)) < options.min_patch * whole) return LostReason::kSmallPatch;
+  if (FoldedShare(mesh, inliers) > options.max_folded) return LostReason::kFolded;
+  return LostReason::kNone;
+}
+
+double Hundredths(double value) { return std::round(value * 100) / 100; }
+
+}  // namespace
+
+const char* ToString(LostReason reason) {
+  switch (reason) {
+    case LostReason::kNone:
+      return "none";
+    case LostReason::kFewKeypoints:
+      return "few_keypoints";
+    case LostReason::kFewMatches:
+      return "few_matches";
+    case LostReason::kNoAgreement:
+      return "no_agreement";
+    case LostReason::kDegenerate:
+      return "degenerate";
+    case LostReason::kFolded:
+      return "folded";
+    case LostReason::kFewInliers:
+      return "few_inliers";
+    case LostReason::kSmallPatch:
+      break;
+  }
+  return "small_patch";
+}
+
+std::string Describe(LostReason reason) {
+  switch (reason) {
+    case LostReason::kNone:
+      return "found";
+    case LostReason::kFewKeypoints:
+      return "the picture has hardly any key points";
+    case LostReason::kFewMatches:
+      return "too few key points match";
+    case LostReason::kNoAgreement:
+      return "the matches agree on no smooth warp";
+    case LostReason::kDegenerate:
+      return "the matches that agree lie on a line";
+    case LostReason::kFolded:
+      return "the warp folds over";
+    case LostReason::kFewInliers:
+      return "so few matches agree that it may be chance";
+    case LostReason::kSmallPatch:
+      break;
+  }
+  return "all matches that agree lie in one small spot";
+}
+
+void Validate(const LocateOptions& options) {
+  const auto require = [](bool holds, const char* field, const char* rule) {
+    if (holds) return;
+    throw Error(ErrorCode::kInvalidArgument, std::string("bad_") + field,
+                std::string(field) + " must be " + rule + ".");
+  };
+  require(options.min_inliers >= 4, "min_inliers", "4 or more");
+  require(options.min_patch >= 0 && options.min_patch < 1, "min_patch", "0 to below 1");
+  require(options.max_folded >= 0 && options.max_folded <= 1, "max_folded", "0 to 1");
+  require(options.mesh_points >= 2 && options.mesh_points <= 256, "mesh_points", "2 to 256");
+}
+
+Location Locate(const Verifier& picture, const Features& picture_features, const Features& object,
+                const LocateOptions& options) {
+  Location location;
+  location.keypoints = static_cast<int>(picture_features.keypoints.size());
+  if (location.keypoints < options.min_inliers) return location;
+  VerificationResult result = picture.Verify(object);
+  location.matches = result.matches;
+  location.reason = ToLostReason(result.failure);
+  location.inliers = std::move(result.inliers);
+  if (!result.warp) return location;
+  Mesh mesh = WarpMesh(*result.warp, object.width, object.height, options.mesh_points);
+  result.inliers = location.inliers;
+  location.reason = Judge(object, result, mesh, options);
+  if (location.reason != LostReason::kNone) return location;
+  location.found = true;
+  location.warp = std::move(result.warp);
+  location.outline = std::move(result.outline);
+  location.mesh = std::move(mesh);
+  return location;
+}
+
+std::string LocationJson(const Location& location) {
+  using Json = nlohmann::ordered_json;
+  Json json = {{"found", location.found},
+               {"reason", location.found ? Json(nullptr) : Json(ToString(location.reason))},
+               {"keypoints", location.keypoints},
+               {"matches", location.matches},
+               {"inliers", location.inliers.size()},
+               {"inlier_rate", std::round(location.inlier_rate() * 1e4) / 1e4},
+               {"outline", nullptr},
+               {"mesh", nullptr}};
+  if (location.found) {
+    json["outline"] = Json::array();
+    for (const Vec2 p : location.outline) {
+      json["outline"].push_back({Hundredths(p.x), Hundredths(p.y)});
+    }
+    json["mesh"] = Json::parse(MeshJson(*location.mesh));
+  }
+  return json.dump();
+}
+
+}  // namespace pliant

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Verification of the best pictures of a ranking, and their order by the combined scores. Private
+// to index/.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "index/rank/ranking.h"
+#include "index/verify/explanation.h"
+#include "index/verify/verification.h"
+
+namespace pliant {
+
+struct VerifiedPicture {
+  RankedPicture picture;                        // score: the ranking's, lifted by `evidence`
+  std::vector<Instance> instances = {};         // as in Hit
+  std::optional<Explanation> explanation = {};  // of the pictures looked at, when asked for
+  double ranking_score = 0;
+  double evidence = 0;          // of its own inliers, or through `via` where that is more
+  std::vector<Vec2> seen = {};  // hull of the inliers in this picture, original pixels
+  std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
+
+  int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
+};
+
+// How many pictures are verified when nobody says: 100, or the square root of the collection's size
+// where that is more, so that true matches do not vanish behind a fixed depth as it grows.
+std::size_t DefaultVerifyDepth(std::size_t pictures);
+
+struct RerankOptions {
+  int max_instances = 1;
+  bool explain = false;
+  int threads = 1;  // pictures at a time; 0 = all cores
+};
+
+// Verifies the pictures of `ranking`, in its order. `load` gives a
+// picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
+// is called from several threads. Deterministic.
+std::vector<VerifiedPicture> Rerank(
+    const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
+    const std::function<std::optional<Features>(std::int64_t key)>& load);
+
+// By score, then id.
+void SortByScore(std::vector<VerifiedPicture>* pictures);
+
+// Keeps the best picture of each object; a picture without object stands for itself.
+void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures);
+
+}  // namespace pliant

@@ -1,0 +1,196 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/command_line.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+namespace pliant::server {
+
+namespace {
+
+struct NumberFlag {
+  const char* flag;
+  int ServerOptions::*value;
+  int lowest, highest;
+  const char* help;
+};
+
+// In the order of --help.
+constexpr NumberFlag kNumbers[] = {
+    {"--cores", &ServerOptions::cores, 0, 1024, "Cores for describing and ranking; 0 = all"},
+    {"--http-threads", &ServerOptions::http_threads, 1, 4096, "Connections served at once"},
+    {"--connection-queue", &ServerOptions::connection_queue, 1, 65536,
+     "Connections that may wait for a thread; more get 503"},
+    {"--queue-length", &ServerOptions::queue_length, 1, 65536,
+     "Searches, and as many uploads, that may wait for a core; more get 503"},
+    {"--queue-timeout", &ServerOptions::queue_timeout_s, 1, 3600,
+     "Longest wait for a core in seconds; then 503"},
+    {"--max-body-mb", &ServerOptions::max_body_mb, 1, 1024, "Largest body of a request in MiB"},
+    {"--max-inflight-mb", &ServerOptions::max_inflight_mb, 1, 1048576,
+     "Bodies of all requests at once in MiB; more get 503"},
+    {"--max-header-kb", &ServerOptions::max_header_kb, 1, 1024,
+     "Largest headers of a request in KiB"},
+    {"--max-megapixels", &ServerOptions::max_megapixels, 1, 10000,
+     "Largest picture in megapixels, checked before decoding"},
+    {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
+     "Key points a picture, at least 16; 0 = as the database was made, 1024 for a new one"},
+    {"--max-side", &ServerOptions::max_side_px, 0, 16384,
+     "Longer side in pixels to which larger pictures are scaled before description, at least "
+     "64; 0 = as the database was made, 1024 for a new one"},
+    {"--rate-limit", &ServerOptions::rate_limit, 0, 1'000'000,
+     "Requests a second of one key (without keys: of one address); more get 429; 0 = any"},
+    {"--rate-burst", &ServerOptions::rate_burst, 1, 1'000'000,
+     "Requests that may come at once before --rate-limit counts"},
+    {"--idle-timeout", &ServerOptions::idle_timeout_s, 1, 3600,
+     "Seconds an idle connection is kept"},
+    {"--header-timeout", &ServerOptions::header_timeout_s, 1, 3600,
+     "Seconds for the headers of a request to arrive"},
+    {"--body-timeout", &ServerOptions::body_timeout_s, 1, 3600,
+     "Seconds for the body of a request to arrive"},
+    {"--write-timeout", &ServerOptions::write_timeout_s, 1, 3600,
+     "Seconds a client may take to accept a piece of the answer"},
+    {"--shutdown-timeout", &ServerOptions::shutdown_timeout_s, 0, 3600,
+     "Seconds for running requests to finish after SIGTERM"},
+};
+
+std::string EnvironmentName(const std::string& flag) {
+  std::string name = "PLIANT_" + flag.substr(2);
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return c == '-' ? '_' : static_cast<char>(toupper(c)); });
+  return name;
+}
+
+void AddNumber(CLI::App& app, const NumberFlag& number, ServerOptions& options) {
+  app.add_option(number.flag, options.*number.value, number.help)
+      ->check(CLI::Range(number.lowest, number.highest))
+      ->envname(EnvironmentName(number.flag))
+      ->capture_default_str();
+}
+
+void AddText(CLI::App& app, const std::string& flag, std::string& value, const std::string& help) {
+  app.add_option(flag, value, help)->envname(EnvironmentName(flag))->capture_default_str();
+}
+
+void AddSwitch(CLI::App& app, const std::string& flag, bool& value, const std::string& help) {
+  app.add_option(flag, value, help)
+      ->envname(EnvironmentName(flag))
+      ->default_str(value ? "true" : "false")
+      ->type_name("BOOL");
+}
+
+void DefineBasics(CLI::App& app, ServerOptions& options) {
+  app.add_option("--db", options.database, "Database file; made when it does not exist")
+      ->required()
+      ->envname("PLIANT_DB");
+  AddText(app, "--listen", options.listen, "HOST:PORT to listen on; port 0 takes any free one");
+  AddSwitch(app, "--allow-anonymous", options.allow_anonymous,
+            "Listen beyond loopback although there are no API keys and anyone can do everything");
+  AddText(app, "--descriptor", options.descriptor,
+          "Descriptor of a new database; empty = deal, or what the database was made with");
+  AddText(app, "--model", options.model, "Weight file of deal; empty = the one that is installed");
+  AddSwitch(app, "--keep-originals", options.keep_originals,
+            "Store uploaded pictures, for content and thumbnails");
+  AddText(
+      app, "--originals-dir", options.originals_dir,
+      "Directory for uploaded pictures, or `database`; empty = as before, the database for a new "
+      "one");
+  AddSwitch(app, "--auto-train", options.auto_train,
+            "Train vocabularies in the background without being asked");
+  AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
+  app.get_option("--log-level")->check(CLI::IsMember({"debug", "info", "warn", "error"}));
+  AddText(app, "--log-format", options.log_format, "text, or json: an object a line");
+  app.get_option("--log-format")->check(CLI::IsMember({"text", "json"}));
+}
+
+void DefineDoors(CLI::App& app, ServerOptions& options) {
+  AddText(app, "--import-dir", options.import_dir,
+          "Directory whose folders may be imported over HTTP; empty = none");
+  AddText(app, "--backup-dir", options.backup_dir,
+          "Directory that backups over HTTP go to; empty = none");
+  AddText(app, "--tls-cert", options.tls_cert,
+          "PEM file with the certificate and those above it; then HTTPS is spoken");
+  AddText(app, "--tls-key", options.tls_key, "PEM file with the certificate's private key");
+  AddText(app, "--cors-origins", options.cors_origins,
+          "Origins whose pages may ask, with commas between, or *; empty = only the own page");
+}
+
+void Define(CLI::App& app, ServerOptions& options) {
+  DefineBasics(app, options);
+  DefineDoors(app, options);
+  for (const NumberFlag& number : kNumbers) AddNumber(app, number, options);
+  app.set_config("--config", "", "Configuration file (TOML): the flags' names without dashes");
+  app.add_flag("--print-config")
+      ->description("Print what is in force, as a configuration file, and end");
+  app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
+}
+
+// CLI11 lets the file win over the environment. Operators expect the opposite, so what the
+// environment sets is handed over as flags, unless the flag is given anyway.
+std::vector<std::string> WithEnvironment(const CLI::App& app, int argc, const char* const* argv) {
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  std::vector<std::string> from_environment;
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string flag = option->get_name();
+    const std::string name = option->get_envname();
+    const char* value = name.empty() ? nullptr : std::getenv(name.c_str());
+    const bool given = std::any_of(arguments.begin(), arguments.end(), [&](const auto& argument) {
+      return argument == flag || argument.starts_with(flag + "=");
+    });
+    if (value != nullptr && !given) from_environment.push_back(flag + "=" + value);
+  }
+  arguments.insert(arguments.end(), from_environment.begin(), from_environment.end());
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants it
+  return arguments;
+}
+
+// What is in force, in the form that --config reads. There are no secrets among it: keys of
+// clients are in the database, and --tls-key is the name of a file.
+std::string ConfigText(const CLI::App& app) {
+  std::string text = "# pliant-server --config THIS\n";
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string flag = option->get_name();
+    if (option->get_envname().empty() || !flag.starts_with("--")) continue;
+    std::string value = option->count() > 0 ? option->as<std::string>() : option->get_default_str();
+    const bool bare =
+        option->get_type_name() == "BOOL" || option->get_type_name().starts_with("INT");
+    if (!bare) value = nlohmann::json(value).dump();  // TOML's basic strings escape alike
+    text += flag.substr(2) + " = " + value + "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
+  ParsedCommandLine parsed;
+  CLI::App app("Pliant's HTTP server: find the same object again, however it is bent.",
+               "pliant-server");
+  Define(app, parsed.options);
+  try {
+    app.parse(WithEnvironment(app, argc, argv));
+    if (app.count("--print-config") > 0) {
+      std::fputs(ConfigText(app).c_str(), stdout);
+      parsed.finished = true;
+    }
+  } catch (const CLI::ParseError& error) {
+    parsed.finished = true;
+    parsed.exit_status = app.exit(error) == 0 ? 0 : 2;
+  }
+  return parsed;
+}
+
+std::string HelpText() {
+  ServerOptions options;
+  CLI::App app("", "pliant-server");
+  Define(app, options);
+  return app.help();
+}
+
+}  // namespace pliant::server

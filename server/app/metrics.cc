@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/metrics.h"
+
+#include <ctime>
+#include <fstream>
+#include <mutex>
+
+#include <prometheus/counter.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+#include <unistd.h>
+
+namespace pliant::server {
+
+namespace {
+
+const prometheus::Histogram::BucketBoundaries kSeconds = {
+    0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60};
+
+// Resident pages (proc(5), statm); 0 where that cannot be read.
+double ResidentBytes() {
+  std::ifstream file("/proc/self/statm");
+  double total = 0;
+  double resident = 0;
+  file >> total >> resident;
+  return file ? resident * static_cast<double>(sysconf(_SC_PAGESIZE)) : 0;
+}
+
+double CpuSeconds() {
+  timespec used{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
+  return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
+}
+
+}  // namespace
+
+class Metrics::Impl {
+ public:
+  prometheus::Registry registry;
+  prometheus::Family<prometheus::Counter>& requests =
+      prometheus::BuildCounter()
+          .Name("pliant_http_requests_total")
+          .Help("Requests by route, method and status")
+          .Register(registry);
+  prometheus::Family<prometheus::Histogram>& request_seconds =
+      prometheus::BuildHistogram()
+          .Name("pliant_http_request_seconds")
+          .Help("From the first byte of a request to the last of its answer, by route")
+          .Register(registry);
+  prometheus::Family<prometheus::Histogram>& stage_seconds =
+      prometheus::BuildHistogram()
+          .Name("pliant_stage_seconds")
+          .Help("Stages of searching and of adding a picture")
+          .Register(registry);
+  prometheus::Family<prometheus::Gauge>& queue =
+      Gauges("pliant_queue_length", "Tasks that wait for a core, by lane");
+  prometheus::Family<prometheus::Gauge>& jobs =
+      Gauges("pliant_jobs", "Background jobs that are remembered, by state");
+  prometheus::Gauge& busy_cores = Gauge("pliant_busy_cores", "Cores in use by tasks and jobs");
+  prometheus::Gauge& images = Gauge("pliant_images", "Pictures in the index");
+  prometheus::Gauge& objects = Gauge("pliant_objects", "Objects in the index");
+  prometheus::Gauge& words =
+      Gauge("pliant_vocabulary_words", "Words of the active vocabulary of the default collection");
+  prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database file");
+  prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
+  prometheus::Gauge& resident_bytes =
+      Gauge("process_resident_memory_bytes", "Memory of the process");
+  prometheus::Gauge& cpu_seconds = Gauge("process_cpu_seconds_total", "Time on processors");
+  prometheus::Family<prometheus::Gauge>& info =
+      Gauges("pliant_info", "1, with the version, the descriptor and the model's id");
+  prometheus::Family<prometheus::Gauge>& vocabulary_info =
+      Gauges("pliant_vocabulary_info",
+             "1, with id, words and method of the active vocabulary of the default collection");
+  std::mutex mutex;  // guards vocabulary
+  prometheus::Gauge* vocabulary = nullptr;
+
+  void Observe(const char* operation, const char* stage, double ms) {
+    stage_seconds.Add({{"operation", operation}, {"stage", stage}}, kSeconds).Observe(ms / 1000);
+  }
+
+  // One series at a time: the vocabulary that was active before is none any more.
+  void SetVocabulary(const VocabularyRecord& record) {
+    const std::lock_guard lock(mutex);
+    prometheus::Gauge& now = vocabulary_info.Add({{"id", std::to_string(record.id)},
+                                                  {"words", std::to_string(record.words)},
+                                                  {"method", record.origin.method}});
+    if (vocabulary != nullptr && vocabulary != &now) vocabulary_info.Remove(vocabulary);
+    vocabulary = &now;
+    vocabulary->Set(1);
+  }
+
+ private:
+  prometheus::Family<prometheus::Gauge>& Gauges(const std::string& name, const std::string& help) {
+    return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+  }
+  prometheus::Gauge& Gauge(const std::string& name, const std::string& help) {
+    return Gauges(name, help).Add({});
+  }
+};
+
+Metrics::Metrics() : impl_(std::make_unique<Impl>()) {}
+Metrics::~Metrics() = default;
+
+void Metrics::OnRequest(const RequestRecord& record) {
+  // The method only where it is one of a route: clients must not be able to make new series.
+  const bool routed = record.route != "-";
+  impl_->requests
+      .Add({{"route", record.route},
+            {"method", routed ? record.method : "-"},
+            {"code", std::to_string(record.status)}})
+      .Increment();
+  impl_->request_seconds.Add({{"route", record.route}}, kSeconds).Observe(record.seconds);
+}
+
+void Metrics::OnSearch(const SearchTimings& timings) {
+  impl_->Observe("search", "decode", timings.extraction.decode_ms);
+  impl_->Observe("search", "detect", timings.extraction.detect_ms);
+  impl_->Observe("search", "describe", timings.extraction.describe_ms);
+  impl_->Observe("search", "quantize", timings.quantize_ms);
+  impl_->Observe("search", "rank", timings.rank_ms);
+  impl_->Observe("search", "verify", timings.verify_ms);
+  impl_->Observe("search", "database", timings.database_ms);
+}
+
+void Metrics::OnAdd(const AddTimings& timings) {
+  impl_->Observe("add", "decode", timings.extraction.decode_ms);
+  impl_->Observe("add", "detect", timings.extraction.detect_ms);
+  impl_->Observe("add", "describe", timings.extraction.describe_ms);
+  impl_->Observe("add", "quantize", timings.quantize_ms);
+  impl_->Observe("add", "database", timings.database_ms);
+}
+
+std::string Metrics::Text(const MetricsNow& now) {
+  Impl& m = *impl_;
+  m.queue.Add({{"lane", "search"}}).Set(static_cast<double>(now.load.waiting_searches));
+  m.queue.Add({{"lane", "upload"}}).Set(static_cast<double>(now.load.waiting_uploads));
+  m.queue.Add({{"lane", "background"}}).Set(static_cast<double>(now.load.waiting_background));
+  m.busy_cores.Set(now.load.busy_cores);
+  m.resident_bytes.Set(ResidentBytes());
+  m.cpu_seconds.Set(CpuSeconds());
+  for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
+                               JobState::kFailed, JobState::kCancelled}) {
+    const auto count = now.jobs.find(state);
+    m.jobs.Add({{"state", JobStateName(state)}})
+        .Set(count == now.jobs.end() ? 0 : static_cast<double>(count->second));
+  }
+  if (now.stats != nullptr) {
+    const EngineStats& stats = *now.stats;
+    m.images.Set(static_cast<double>(stats.images));
+    m.objects.Set(static_cast<double>(stats.objects));
+    m.database_bytes.Set(static_cast<double>(stats.database_bytes));
+    m.index_bytes.Set(static_cast<double>(stats.index_bytes));
+    if (stats.vocabulary) {
+      m.words.Set(static_cast<double>(stats.vocabulary->words));
+      m.SetVocabulary(*stats.vocabulary);
+    }
+    m.info
+        .Add({{"version", PLIANT_VERSION},
+              {"descriptor", stats.descriptor},
+              {"model", stats.model_id}})
+        .Set(1);
+  }
+  return prometheus::TextSerializer().Serialize(m.registry.Collect());
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Counters, gauges and histograms for Prometheus; README.md lists them.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+
+#include "index/engine/engine.h"
+#include "server/http/http_server.h"
+#include "server/jobs/jobs.h"
+#include "server/jobs/worker_pool.h"
+
+namespace pliant::server {
+
+// What is looked up at the moment somebody asks.
+struct MetricsNow {
+  WorkerPool::Load load = {};
+  const EngineStats* stats = nullptr;  // null = the index is still loading
+  std::map<JobState, std::size_t> jobs = {};
+};
+
+// Thread-safe.
+class Metrics {
+ public:
+  Metrics();
+  ~Metrics();
+
+  void OnRequest(const RequestRecord& record);
+  void OnSearch(const SearchTimings& timings);
+  void OnAdd(const AddTimings& timings);
+
+  std::string Text(const MetricsNow& now);  // the text exposition format
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pliant::server

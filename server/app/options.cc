@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <regex>
+#include <sstream>
+#include <vector>
+
+#include <netdb.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::size_t kKiB = 1024;
+constexpr std::size_t kMiB = 1024 * kKiB;
+
+std::vector<std::string> SplitAtCommas(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+bool IsLoopback(const sockaddr* address) {
+  if (address->sa_family == AF_INET) {
+    const auto* v4 = reinterpret_cast<const sockaddr_in*>(address);
+    return (ntohl(v4->sin_addr.s_addr) >> 24) == 127;
+  }
+  if (address->sa_family == AF_INET6) {
+    const auto* v6 = reinterpret_cast<const sockaddr_in6*>(address);
+    return IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr) != 0;
+  }
+  return false;
+}
+
+bool AllLoopback(const std::string& host) {
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  if (getaddrinfo(host.c_str(), nullptr, &hints, &found) != 0) {
+    throw Error(ErrorCode::kInvalidArgument, "invalid_listen",
+                "--listen: the host '" + host + "' is not known here");
+  }
+  bool all = true;
+  for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
+    all = all && IsLoopback(address->ai_addr);
+  }
+  freeaddrinfo(found);
+  return all;
+}
+
+}  // namespace
+
+void CheckOptions(const ServerOptions& options) {
+  const auto fail = [](const std::string& flag, const std::string& why) {
+    throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
+  };
+  for (const auto& [flag, directory] :
+       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
+    std::error_code ignored;
+    if (!directory.empty() && !std::filesystem::is_directory(directory, ignored)) {
+      fail(flag, "names no directory: " + directory);
+    }
+  }
+  if (options.tls_cert.empty() != options.tls_key.empty()) {
+    fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
+  }
+  const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
+  for (const std::string& one : SplitAtCommas(options.cors_origins)) {
+    if (!std::regex_match(one, origin)) {
+      fail("cors-origins",
+           "must be like https://shop.example, with commas between, or *, not '" + one + "'");
+    }
+  }
+}
+
+HttpOptions MakeHttpOptions(const ServerOptions& options) {
+  HttpOptions http;
+  http.tls_certificate = options.tls_cert;
+  http.tls_key = options.tls_key;
+  http.allowed_origins = SplitAtCommas(options.cors_origins);
+  const std::size_t colon = options.listen.rfind(':');
+  const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
+  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);
+  if (error != std::errc() || end != port.data() + port.size() || http.port < 0 ||
+      http.port > 65535 || colon == 0) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "invalid_listen",
+        "--listen must be HOST:PORT, for example 127.0.0.1:8080, not '" + options.listen + "'");
+  }
+  http.host = options.listen.substr(0, colon);
+  if (http.host.front() == '[' && http.host.back() == ']') {  // [::1]:8080
+    http.host = http.host.substr(1, http.host.size() - 2);
+  }
+  http.threads = options.http_threads;
+  http.connection_queue = options.connection_queue;
+  http.max_inflight_bytes = static_cast<std::size_t>(options.max_inflight_mb) * kMiB;
+  http.limits.idle_timeout = std::chrono::seconds(options.idle_timeout_s);
+  http.limits.header_timeout = std::chrono::seconds(options.header_timeout_s);
+  http.limits.body_timeout = std::chrono::seconds(options.body_timeout_s);
+  http.limits.write_timeout = std::chrono::seconds(options.write_timeout_s);
+  http.limits.max_header_bytes = static_cast<std::size_t>(options.max_header_kb) * kKiB;
+  http.limits.max_body_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB;
+  return http;
+}
+
+EngineOptions MakeEngineOptions(const ServerOptions& options) {
+  EngineOptions engine;
+  engine.database = options.database;
+  engine.descriptor = options.descriptor;
+  engine.descriptor_options.model_path = options.model;
+  engine.keep_originals = options.keep_originals;
+  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
+  engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
+  engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
+  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
+  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
+  return engine;
+}
+
+WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options) {
+  return {.cores = options.cores,
+          .queue_length = options.queue_length,
+          .queue_timeout = std::chrono::seconds(options.queue_timeout_s)};
+}
+
+bool OpenWithoutKeys(const ServerOptions& options) {
+  if (options.allow_anonymous) return true;
+  const std::string host = MakeHttpOptions(options).host;
+  // RFC 6761, 6.3: this name is loopback whatever the resolver says.
+  return host == "localhost" || AllLoopback(host);
+}
+
+void CheckExposure(const ServerOptions& options, bool has_keys) {
+  if (has_keys || OpenWithoutKeys(options)) return;
+  throw Error(ErrorCode::kInvalidArgument, "no_keys",
+              "--listen " + options.listen +
+                  " is open to other machines, and there are no API keys: anyone who reaches the "
+                  "port could read, add and delete everything. Make a key with: pliant-server keys "
+                  "create --scope admin --name NAME --db " +
+                  options.database +
+                  "; or listen on 127.0.0.1, or say --allow-anonymous true if that is meant.");
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,126 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Start, serve, stop.
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <future>
+#include <thread>
+
+#include <pthread.h>
+#include <spdlog/spdlog.h>
+
+#include "server/app/logging.h"
+#include "server/app/service.h"
+#include "server/auth/gate.h"
+#include "server/http/http_server.h"
+
+namespace pliant::server {
+
+namespace {
+
+using Seconds = std::chrono::seconds;
+
+constexpr Seconds kGraceAfterDeadline{5};
+
+// Must run before any thread starts: they inherit the mask, so that only sigwait() sees these.
+sigset_t BlockStopSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+bool StopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
+  const timespec wait = {time.count() / 1000, (time.count() % 1000) * 1'000'000};
+  return sigtimedwait(&signals, nullptr, &wait) > 0;
+}
+
+std::string AddressText(const HttpOptions& http, int port) {
+  const bool v6 = http.host.find(':') != std::string::npos;
+  const std::string scheme = http.tls_certificate.empty() ? "http" : "https";
+  return scheme + "://" + (v6 ? "[" + http.host + "]" : http.host) + ":" + std::to_string(port);
+}
+
+// After a stop signal: a thread that cannot be joined in time must not keep the process.
+[[noreturn]] void EndNow(int status) {
+  spdlog::shutdown();
+  std::_Exit(status);
+}
+
+// Loads the index while /livez answers already.
+void OpenIndex(Service& service, const sigset_t& signals) {
+  std::future<void> open = std::async(std::launch::async, [&] { service.Open(); });
+  while (open.wait_for(std::chrono::milliseconds(0)) != std::future_status::ready) {
+    // The database survives being left at any moment; the loading cannot be interrupted.
+    if (StopSignalWithin(signals, std::chrono::milliseconds(20))) EndNow(0);
+  }
+  open.get();
+}
+
+// Ends the process when a second signal comes, or when what runs does not end although its
+// connections were cut off.
+void StartWatchdog(const sigset_t& signals, Seconds patience) {
+  std::thread watchdog([signals, patience] {
+    if (StopSignalWithin(signals, patience)) {
+      spdlog::warn("second signal: ending at once");
+    } else {
+      spdlog::warn("still busy after the deadline: ending at once");
+    }
+    EndNow(1);
+  });
+  watchdog.detach();
+}
+
+int StopServing(HttpServer& http, const ServerOptions& options, const sigset_t& signals) {
+  const Seconds deadline(options.shutdown_timeout_s);
+  spdlog::info("stopping: running requests have {} s to finish", options.shutdown_timeout_s);
+  StartWatchdog(signals, deadline + kGraceAfterDeadline);
+  const std::size_t cut_off = http.Stop(deadline);
+  if (cut_off > 0) {
+    spdlog::warn("stopped: {} requests were cut off", cut_off);
+    return 1;
+  }
+  spdlog::info("stopped");
+  return 0;
+}
+
+}  // namespace
+
+int RunServer(const ServerOptions& options) {
+  const sigset_t signals = BlockStopSignals();
+  StartLog(options);
+  try {
+    CheckOptions(options);
+    const HttpOptions http_options = MakeHttpOptions(options);
+    KeyRing keys(options.database);
+    CheckExposure(options, keys.InUse());
+    Gate gate(keys, options.rate_limit, options.rate_burst, OpenWithoutKeys(options));
+    Service service(options);
+    const Router router(MakeRoutes(service));
+    HttpServer http(
+        router, http_options,
+        [&gate](const Route& route, Request& request) { gate.Admit(route, request); },
+        [&service](const RequestRecord& record) {
+          service.metrics.OnRequest(record);
+          LogRequest(record);
+        });
+    http.Start();
+    OpenIndex(service, signals);
+    keys.Open();
+    http.SetReady(true);
+    std::printf("listening on %s\n", AddressText(http_options, http.port()).c_str());
+    std::fflush(stdout);
+    int signal = 0;
+    sigwait(&signals, &signal);
+    return StopServing(http, options, signals);
+  } catch (const std::exception& error) {
+    spdlog::error("{}", error.what());
+    return 1;
+  }
+}
+
+}  // namespace pliant::server

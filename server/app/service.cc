@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/service.h"
+
+#include <spdlog/spdlog.h>
+
+#include "server/jobs/import_job.h"
+#include "server/jobs/training_job.h"
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+
+Service::Service(const ServerOptions& server_options)
+    : options(server_options),
+      pool(MakeWorkerPoolOptions(server_options)),
+      backups(server_options.backup_dir) {}
+
+// Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
+// tell the trainer what they add.
+Service::~Service() {
+  ready_ = false;
+  if (auto_trainer_) auto_trainer_->Stop();
+  jobs.reset();
+  auto_trainer_.reset();
+}
+
+void Service::Open() {
+  EngineOptions engine_options = MakeEngineOptions(options);
+  engine_options.loading = [this](double share) { loaded_ = share; };
+  engine_ = std::make_unique<Engine>(engine_options);
+  if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
+    spdlog::info("removed {} files of no picture from the originals' directory", swept);
+  }
+  store_ = std::make_unique<ServiceStore>(options.database);
+  jobs = std::make_unique<JobQueue>(store_.get());
+  RegisterVocabularyJobs(*jobs, *engine_, pool);
+  const auto on_added = [this](const std::string& collection) {
+    if (auto_trainer_) auto_trainer_->OnAdded(collection);
+  };
+  RegisterImportJob(*jobs, *engine_, pool,
+                    {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
+  RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
+  backups.RegisterJob(*jobs, *engine_);
+  if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
+  jobs->Start();
+  loaded_ = 1;
+  ready_ = true;
+}
+
+std::vector<Route> MakeRoutes(Service& service) {
+  std::vector<Route> routes;
+  AddPageRoutes(routes);
+  AddHealthRoutes(service, routes);
+  AddCollectionRoutes(service, routes);
+  AddImageRoutes(service, routes);
+  AddImageDataRoutes(service, routes);
+  AddBatchRoutes(service, routes);
+  AddObjectRoutes(service, routes);
+  AddSearchRoutes(service, routes);
+  AddVocabularyRoutes(service, routes);
+  AddDemoRoutes(service, routes);
+  AddJobRoutes(service, routes);
+  AddBackupRoutes(service, routes);
+  AddDocumentRoute(routes);
+  return routes;
+}
+
+}  // namespace pliant::server

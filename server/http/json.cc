@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/json.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <ctime>
+
+#include <fmt/format.h>
+
+#include "server/http/problem.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr const char* kBase64 = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+constexpr const char* kBase64Url =
+    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
+
+std::string Encode64(const std::uint8_t* data, std::size_t bytes, const char* alphabet, bool pad) {
+  std::string text;
+  text.reserve((bytes + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes; i += 3) {
+    const std::size_t have = std::min<std::size_t>(3, bytes - i);
+    std::uint32_t group = data[i] << 16;
+    if (have > 1) group |= data[i + 1] << 8;
+    if (have > 2) group |= data[i + 2];
+    for (std::size_t j = 0; j < 4; ++j) {
+      if (j <= have) {
+        text += alphabet[(group >> (18 - 6 * j)) & 63];
+      } else if (pad) {
+        text += '=';
+      }
+    }
+  }
+  return text;
+}
+
+Json Parse(const std::string& text, const std::string& name, Json::value_t top,
+           const char* top_name) {
+  const auto fail = [&](const std::string& why) {
+    return ProblemError("invalid_json", name + " " + why).Parameter(name);
+  };
+  bool too_deep = false;
+  const auto watch_depth = [&](int depth, Json::parse_event_t event, const Json&) {
+    const bool opens = event == Json::parse_event_t::object_start ||
+                       event == Json::parse_event_t::array_start;  // the top has depth 0
+    if (opens && depth >= kMaxJsonDepth) too_deep = true;
+    return !too_deep;  // what is refused here is not kept
+  };
+  Json json = Json::parse(text, watch_depth, /*allow_exceptions=*/false);
+  if (too_deep) throw fail(fmt::format("is nested more than {} deep.", kMaxJsonDepth));
+  if (json.is_discarded()) throw fail("is not valid JSON.");
+  if (json.type() != top) throw fail(fmt::format("must be a JSON {}.", top_name));
+  return json;
+}
+
+}  // namespace
+
+Json ParseJsonObject(const std::string& text, const std::string& name) {
+  return Parse(text, name, Json::value_t::object, "object");
+}
+
+Json ParseJsonArray(const std::string& text, const std::string& name) {
+  return Parse(text, name, Json::value_t::array, "array");
+}
+
+std::string ToText(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string Base64(const void* data, std::size_t bytes) {
+  return Encode64(static_cast<const std::uint8_t*>(data), bytes, kBase64, true);
+}
+
+std::string Base64UrlEncode(const std::string& bytes) {
+  return Encode64(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), kBase64Url,
+                  false);
+}
+
+bool Base64UrlDecode(const std::string& text, std::string* bytes) {
+  const std::string alphabet = kBase64Url;
+  bytes->clear();
+  std::uint32_t group = 0;
+  int bits = 0;
+  for (const char c : text) {
+    const std::size_t value = alphabet.find(c);
+    if (value == std::string::npos) return false;
+    group = group << 6 | static_cast<std::uint32_t>(value);
+    bits += 6;
+    if (bits >= 8) {
+      bits -= 8;
+      *bytes += static_cast<char>(group >> bits & 0xff);
+    }
+  }
+  // One form for each value: no left-over character, no stray bits.
+  return text.size() % 4 != 1 && (group & ((1U << bits) - 1)) == 0;
+}
+
+std::string FormatTime(std::int64_t unix_ms) {
+  std::int64_t seconds = unix_ms / 1000;
+  std::int64_t ms = unix_ms % 1000;
+  if (ms < 0) {
+    ms += 1000;
+    --seconds;
+  }
+  const std::time_t time = seconds;
+  std::tm utc{};
+  gmtime_r(&time, &utc);
+  return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", utc.tm_year + 1900,
+                     utc.tm_mon + 1, utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec, ms);
+}
+
+}  // namespace pliant::server

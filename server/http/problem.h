@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Errors as application/problem+json (RFC 9457). This is the one place that maps an ErrorCode to
+// an HTTP status, and the one list of the codes that the server itself answers with.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+
+#include "descriptor/base/error.h"
+#include "server/http/message.h"
+
+namespace pliant::server {
+
+struct Problem {
+  int status = 500;
+  std::string code = {};       // stable, snake_case
+  std::string detail = {};     // for people; says nothing internal when status is 5xx
+  std::string parameter = {};  // the parameter at fault; empty = none
+  std::string allow = {};      // 405: methods that the path has
+  int retry_after_s = 0;       // 429 and 503; 0 = no header
+  double progress = -1;        // "starting": which share of the index is loaded; < 0 = none
+  std::string internal = {};   // for the log only
+};
+
+// A code that the server answers with. Codes of the engine ("image_truncated", ...) pass through
+// beside them for statuses below 500.
+struct ProblemCode {
+  const char* code;
+  int status;
+  const char* meaning;
+};
+
+std::span<const ProblemCode> ProblemCodes();
+// Those of the engine that clients meet.
+std::span<const ProblemCode> EngineProblemCodes();
+// Of either list. Throws std::logic_error for any other.
+const ProblemCode& ProblemCodeOf(const std::string& code);
+
+// Ends a request with a problem. The status is the one ProblemCodes() gives for the code; an
+// unknown code is a defect and becomes "internal".
+class ProblemError : public std::runtime_error {
+ public:
+  ProblemError(const std::string& code, const std::string& detail);
+  explicit ProblemError(Problem problem);
+
+  ProblemError& Parameter(std::string name);
+  ProblemError& RetryAfter(int seconds);
+  ProblemError& Allow(std::string methods);
+
+  const Problem& problem() const { return problem_; }
+
+ private:
+  Problem problem_;
+};
+
+int StatusOf(ErrorCode code);
+
+// The exception being handled, as a problem: ProblemError, Error, or anything else as "internal".
+Problem CurrentProblem();
+
+// For an answer that the HTTP library made by itself, which has a status and nothing else.
+Problem ProblemForStatus(int status);
+
+// One line for the log, where there is a cause that clients must not see.
+void LogProblem(const Problem& problem);
+
+Response ProblemResponse(const Problem& problem, const std::string& request_id);
+
+// "Not Found" and so on (RFC 9110).
+std::string StatusTitle(int status);
+
+}  // namespace pliant::server

@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/backups.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+
+#include "server/http/json.h"
+
+namespace pliant::server {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSuffix = ".db";
+constexpr std::size_t kLongestName = 100;
+
+bool IsName(const std::string& name) {
+  return name.size() > 3 && name.size() <= kLongestName && name.ends_with(kSuffix) &&
+         name.front() != '.' && std::all_of(name.begin(), name.end(), [](char c) {
+           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                  c == '.' || c == '_' || c == '-';
+         });
+}
+
+std::string NameOfNow() {
+  const auto now = std::chrono::system_clock::now();
+  const auto ms =
+      std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
+  return fmt::format("pliant-{:%Y%m%dT%H%M%S}.{:03}Z{}",
+                     fmt::gmtime(std::chrono::system_clock::to_time_t(now)), ms, kSuffix);
+}
+
+bool Stat(const fs::path& path, BackupFile* file) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return false;
+  file->name = path.filename().string();
+  file->bytes = static_cast<std::uint64_t>(info.st_size);
+  file->created_ms = std::int64_t{info.st_mtim.tv_sec} * 1000 + info.st_mtim.tv_nsec / 1'000'000;
+  return true;
+}
+
+}  // namespace
+
+void Backups::RequireDirectory() const {
+  if (!directory_.empty()) return;
+  throw ProblemError("backups_off",
+                     "The operator has named no directory for backups (--backup-dir).");
+}
+
+std::vector<BackupFile> Backups::List() const {
+  RequireDirectory();
+  std::vector<BackupFile> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
+    BackupFile file;
+    if (IsName(entry.path().filename().string()) && Stat(entry.path(), &file)) {
+      files.push_back(std::move(file));
+    }
+  }
+  std::sort(files.begin(), files.end(), [](const BackupFile& a, const BackupFile& b) {
+    return std::pair(b.created_ms, b.name) < std::pair(a.created_ms, a.name);
+  });
+  return files;
+}
+
+BackupFile Backups::Get(const std::string& name) const {
+  RequireDirectory();
+  BackupFile file;
+  if (!IsName(name) || !Stat(directory_ / name, &file)) {
+    throw ProblemError("backup_not_found", "There is no backup of this name.");
+  }
+  return file;
+}
+
+JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
+  RequireDirectory();
+  if (name.empty()) name = NameOfNow();
+  if (!IsName(name)) {
+    throw ProblemError("invalid_parameter",
+                       "name must be letters, digits, . _ - and end in \".db\".")
+        .Parameter("name");
+  }
+  if (fs::exists(fs::symlink_status(directory_ / name))) {
+    throw ProblemError("backup_exists", "There is a backup of this name. Give another.");
+  }
+  return jobs.Add("backup", "", ToText(Json{{"name", name}}));
+}
+
+void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
+  JobKind kind;
+  kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
+    const std::string name = Json::parse(job.parameters).at("name");
+    if (directory.empty()) throw ProblemError("backups_off", "Backups are off now (--backup-dir).");
+    engine.Backup(directory / name);
+    spdlog::info("backup {} written", name);
+    return "/v1/backups/" + name;
+  };
+  kind.resumes = false;
+  jobs.Register("backup", std::move(kind));
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Copies of the database in the directory that the operator names with --backup-dir.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "index/engine/engine.h"
+#include "server/jobs/jobs.h"
+
+namespace pliant::server {
+
+struct BackupFile {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::int64_t created_ms = 0;
+};
+
+class Backups {
+ public:
+  // Empty = backups are off.
+  explicit Backups(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  // Newest first. Throw ProblemError "backups_off"; Get also "backup_not_found".
+  std::vector<BackupFile> List() const;
+  BackupFile Get(const std::string& name) const;
+
+  // Starts the job that writes the file `name` (letters, digits, . _ -, ending in ".db"); empty =
+  // one with the time in it. Throws ProblemError "invalid_parameter" and "backup_exists".
+  JobStatus Add(JobQueue& jobs, std::string name) const;
+
+  // Kind "backup". It does not go on after a restart: what it would copy is another state.
+  void RegisterJob(JobQueue& jobs, Engine& engine) const;
+
+ private:
+  void RequireDirectory() const;
+
+  const std::filesystem::path directory_;
+};
+
+}  // namespace pliant::server

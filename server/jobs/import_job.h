@@ -1,0 +1,38 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The job that adds the pictures of a folder on the server: one below the directory that the
+// operator names with --import-dir, never another.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "index/engine/engine.h"
+#include "index/files/picture_files.h"
+#include "server/jobs/jobs.h"
+#include "server/jobs/worker_pool.h"
+
+namespace pliant::server {
+
+struct ImportOptions {
+  std::filesystem::path directory;  // --import-dir; empty = importing is off
+  std::int64_t max_bytes = 0;       // of one picture
+  std::function<void(const std::string& collection)> on_added;
+};
+
+// The folder that a client means by `name`, a relative path. Throws ProblemError "imports_off", and
+// "invalid_parameter" for a name that is absolute, has "..", leads elsewhere through a link, or is
+// no folder. Nothing it says shows where the directory lies.
+std::filesystem::path ResolveImportFolder(const std::filesystem::path& directory,
+                                          const std::string& name);
+
+JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
+                       const std::string& object_from);
+
+// Kind "import". Pictures that are stored already are no work, so it goes on after a restart. They
+// are described in the background lane of `pool`. All must outlive the queue.
+void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options);
+
+}  // namespace pliant::server

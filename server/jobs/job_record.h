@@ -1,0 +1,14 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A job as it is kept in the database, and back.
+#pragma once
+
+#include "index/store/sqlite/service_store.h"
+#include "server/jobs/jobs.h"
+
+namespace pliant::server {
+
+JobRecord ToRecord(const JobStatus& status);
+JobStatus FromRecord(const JobRecord& record);
+
+}  // namespace pliant::server

@@ -1,0 +1,144 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Work that outlives a request, and the server: every job is kept in the database, and one that a
+// restart interrupted is begun again where its kind allows that, or marked as failed.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "index/store/sqlite/service_store.h"
+#include "server/http/problem.h"
+
+namespace pliant::server {
+
+enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
+
+std::string JobStateName(JobState state);
+
+// One item that a job left out, and why.
+struct SkippedItem {
+  std::string item;
+  std::string code;
+  std::string reason;
+};
+
+struct JobStatus {
+  std::string id;
+  std::string kind;  // "train", "activate", "import", "backup"
+  std::string collection;
+  std::string parameters = "{}";  // a JSON object
+  JobState state = JobState::kQueued;
+  double done = 0;  // of `total`
+  double total = 1;
+  std::uint64_t failed = 0;          // items that could not be done
+  int attempts = 0;                  // times it was begun
+  std::vector<SkippedItem> skipped;  // the first JobQueue::kMaxSkipped of them
+  std::optional<Problem> problem;    // when kFailed
+  std::string result;                // address of what was made; empty until kDone
+  std::int64_t created_ms = 0;
+  std::int64_t finished_ms = 0;  // 0 = not yet
+};
+
+// What a running job may do with itself. Thread-safe.
+class JobContext {
+ public:
+  using Report = std::function<void(double done, double total)>;
+  using Skip = std::function<void(const SkippedItem&)>;
+
+  JobContext(std::stop_token stop, Report report, Skip skip)
+      : stop_(std::move(stop)), report_(std::move(report)), skip_(std::move(skip)) {}
+
+  const std::stop_token& stop() const { return stop_; }
+  void Progress(double done, double total) const { report_(done, total); }
+  void Skipped(const SkippedItem& item) const { skip_(item); }
+
+ private:
+  std::stop_token stop_;
+  Report report_;
+  Skip skip_;
+};
+
+// How jobs of one kind are done.
+struct JobKind {
+  // Returns the address of the result; throws Error kCancelled when it was stopped.
+  std::function<std::string(const JobStatus&, const JobContext&)> run;
+  // Whether beginning again after an interruption leads to the same end.
+  bool resumes = true;
+};
+
+// Runs one job of each kind at a time. Thread-safe. Jobs that have ended are remembered until
+// kMaxJobs newer ones push them out.
+class JobQueue {
+ public:
+  static constexpr std::size_t kMaxJobs = 1000;
+  static constexpr std::size_t kMaxQueued = 16;
+  static constexpr std::size_t kMaxSkipped = 100;
+  static constexpr int kMaxAttempts = 3;  // a job that ends the server must not do so for ever
+  static constexpr std::chrono::milliseconds kSaveEvery{1'000};  // of the progress
+
+  // `store` may be null: then nothing is kept. It must outlive the queue.
+  explicit JobQueue(ServiceStore* store) : store_(store) {}
+  ~JobQueue();  // stops what runs and waits for it; it is taken up again at the next start
+  JobQueue(const JobQueue&) = delete;
+  JobQueue& operator=(const JobQueue&) = delete;
+
+  // All kinds, then Start(): it takes up what an earlier run of the server left.
+  void Register(const std::string& kind, JobKind how);
+  void Start();
+
+  // Throws ProblemError "busy" when too many jobs wait, and what the store throws.
+  JobStatus Add(const std::string& kind, const std::string& collection,
+                const std::string& parameters);
+
+  // Throw ProblemError "job_not_found".
+  JobStatus Get(const std::string& id) const;
+  JobStatus Cancel(const std::string& id);  // no effect on a job that has ended
+
+  std::vector<JobStatus> List() const;  // newest first
+  // A queued or running job of that kind, if any.
+  std::optional<JobStatus> Active(const std::string& kind, const std::string& collection) const;
+  std::map<JobState, std::size_t> Counts() const;
+
+  // True when the job ended within the time.
+  bool WaitFor(const std::string& id, std::chrono::milliseconds timeout) const;
+
+ private:
+  struct Job {
+    JobStatus status;
+    std::stop_source stop;
+    bool cancelled = false;
+    std::chrono::steady_clock::time_point saved;
+  };
+
+  void Load();
+  void Run(const std::string& kind);
+  std::shared_ptr<Job> TakeNext(const std::string& kind);  // mutex_ held; null = none waits
+  void Execute(const std::shared_ptr<Job>& job);
+  void OnProgress(Job& job, double done, double total);
+  Job& Find(const std::string& id) const;            // mutex_ held
+  void Finish(Job& job, JobState state);             // mutex_ held
+  void Save(const Job& job, bool required = false);  // mutex_ held
+
+  ServiceStore* store_;
+  std::map<std::string, JobKind> kinds_;  // not changed after Start()
+  mutable std::mutex mutex_;              // guards all below
+  mutable std::condition_variable changed_;
+  std::vector<std::shared_ptr<Job>> jobs_;  // oldest first
+  std::deque<std::shared_ptr<Job>> queue_;
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace pliant::server

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Small JPEG previews, kept in memory as long as they fit.
+#pragma once
+
+#include <cstddef>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+
+#include "descriptor/image/image.h"
+
+namespace pliant::server {
+
+// Decodes, scales to kThumbnailSidePx and encodes. Throws what DecodeImage throws.
+inline constexpr int kThumbnailSidePx = 320;
+std::string MakeThumbnail(Bytes encoded, std::int64_t max_pixels);
+
+// Least recently used out first. Thread-safe.
+class ThumbnailCache {
+ public:
+  explicit ThumbnailCache(std::size_t max_bytes = std::size_t{32} * 1024 * 1024)
+      : max_bytes_(max_bytes) {}
+
+  // Null when it is not there. `sha256` is of the original's bytes.
+  std::shared_ptr<const std::string> Find(const std::string& sha256);
+  void Insert(const std::string& sha256, std::shared_ptr<const std::string> jpeg);
+
+ private:
+  struct Entry {
+    std::string sha256;
+    std::shared_ptr<const std::string> jpeg;
+  };
+
+  const std::size_t max_bytes_;
+  std::mutex mutex_;          // guards all below
+  std::list<Entry> entries_;  // most recently used first
+  std::unordered_map<std::string, std::list<Entry>::iterator> by_sha256_;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace pliant::server
