@@ -121,6 +121,10 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
          "descriptors that vocabularies are trained on (not the paper's); 0 = as index does")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--verify-depth", retrieval.verify_depth,
+                 "pictures verified per query; 0 = as query does")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1'000'000));
   app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));

@@ -92,6 +92,7 @@ Json ResultJson(const RetrievalResult& row) {
           {"ns_score", OrNull(row.ns_score)},
           {"object_top1", row.object ? Json(row.object->top1) : Json(nullptr)},
           {"object_mrr", row.object ? Json(row.object->mrr) : Json(nullptr)},
+          {"refused_queries", row.refused},
           {"spread",
            {{"accuracy_at", AccuracyJson(row.spread)},
             {"map", row.spread.map},

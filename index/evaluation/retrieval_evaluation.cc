@@ -85,8 +85,9 @@ class Workplace {
   bool stays_;
 };
 
-SearchOptions ToSearchOptions(RetrievalProtocol protocol) {
+SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions& options) {
   SearchOptions search;
+  search.verify_depth = options.verify_depth;
   if (protocol == RetrievalProtocol::kPaper) {
     search.rank = RankMethod::kHistogram;
     search.verify = Verification::kNone;
@@ -133,9 +134,10 @@ class Run {
       for (std::size_t p = 0; p < protocols.size(); ++p) {
         Tell("asking with " + descriptor_ + ", " + ToString(protocols[p]) + ", seed", seed,
              options_.seeds);
-        const SearchOptions search = ToSearchOptions(protocols[p]);
-        runs[p].push_back(MeasureAll(gallery_.Ask(search)));
-        if (seed == 1) Describe(protocols[p], size, search, &rows[p]);
+        const SearchOptions search = ToSearchOptions(protocols[p], options_);
+        RetrievalTimes* const times = seed == 1 ? &rows[p].times : nullptr;
+        runs[p].push_back(MeasureAll(gallery_.Ask(search, times)));
+        if (seed == 1) Describe(protocols[p], size, search, runs[p].front(), &rows[p]);
       }
     }
     for (std::size_t p = 0; p < protocols.size(); ++p) {
@@ -154,17 +156,21 @@ class Run {
 
   // What is the same for every seed, or measured with the first only.
   void Describe(RetrievalProtocol protocol, std::size_t words, const SearchOptions& search,
-                RetrievalResult* row) {
+                const RetrievalMetrics& by_picture, RetrievalResult* row) {
     row->descriptor = descriptor_;
     row->protocol = ToString(protocol);
     row->words = words;
-    row->times = extraction_;
-    const ObjectAnswer object = gallery_.AskForObjects(search, &row->times);
+    row->times.decode = extraction_.decode;
+    row->times.detect = extraction_.detect;
+    row->times.describe = extraction_.describe;
+    row->refused = gallery_.refused_queries();
     const auto& pictures = gallery_.set().pictures;
     if (std::none_of(pictures.begin(), pictures.end(), [](const RetrievalPicture& picture) {
           return picture.is_query && picture.is_searched;
         })) {
-      row->object = object;
+      row->object = gallery_.several_pictures_of_an_object()
+                        ? gallery_.AskForObjects(search)
+                        : ObjectAnswer{by_picture.top1, by_picture.mrr};
     }
     row->stored_bytes_per_picture = gallery_.StoredBytesPerPicture();
     row->index_bytes_per_picture = gallery_.IndexBytesPerPicture();

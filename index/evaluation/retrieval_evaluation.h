@@ -36,6 +36,7 @@ struct RetrievalOptions {
   int seeds = 3;                 // vocabularies are trained with the seeds 1, 2, ...
   std::vector<int> words = {0};  // of kDefault and kUnverified, each in turn; 0 = the default's own
   int sample = 0;                // descriptors they are trained on; 0 = the default's own
+  std::size_t verify_depth = 0;  // as SearchOptions::verify_depth
   int jobs = 0;                  // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
@@ -52,6 +53,7 @@ struct RetrievalResult {
   RetrievalMetrics spread;             // sample standard deviation over the seeds
   std::optional<double> ns_score;      // UKBench layout only
   std::optional<ObjectAnswer> object;  // first seed; not when queries are searched themselves
+  std::size_t refused = 0;             // queries, which count as misses
   RetrievalTimes times;                // first seed
   double stored_bytes_per_picture = 0;
   double index_bytes_per_picture = 0;

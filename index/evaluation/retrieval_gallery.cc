@@ -6,6 +6,7 @@
 #include <atomic>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -34,6 +35,13 @@ EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
   return engine;
 }
 
+bool HasSeveralPicturesOfAnObject(const RetrievalSet& set) {
+  std::set<std::string> seen;
+  return std::any_of(set.pictures.begin(), set.pictures.end(), [&](const auto& picture) {
+    return picture.is_searched && !picture.object.empty() && !seen.insert(picture.object).second;
+  });
+}
+
 // The engine's own ids are the pictures' hashes; pictures with the same bytes are told apart here.
 void NumberRepeats(std::vector<std::string>* ids) {
   std::map<std::string, int> seen;
@@ -54,6 +62,7 @@ RetrievalGallery::RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions opt
   if (options_.keep_features) engine_.CreateCollection(kFeatures);
   Fill();
   possible_ = CountRightAnswers(set_);
+  several_pictures_of_an_object_ = HasSeveralPicturesOfAnObject(set_);
   for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
     if (set_.pictures[i].is_query) queries_.push_back(i);
   }
@@ -85,19 +94,20 @@ void RetrievalGallery::Fill() {
     const std::size_t now = ++done;
     if (options_.progress) options_.progress(now, total);
   });
-  std::map<std::filesystem::path, std::string> id_of;
-  std::vector<RetrievalPicture> kept;
+  bool searched = false;
   for (std::size_t i = 0; i < total; ++i) {
     if (failures[i]) {
       set_.skipped.push_back(*std::move(failures[i]));
+      ids[i].clear();
     } else {
-      id_of[set_.pictures[i].path] = std::move(ids[i]);
-      kept.push_back(std::move(set_.pictures[i]));
+      searched = searched || set_.pictures[i].is_searched;
     }
   }
-  set_.pictures = std::move(kept);
-  CheckRetrievalSet(&set_);  // may take out more
-  for (const RetrievalPicture& picture : set_.pictures) ids_.push_back(id_of[picture.path]);
+  if (!searched) {
+    throw Error(ErrorCode::kUnprocessable, "nothing_to_search",
+                "every picture to search was refused; the first: " + set_.skipped.front().reason);
+  }
+  ids_ = std::move(ids);
 }
 
 void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes) {
@@ -141,34 +151,40 @@ Features RetrievalGallery::QueryFeatures(std::size_t picture) {
   return engine_.GetFeatures(kQueries, ids_[picture]);
 }
 
-std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search) {
+std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, RetrievalTimes* times) {
   search.collection = kSearched;
-  search.group_by = GroupBy::kImage;
+  search.group_by = several_pictures_of_an_object_ ? GroupBy::kImage : GroupBy::kObject;
   search.limit = 0;
   std::vector<RetrievalAnswer> answers;
+  const double share = 1.0 / static_cast<double>(queries_.size() - refused_queries());
   for (const std::size_t q : queries_) {
     RetrievalAnswer answer;
     answer.possible = possible_[q];
-    const std::string& object = set_.pictures[q].object;
-    for (const Hit& hit : engine_.SearchFeatures(QueryFeatures(q), search).hits) {
-      if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
-      answer.right.push_back(hit.object == object);
+    if (!ids_[q].empty()) {
+      const SearchResult result = engine_.SearchFeatures(QueryFeatures(q), search);
+      for (const Hit& hit : result.hits) {
+        if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
+        answer.right.push_back(hit.object == set_.pictures[q].object);
+      }
+      if (times != nullptr) {
+        times->quantize += share * result.timings.quantize_ms;
+        times->rank += share * result.timings.rank_ms;
+        times->verify += share * result.timings.verify_ms;
+      }
     }
     answers.push_back(std::move(answer));
   }
   return answers;
 }
 
-ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search, RetrievalTimes* times) {
+ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
   search.collection = kSearched;
+  search.limit = 0;
   ObjectAnswer mean;
   const double share = 1.0 / static_cast<double>(queries_.size());
   for (const std::size_t q : queries_) {
-    const SearchResult result = engine_.SearchFeatures(QueryFeatures(q), search);
-    times->quantize += share * result.timings.quantize_ms;
-    times->rank += share * result.timings.rank_ms;
-    times->verify += share * result.timings.verify_ms;
-    for (const Hit& hit : result.hits) {
+    if (ids_[q].empty()) continue;
+    for (const Hit& hit : engine_.SearchFeatures(QueryFeatures(q), search).hits) {
       if (hit.object != set_.pictures[q].object) continue;
       mean.mrr += share / static_cast<double>(hit.rank);
       if (hit.rank == 1) mean.top1 += share;
@@ -178,12 +194,20 @@ ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search, RetrievalTime
   return mean;
 }
 
+std::size_t RetrievalGallery::refused_queries() const {
+  return static_cast<std::size_t>(std::count_if(queries_.begin(), queries_.end(),
+                                                [&](std::size_t q) { return ids_[q].empty(); }));
+}
+
 void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
   const FeatureExtractor extractor(options_.descriptor, options_.extraction);
-  const std::size_t count = std::min(queries_.size(), kTimedQueries);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto bytes =
-        ReadFile(set_.pictures[queries_[i]].path, options_.extraction.decode.max_bytes);
+  std::vector<std::size_t> timed;
+  for (const std::size_t q : queries_) {
+    if (!ids_[q].empty() && timed.size() < kTimedQueries) timed.push_back(q);
+  }
+  const std::size_t count = timed.size();
+  for (const std::size_t q : timed) {
+    const auto bytes = ReadFile(set_.pictures[q].path, options_.extraction.decode.max_bytes);
     ExtractionTimings passed;
     extractor.Extract(bytes, 0, &passed);
     times->decode += passed.decode_ms / static_cast<double>(count);
@@ -195,7 +219,7 @@ void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
 double RetrievalGallery::StoredBytesPerPicture() {
   std::vector<std::string> searched;
   for (std::size_t i = 0; i < ids_.size(); ++i) {
-    if (set_.pictures[i].is_searched) searched.push_back(ids_[i]);
+    if (set_.pictures[i].is_searched && !ids_[i].empty()) searched.push_back(ids_[i]);
   }
   const std::size_t step = std::max<std::size_t>(1, searched.size() / kSizedPictures);
   double bytes = 0;
@@ -209,10 +233,11 @@ double RetrievalGallery::StoredBytesPerPicture() {
 }
 
 double RetrievalGallery::IndexBytesPerPicture() {
-  const auto searched =
-      std::count_if(set_.pictures.begin(), set_.pictures.end(),
-                    [](const RetrievalPicture& picture) { return picture.is_searched; });
-  return static_cast<double>(engine_.Stats().index_bytes) / static_cast<double>(searched);
+  double searched = 0;
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    if (set_.pictures[i].is_searched && !ids_[i].empty()) ++searched;
+  }
+  return static_cast<double>(engine_.Stats().index_bytes) / searched;
 }
 
 }  // namespace pliant

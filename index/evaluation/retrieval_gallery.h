@@ -38,18 +38,19 @@ struct RetrievalTimes {
   double total() const { return decode + detect + describe + quantize + rank + verify; }
 };
 
-// How a query with object grouping and default page fares: what `pliant query` prints first.
+// How a query with object grouping fares: what `pliant query` prints first.
 struct ObjectAnswer {
   double top1 = 0;  // the first object is right
-  double mrr = 0;   // 1 / rank of the right object; 0 when it is not on the page
+  double mrr = 0;   // 1 / rank of the right object; 0 when it is not found
 };
 
 // Not thread-safe.
 class RetrievalGallery {
  public:
-  // Describes and stores all pictures. Those that are unreadable or have too few features are taken
-  // out of the set and named in its `skipped`. Throws what Engine throws when all are concerned,
-  // kCancelled on a stop, and what CheckRetrievalSet throws for what is left.
+  // Describes and stores all pictures. Those that are unreadable or have too few features are named
+  // in the set's `skipped` and still count: a query that is refused, or whose right answers are,
+  // is a miss. Throws what Engine throws when all are concerned, kCancelled on a stop, and
+  // kUnprocessable "nothing_to_search" when every picture to search was refused.
   RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
 
   const RetrievalSet& set() const { return set_; }
@@ -59,11 +60,18 @@ class RetrievalGallery {
   std::size_t UseNewVocabulary(int words, int sample, std::uint64_t seed);
 
   // Every query's answer by picture, under `search` (collection, grouping and paging are set here).
-  std::vector<RetrievalAnswer> Ask(SearchOptions search);
+  // Where each object has one picture, this is the answer by object that `pliant query` gives. Adds
+  // the mean times of quantisation, ranking and verification to `times` if given.
+  std::vector<RetrievalAnswer> Ask(SearchOptions search, RetrievalTimes* times = nullptr);
 
-  // The same by object on the first page, with the times of quantisation, ranking and verification.
-  // Only for sets whose queries are not searched themselves are the ranks worth anything.
-  ObjectAnswer AskForObjects(SearchOptions search, RetrievalTimes* times);
+  // The same by object. Only for sets whose queries are not searched themselves are the ranks worth
+  // anything.
+  ObjectAnswer AskForObjects(SearchOptions search);
+
+  // Queries that were refused.
+  std::size_t refused_queries() const;
+
+  bool several_pictures_of_an_object() const { return several_pictures_of_an_object_; }
 
   // Decoding, detection and description of the first queries (20 at most), one at a time.
   void TimeExtraction(RetrievalTimes* times);
@@ -80,9 +88,10 @@ class RetrievalGallery {
   RetrievalSet set_;
   RetrievalGalleryOptions options_;
   Engine engine_;
-  std::vector<std::size_t> queries_;   // positions in set_.pictures
-  std::vector<std::size_t> possible_;  // right answers, by position
-  std::vector<std::string> ids_;       // by position
+  bool several_pictures_of_an_object_ = false;  // searched ones
+  std::vector<std::size_t> queries_;            // positions in set_.pictures
+  std::vector<std::size_t> possible_;           // right answers, by position
+  std::vector<std::string> ids_;                // by position; empty = the picture was refused
 };
 
 }  // namespace pliant

@@ -151,14 +151,17 @@ TEST_F(RetrievalEvaluationTest, AQueryIsNoAnswerToItselfUnlessTheLayoutSaysSo) {
   EXPECT_DOUBLE_EQ(others.results[0].mean.accuracy_at[1], 0.5);  // only one other view there is
 }
 
-TEST_F(RetrievalEvaluationTest, SkipsWhatCannotBeUsedAndNamesIt) {
+TEST_F(RetrievalEvaluationTest, NamesWhatCannotBeUsedAndCountsItAsMissed) {
   WriteText(folder_ / "set/o1/broken.png", "\x89PNG\r\n\x1a\n and no more");
   WriteBytes(folder_ / "set/o2/plain.png", EncodePng({64, 64, 1, std::vector<std::uint8_t>(4096)}));
-  WriteText(folder_ / "set/o6/ref.png", "no picture");  // o6 is then not asked for
+  WriteText(folder_ / "set/o6/ref.png", "no picture");  // o6 is then missed
   options_.protocols = {RetrievalProtocol::kUnverified};
   const RetrievalReport report = EvaluateRetrieval(Set(), options_);
-  EXPECT_EQ(report.queries, kObjects - 1U);
-  EXPECT_EQ(report.pictures, 2U * kObjects);
+  EXPECT_EQ(report.queries, 1U * kObjects);
+  EXPECT_EQ(report.pictures, 2U * kObjects + 2);
+  EXPECT_EQ(report.results[0].refused, 1U);
+  EXPECT_DOUBLE_EQ(report.results[0].mean.top1, (kObjects - 1.0) / kObjects);
+  EXPECT_LT(report.results[0].mean.map, (kObjects - 1.0) / kObjects);  // o1, o2 have three each
   ASSERT_THAT(report.skipped, SizeIs(3));
   EXPECT_THAT(report.skipped[0].file, HasSubstr("o1/broken.png"));
   EXPECT_EQ(report.skipped[1].code, "too_few_features");
