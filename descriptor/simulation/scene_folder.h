@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Scenes as folders of pictures: for the matching benchmark, for retrieval, for people. Part of
-// the descriptor library, not of the simulator's core (PNG and JPEG need OpenCV).
+// Scenes as folders of pictures, for the matching benchmark and for retrieval. Part of the
+// descriptor library, not of the simulator's core (PNG and JPEG need OpenCV).
 #pragma once
 
 #include <cstdint>
