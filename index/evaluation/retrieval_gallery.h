@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A retrieval set described by one descriptor, in a database of the engine: what is measured is the
-// product, not a copy of it.
+// A retrieval set indexed with one descriptor in a database of the engine, so that the product
+// itself is measured.
 #pragma once
 
 #include <cstdint>
@@ -21,16 +21,16 @@ namespace pliant {
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
   ExtractionOptions extraction;
-  std::filesystem::path database;  // made when it is not there
+  std::filesystem::path database;  // created if it does not exist
   // Keep the features of all pictures in the database, so that the next run with it describes only
   // new ones. Pictures and vocabularies of the last run are dropped either way.
   bool keep_features = false;
-  int jobs = 0;                                                       // threads; 0 = one a core
+  int jobs = 0;                                                       // threads; 0 = one per core
   std::function<void(std::size_t done, std::size_t total)> progress;  // pictures; from any thread
   std::stop_token stop;
 };
 
-// Mean milliseconds a query.
+// Mean milliseconds per query.
 struct RetrievalTimes {
   double decode = 0, detect = 0, describe = 0;
   double quantize = 0, rank = 0, verify = 0;
@@ -38,17 +38,17 @@ struct RetrievalTimes {
   double total() const { return decode + detect + describe + quantize + rank + verify; }
 };
 
-// How a query with object grouping and default page fares: what `pliant query` prints first.
+// Accuracy of queries grouped by object, on the default page: the first hit of `pliant query`.
 struct ObjectAnswer {
-  double top1 = 0;  // the first object is right
-  double mrr = 0;   // 1 / rank of the right object; 0 when it is not on the page
+  double top1 = 0;  // the first object is correct
+  double mrr = 0;   // 1 / rank of the correct object; 0 if it is not on the page
 };
 
 // Not thread-safe.
 class RetrievalGallery {
  public:
-  // Describes and stores all pictures. Those that are unreadable or have too few features are taken
-  // out of the set and named in its `skipped`. Throws what Engine throws when all are concerned,
+  // Describes and stores all pictures. Unreadable pictures and those with too few features are
+  // removed from the set and listed in its `skipped`. Throws errors of Engine that affect all,
   // kCancelled on a stop, and what CheckRetrievalSet throws for what is left.
   RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
 
@@ -62,7 +62,7 @@ class RetrievalGallery {
   std::vector<RetrievalAnswer> Ask(SearchOptions search);
 
   // The same by object on the first page, with the times of quantisation, ranking and verification.
-  // Only for sets whose queries are not searched themselves are the ranks worth anything.
+  // The ranks are meaningful only for sets whose queries are not searched themselves.
   ObjectAnswer AskForObjects(SearchOptions search, RetrievalTimes* times);
 
   // Decoding, detection and description of the first queries (20 at most), one at a time.
