@@ -28,8 +28,8 @@ struct VerifiedPicture {
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
 };
 
-// How many pictures are verified when nobody says: 100, or the square root of the collection's size
-// where that is more, so that true matches do not vanish behind a fixed depth as it grows.
+// Default number of verified pictures: 100, or the square root of the collection's size if that is
+// more, so that correct pictures do not fall below a fixed depth as the collection grows.
 std::size_t DefaultVerifyDepth(std::size_t pictures);
 
 struct RerankOptions {
@@ -38,9 +38,9 @@ struct RerankOptions {
   int threads = 1;  // pictures at a time; 0 = all cores
 };
 
-// Verifies the pictures of `ranking`, in its order. `load` gives a
-// picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
-// is called from several threads. Deterministic.
+// Verifies the pictures of `ranking`, in its order. `load` returns the features of a picture, or
+// nullopt if it was removed in the meantime; that picture stays unverified. It is called from
+// several threads. Deterministic.
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load);
@@ -48,7 +48,7 @@ std::vector<VerifiedPicture> Rerank(
 // By score, then id.
 void SortByScore(std::vector<VerifiedPicture>* pictures);
 
-// Keeps the best picture of each object; a picture without object stands for itself.
+// Keeps the best picture of each object; a picture without object is a group of its own.
 void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures);
 
 }  // namespace pliant
