@@ -35,8 +35,8 @@ struct RetrievalPicture {
 struct RetrievalSet {
   RetrievalLayout layout = RetrievalLayout::kObjects;
   std::vector<RetrievalPicture> pictures;  // by name, distractors last
-  // A query that is searched itself counts as an answer to itself; otherwise it is left out of its
-  // own answers.
+  // Whether a query that is searched itself counts as a correct answer; otherwise it is removed
+  // from its own results.
   bool counts_itself = false;
   std::vector<SkippedFile> skipped;  // files that do not fit the layout, with the reason
 };

@@ -38,7 +38,7 @@ struct PictureFiles {
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
 // every machine. Links to folders are followed, each folder is visited once. Hidden files and
-// folders are left out, and so are files that have neither a picture's name nor its content.
+// folders are ignored, and so are files that have neither a picture's name nor its content.
 // Throws kNotFound for an input that does not exist.
 PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 

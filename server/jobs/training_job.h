@@ -17,7 +17,7 @@ JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activ
 // Queues the switch to a vocabulary with which pictures must be quantised first.
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary);
 
-// Kinds "train" and "activate": both begin anew after a restart, and end with the same vocabulary.
+// Kinds "train" and "activate": both start again after a restart, with the same result.
 // Each takes half of the cores. `engine` and `pool` must outlive the queue.
 void RegisterVocabularyJobs(JobQueue& jobs, Engine& engine, WorkerPool& pool);
 
