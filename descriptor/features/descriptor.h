@@ -89,7 +89,7 @@ class FeatureExtractor {
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 
-  // The same for a decoded picture, grey or colour, of any size, such as a frame of a video.
+  // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
   Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
                        PictureRole role = PictureRole::kQuery) const;
 

@@ -120,7 +120,7 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one per core")
+  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app.add_option("--cache", retrieval.cache,

@@ -148,7 +148,7 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
                                                                     {"none", ObjectFrom::kNone}}))
       ->type_name("folder|stem|none")
       ->option_text("folder|stem|none");
-  app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one per core")
+  app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,

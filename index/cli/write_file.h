@@ -8,7 +8,7 @@
 
 namespace pliant::cli {
 
-// Atomically replaces the file with the concatenated parts. Throws kNoSpace "write_failed".
+// Replaces the file by the parts, one after the other, in one step. Throws kNoSpace "write_failed".
 void WriteFile(const std::filesystem::path& path, std::span<const std::string_view> parts);
 void WriteFile(const std::filesystem::path& path, std::string_view content);
 

@@ -36,7 +36,7 @@ struct RetrievalOptions {
   int seeds = 3;                 // vocabularies are trained with the seeds 1, 2, ...
   std::vector<int> words = {0};  // of kDefault and kUnverified, each in turn; 0 = the default's own
   int sample = 0;                // descriptors they are trained on; 0 = the default's own
-  int jobs = 0;                  // threads that describe pictures; 0 = one per core
+  int jobs = 0;                  // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
   // The current step and its progress; `total` 0 = unknown. Called from any thread.

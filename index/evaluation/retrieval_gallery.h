@@ -38,17 +38,17 @@ struct RetrievalTimes {
   double total() const { return decode + detect + describe + quantize + rank + verify; }
 };
 
-// Accuracy of queries grouped by object, on the default page: the first hit of `pliant query`.
+// How a query with object grouping and default page fares: what `pliant query` prints first.
 struct ObjectAnswer {
-  double top1 = 0;  // the first object is correct
-  double mrr = 0;   // 1 / rank of the correct object; 0 if it is not on the page
+  double top1 = 0;  // the first object is right
+  double mrr = 0;   // 1 / rank of the right object; 0 when it is not on the page
 };
 
 // Not thread-safe.
 class RetrievalGallery {
  public:
-  // Describes and stores all pictures. Unreadable pictures and those with too few features are
-  // removed from the set and listed in its `skipped`. Throws errors of Engine that affect all,
+  // Describes and stores all pictures. Those that are unreadable or have too few features are taken
+  // out of the set and named in its `skipped`. Throws what Engine throws when all are concerned,
   // kCancelled on a stop, and what CheckRetrievalSet throws for what is left.
   RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
 
@@ -62,7 +62,7 @@ class RetrievalGallery {
   std::vector<RetrievalAnswer> Ask(SearchOptions search);
 
   // The same by object on the first page, with the times of quantisation, ranking and verification.
-  // The ranks are meaningful only for sets whose queries are not searched themselves.
+  // Only for sets whose queries are not searched themselves are the ranks worth anything.
   ObjectAnswer AskForObjects(SearchOptions search, RetrievalTimes* times);
 
   // Decoding, detection and description of the first queries (20 at most), one at a time.

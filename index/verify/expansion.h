@@ -29,9 +29,9 @@ struct ExpansionOptions {
   int threads = 1;         // pictures in parallel; 0 = all cores
 };
 
-// The pictures that have more evidence through others than of their own, by key. `pictures` are the
-// verified pictures of the query. `load` is as in Rerank; `nearest` returns the `depth` pictures
-// most similar to the given features by their words, best first. Deterministic.
+// By key: the pictures that have more evidence through others than by themselves. `pictures` are
+// verified already. `load` is as in Rerank; `nearest` ranks the pictures most like some features by
+// their words, best first, `depth` of them. Deterministic.
 std::unordered_map<std::int64_t, Support> Expand(
     const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load,

@@ -38,9 +38,9 @@ struct RerankOptions {
   int threads = 1;  // pictures at a time; 0 = all cores
 };
 
-// Verifies the pictures of `ranking`, in its order. `load` returns the features of a picture, or
-// nullopt if it was removed in the meantime; that picture stays unverified. It is called from
-// several threads. Deterministic.
+// Verifies the pictures of `ranking`, in its order. `load` gives a
+// picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
+// is called from several threads. Deterministic.
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t key)>& load);

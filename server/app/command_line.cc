@@ -24,7 +24,7 @@ struct NumberFlag {
 
 // In the order of --help.
 constexpr NumberFlag kNumbers[] = {
-    {"--cores", &ServerOptions::cores, 0, 1024, "Cores for description and ranking; 0 = all"},
+    {"--cores", &ServerOptions::cores, 0, 1024, "Cores for describing and ranking; 0 = all"},
     {"--http-threads", &ServerOptions::http_threads, 1, 4096, "Connections served at once"},
     {"--connection-queue", &ServerOptions::connection_queue, 1, 65536,
      "Connections that may wait for a thread; more get 503"},
@@ -117,7 +117,7 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
           "PEM file with the certificate chain; enables HTTPS");
   AddText(app, "--tls-key", options.tls_key, "PEM file with the certificate's private key");
   AddText(app, "--cors-origins", options.cors_origins,
-          "Origins allowed by CORS, separated by commas, or *; empty = only the server's own page");
+          "Origins whose pages may ask, with commas between, or *; empty = only the own page");
 }
 
 void Define(CLI::App& app, ServerOptions& options) {

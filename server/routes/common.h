@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Common parts of the routes: uploads, cursors, and the JSON forms of the engine's records.
+// What several routes share: uploads, cursors, and the JSON forms of the engine's records.
 #pragma once
 
 #include <string>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The handlers, by subject. Each function adds its routes to the table.
+// The handlers, by what they serve. Each function adds its routes to the table.
 #pragma once
 
 #include <vector>
