@@ -65,7 +65,7 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("IMAGE", options->image, "the picture")->required();
   app->add_option("--out,-o", options->out, "the file to write")->required()->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
-  app->add_option("--jobs,-j", options->threads, "threads; 0 = one a core")
+  app->add_option("--jobs,-j", options->threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
