@@ -89,6 +89,11 @@ class FeatureExtractor {
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 
+  // Of what DecodeImage made of a file with options().decode, for callers that want more of it (its
+  // format). `timings->decode_ms` is left alone.
+  Features Extract(const DecodedImage& decoded, int threads, ExtractionTimings* timings = nullptr,
+                   PictureRole role = PictureRole::kQuery) const;
+
   // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
   Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
                        PictureRole role = PictureRole::kQuery) const;

@@ -50,6 +50,9 @@ struct DecodedImage {
   ImageFormat format = ImageFormat::kUnknown;
 };
 
+// Type by content ("magic" bytes), never by name. kUnknown when no type fits.
+ImageFormat SniffFormat(Bytes bytes);
+
 // Reads only the header. Throws Error: kUnprocessable "image_empty", "image_truncated";
 // kUnsupportedMediaType "image_type_unknown".
 ImageHeader ReadImageHeader(Bytes bytes);

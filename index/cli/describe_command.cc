@@ -7,8 +7,8 @@
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/features_file.h"
 #include "index/cli/output.h"
-#include "index/cli/safetensors_writer.h"
 #include "index/files/picture_files.h"
 #include "index/files/text.h"
 
@@ -34,7 +34,7 @@ ExitStatus Run(const Options& options) {
                                    options.engine.extraction);
   ExtractionTimings timings;
   const Features features = extractor.Extract(bytes, options.threads, &timings);
-  WriteSafetensors(options.out, features);
+  WriteFeatures(options.out, features);
   if (options.json) {
     Print(Json{{"file", ToDisplayText(options.out.string())},
                {"keypoints", features.keypoints.size()},

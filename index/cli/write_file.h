@@ -3,13 +3,11 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
 #include <string_view>
 
 namespace pliant::cli {
 
-// Replaces the file by the parts, one after the other, in one step. Throws kNoSpace "write_failed".
-void WriteFile(const std::filesystem::path& path, std::span<const std::string_view> parts);
+// Replaces the file in one step (ReplaceFile). Throws kNoSpace "write_failed".
 void WriteFile(const std::filesystem::path& path, std::string_view content);
 
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
