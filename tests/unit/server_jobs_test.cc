@@ -3,8 +3,10 @@
 // Jobs in memory and over restarts, what may be imported, names of backups, and rate limits.
 #include <atomic>
 #include <fstream>
+#include <future>
 #include <latch>
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -135,6 +137,64 @@ TEST_F(JobsTest, GoOnAfterARestart) {
   EXPECT_EQ(order, (std::vector<std::string>{"a", "b"}));
   EXPECT_EQ(jobs.Get(running).state, JobState::kDone);
   EXPECT_EQ(jobs.Get(running).attempts, 1) << "an orderly stop is no failed attempt";
+}
+
+// Another process holds the write lock: rows wait for it, and nobody waits for the rows.
+TEST_F(JobsTest, AreShownWhileTheDatabaseIsBusy) {
+  JobQueue jobs(store_.get());
+  std::atomic<int> steps{0};
+  jobs.Register("train", Kind([&](const JobStatus&, const JobContext& context) {
+                  for (; steps < 3; ++steps) {
+                    context.Progress(steps, 3);
+                    std::this_thread::sleep_for(milliseconds(10));
+                  }
+                  return std::string("/result");
+                }));
+  jobs.Start();
+  auto lock = std::make_unique<SQLite::Database>(database().string(), SQLite::OPEN_READWRITE);
+  lock->exec("BEGIN IMMEDIATE");
+  auto adding = std::async(std::launch::async, [&] { return jobs.Add("train", "default", "{}"); });
+  EXPECT_EQ(adding.wait_for(milliseconds(200)), std::future_status::timeout)
+      << "what is promised must be on the disk";
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_TRUE(jobs.List().empty());
+  EXPECT_TRUE(jobs.Counts().empty());
+  EXPECT_FALSE(jobs.Active("train", "default"));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, milliseconds(500));
+  lock->exec("ROLLBACK");
+  const std::string id = adding.get().id;
+  EXPECT_TRUE(jobs.WaitFor(id, kPatience));
+  EXPECT_EQ(steps, 3);
+}
+
+// Many changes of one job at once: the last one is what a later server finds.
+TEST_F(JobsTest, AreSavedInOrder) {
+  std::vector<std::string> ids;
+  {
+    JobQueue jobs(store_.get());
+    jobs.Register("train", Kind([&](const JobStatus& job, const JobContext& context) {
+                    std::vector<std::jthread> helpers;
+                    for (int t = 0; t < 4; ++t) {
+                      helpers.emplace_back([&] {
+                        for (int i = 0; i < 50; ++i) context.Progress(i, 50);
+                      });
+                    }
+                    helpers.clear();
+                    context.Skipped({job.id, "image_truncated", "it ends"});
+                    return "/result/" + job.id;
+                  }));
+    jobs.Start();
+    for (int i = 0; i < 8; ++i) ids.push_back(jobs.Add("train", "default", "{}").id);
+    for (const std::string& id : ids) EXPECT_TRUE(jobs.WaitFor(id, kPatience));
+  }
+  const std::vector<JobRecord> rows = store_->Jobs();
+  ASSERT_EQ(rows.size(), ids.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].id, ids[i]);
+    EXPECT_EQ(rows[i].state, "done");
+    EXPECT_EQ(rows[i].result, "/result/" + ids[i]);
+    EXPECT_EQ(rows[i].failed, 1U);
+  }
 }
 
 // What a killed server leaves: "running".
