@@ -130,10 +130,11 @@ EngineStats Engine::Impl::Stats() {
   WithDatabaseErrors(path(), [&] { state_->CatchUp(); });
   return Read([&](Connection& db) {
     EngineStats stats;
-    stats.images = static_cast<std::uint64_t>(db.Scalar("SELECT count(*) FROM pictures"));
-    stats.objects = static_cast<std::uint64_t>(db.Scalar("SELECT count(*) FROM objects"));
-    stats.descriptors =
-        static_cast<std::uint64_t>(db.Scalar("SELECT coalesce(sum(keypoints), 0) FROM pictures"));
+    for (const CollectionRow& collection : AllCollections(db)) {
+      stats.images += collection.images;
+      stats.objects += collection.objects;
+      stats.descriptors += collection.descriptors;
+    }
     stats.database_bytes = SizeOf(path()) + SizeOf(path().string() + "-wal");
     stats.index_bytes = state_->memory_bytes();
     stats.descriptor = model_.info.name;

@@ -27,10 +27,12 @@ std::string Train(const JobStatus& job, const JobContext& context, Engine& engin
   options.seed = parameters.at("seed");
   options.threads = std::max(1, lease->cores());
   options.stop = context.stop();
+  options.automatic = parameters.value("automatic", false);
   options.progress = [&](double done, double) { context.Progress(done, 1); };
   const VocabularyRecord made = engine.TrainVocabulary(options);
   if (parameters.at("activate").get<bool>() && !made.active) {
-    engine.UseVocabulary(options.collection, made.id, {options.threads, {}, context.stop()});
+    engine.UseVocabulary(options.collection, made.id,
+                         {options.threads, {}, context.stop(), options.automatic});
   }
   spdlog::info("vocabulary {} of '{}': {} words from {} of {} descriptors", made.id, job.collection,
                made.words, made.origin.sampled, made.origin.available);
@@ -42,7 +44,8 @@ std::string Activate(const JobStatus& job, const JobContext& context, Engine& en
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
   const std::int64_t id = Json::parse(job.parameters).at("vocabulary");
   const UseOptions options{std::max(1, lease->cores()),
-                           [&](double done) { context.Progress(done, 1); }, context.stop()};
+                           [&](double done) { context.Progress(done, 1); }, context.stop(),
+                           /*automatic=*/false};
   engine.UseVocabulary(job.collection, id, options);
   return VocabularyPath(job.collection, id);
 }
@@ -54,7 +57,8 @@ JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activ
                   ToText(Json{{"words", options.words},
                               {"sample", options.sample},
                               {"seed", options.seed},
-                              {"activate", activate}}));
+                              {"activate", activate},
+                              {"automatic", options.automatic}}));
 }
 
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary) {
