@@ -59,7 +59,11 @@ ExitStatus Run(Options& options) {
             " pairs: the set has no more that can be "
             "measured");
   }
-  Print(options.json ? MatchingReportJson(report, options.matching) : MatchingReportText(report));
+  if (options.json) {
+    PrintJson(MatchingReportJson(report, options.matching));
+  } else {
+    Print(MatchingReportText(report));
+  }
   return ExitStatus::kDone;
 }
 

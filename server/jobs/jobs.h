@@ -18,6 +18,7 @@
 #include <thread>
 #include <vector>
 
+#include "index/json/json.h"
 #include "index/store/sqlite/service_store.h"
 #include "server/http/problem.h"
 
@@ -26,6 +27,7 @@ namespace pliant::server {
 enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
 
 std::string JobStateName(JobState state);
+bool IsActive(JobState state);  // it has not ended
 
 // One item that a job left out, and why.
 struct SkippedItem {
@@ -38,7 +40,7 @@ struct JobStatus {
   std::string id;
   std::string kind;  // "train", "activate", "import", "backup"
   std::string collection;
-  std::string parameters = "{}";  // a JSON object
+  Json parameters = Json::object();
   JobState state = JobState::kQueued;
   double done = 0;  // of `total`
   double total = 1;
@@ -99,8 +101,7 @@ class JobQueue {
   void Start();
 
   // Throws ProblemError "busy" when too many jobs wait, and what the store throws.
-  JobStatus Add(const std::string& kind, const std::string& collection,
-                const std::string& parameters);
+  JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters);
 
   // Throw ProblemError "job_not_found".
   JobStatus Get(const std::string& id) const;

@@ -6,8 +6,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include "server/http/json.h"
-
 namespace pliant::server {
 
 namespace {
@@ -18,7 +16,7 @@ std::string VocabularyPath(const std::string& collection, std::int64_t id) {
 
 std::string Train(const JobStatus& job, const JobContext& context, Engine& engine,
                   WorkerPool& pool) {
-  const Json parameters = Json::parse(job.parameters);
+  const Json& parameters = job.parameters;
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
   TrainOptions options;
   options.collection = job.collection;
@@ -42,7 +40,7 @@ std::string Train(const JobStatus& job, const JobContext& context, Engine& engin
 std::string Activate(const JobStatus& job, const JobContext& context, Engine& engine,
                      WorkerPool& pool) {
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
-  const std::int64_t id = Json::parse(job.parameters).at("vocabulary");
+  const std::int64_t id = job.parameters.at("vocabulary");
   const UseOptions options{std::max(1, lease->cores()),
                            [&](double done) { context.Progress(done, 1); }, context.stop(),
                            /*automatic=*/false};
@@ -54,15 +52,15 @@ std::string Activate(const JobStatus& job, const JobContext& context, Engine& en
 
 JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activate) {
   return jobs.Add("train", options.collection,
-                  ToText(Json{{"words", options.words},
-                              {"sample", options.sample},
-                              {"seed", options.seed},
-                              {"activate", activate},
-                              {"automatic", options.automatic}}));
+                  {{"words", options.words},
+                   {"sample", options.sample},
+                   {"seed", options.seed},
+                   {"activate", activate},
+                   {"automatic", options.automatic}});
 }
 
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary) {
-  return jobs.Add("activate", collection, ToText(Json{{"vocabulary", vocabulary}}));
+  return jobs.Add("activate", collection, Json{{"vocabulary", vocabulary}});
 }
 
 void RegisterVocabularyJobs(JobQueue& jobs, Engine& engine, WorkerPool& pool) {

@@ -3,7 +3,7 @@
 // Adding a picture, as the routes that do so share it.
 #pragma once
 
-#include "server/app/service.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 

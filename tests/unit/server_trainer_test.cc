@@ -16,7 +16,7 @@ namespace {
 using pliant::testing::RandomPng;
 using pliant::testing::TemporaryFolder;
 
-constexpr std::chrono::milliseconds kPatience{60'000};
+constexpr std::chrono::milliseconds kTrainingTime{60'000};
 
 class TrainerTest : public ::testing::Test {
  protected:
@@ -54,7 +54,7 @@ class TrainerTest : public ::testing::Test {
   bool Train() {
     const auto job = trainer_->TrainIfDue(kDefaultCollection);
     if (!job) return false;
-    EXPECT_TRUE(jobs_->WaitFor(job->id, kPatience));
+    EXPECT_TRUE(jobs_->WaitFor(job->id, kTrainingTime));
     EXPECT_EQ(jobs_->Get(job->id).state, JobState::kDone);
     return true;
   }
@@ -112,7 +112,7 @@ TEST_F(TrainerTest, LeavesAVocabularyAloneThatSomebodyTrained) {
   TrainOptions options;
   options.seed = AutoTrainer::kSeed;  // the seed does not tell who did it
   const JobStatus job = AddTrainingJob(*jobs_, options, /*activate=*/true);
-  ASSERT_TRUE(jobs_->WaitFor(job.id, kPatience));
+  ASSERT_TRUE(jobs_->WaitFor(job.id, kTrainingTime));
   EXPECT_EQ(Active(), 1);
   AddPictures(5);
   EXPECT_FALSE(Train());
