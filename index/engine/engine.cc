@@ -42,8 +42,7 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
     if (InspectDatabaseFile(file) != FileState::kPliant) {
       if (!options_.create || options_.read_only) {
         throw Error(ErrorCode::kNotFound, "database_not_found",
-                    "there is no database " + DisplayPath(file) +
-                        "; `pliant index DIR --db FILE` makes one");
+                    "there is no database " + DisplayPath(file));
       }
       const std::shared_ptr<const Descriptor> descriptor = MakeDescriptorFor(options_, "deal");
       CreateDatabase(file, descriptor->info());
@@ -99,8 +98,8 @@ void Engine::Impl::SettleExtraction() {
   };
   int& max_keypoints = options_.extraction.keypoints.max_keypoints;
   int& max_side_px = options_.extraction.decode.max_side_px;
-  settle("--max-keypoints", model_.max_keypoints, options_.max_keypoints, max_keypoints);
-  settle("--max-side", model_.max_side_px, options_.max_side_px, max_side_px);
+  settle("max_keypoints", model_.max_keypoints, options_.max_keypoints, max_keypoints);
+  settle("max_side_px", model_.max_side_px, options_.max_side_px, max_side_px);
   const bool decided = model_.max_keypoints != 0 && model_.max_side_px != 0;
   // With no limit to the side there is nothing to write down: 0 means "not decided".
   if (decided || options_.read_only || !options_.load_descriptor) return;
@@ -130,10 +129,11 @@ EngineStats Engine::Impl::Stats() {
   WithDatabaseErrors(path(), [&] { state_->CatchUp(); });
   return Read([&](Connection& db) {
     EngineStats stats;
-    stats.images = static_cast<std::uint64_t>(db.Scalar("SELECT count(*) FROM pictures"));
-    stats.objects = static_cast<std::uint64_t>(db.Scalar("SELECT count(*) FROM objects"));
-    stats.descriptors =
-        static_cast<std::uint64_t>(db.Scalar("SELECT coalesce(sum(keypoints), 0) FROM pictures"));
+    for (const CollectionRow& collection : AllCollections(db)) {
+      stats.images += collection.images;
+      stats.objects += collection.objects;
+      stats.descriptors += collection.descriptors;
+    }
     stats.database_bytes = SizeOf(path()) + SizeOf(path().string() + "-wal");
     stats.index_bytes = state_->memory_bytes();
     stats.descriptor = model_.info.name;

@@ -155,12 +155,15 @@ struct TrainOptions {
   int threads = 0;
   std::function<void(double done, double loss)> progress;
   std::stop_token stop;
+  bool automatic = false;  // nobody asked for it: see CollectionRecord
 };
 
 struct UseOptions {
   int threads = 0;  // 0 = all cores
   std::function<void(double done)> progress;
   std::stop_token stop;
+  // Nobody chose it: then it does not replace one that somebody has chosen meanwhile.
+  bool automatic = false;
 };
 
 struct EngineStats {
@@ -193,6 +196,9 @@ struct CollectionRecord {
   std::uint64_t descriptors = 0;
   std::int64_t created_ms = 0;                 // Unix time
   std::optional<VocabularyRecord> vocabulary;  // the active one
+  // Whether it was trained and put to use by a program on its own (TrainOptions and UseOptions say
+  // so), so that the program may replace it; false once somebody has trained or chosen one.
+  bool automatic = false;
 };
 
 // Fewer key points than this are refused: nothing could be recognised by them.

@@ -13,14 +13,11 @@ CollectionRecord Engine::GetCollection(const std::string& name) {
     CollectionRecord record;
     record.name = row.name;
     record.created_ms = row.created_ms;
-    Cursor counts = db.Prepare(
-        "SELECT count(*), coalesce(sum(keypoints), 0) FROM pictures WHERE collection = ?");
-    counts.Bind(row.key).One();
-    record.images = static_cast<std::uint64_t>(counts.Int(0));
-    record.descriptors = static_cast<std::uint64_t>(counts.Int(1));
-    Cursor objects = db.Prepare("SELECT count(*) FROM objects WHERE collection = ?");
-    record.objects = static_cast<std::uint64_t>(objects.Bind(row.key).One().Int(0));
+    record.images = row.images;
+    record.objects = row.objects;
+    record.descriptors = row.descriptors;
     record.vocabulary = FindVocabulary(db, row, row.active_vocabulary);
+    record.automatic = row.automatic;
     return record;
   });
 }

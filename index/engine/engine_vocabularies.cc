@@ -142,7 +142,7 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
       MarkVocabularyReady(db, key);
       CollectionRow now = RequireCollection(db, options.collection);
       if (now.active_vocabulary == 0) {
-        SetActiveVocabulary(db, now.key, key);
+        SetActiveVocabulary(db, now.key, key, options.automatic);
         now.active_vocabulary = key;
       }
       record = FindVocabulary(db, now, key);
@@ -232,8 +232,10 @@ void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_
     if (options.progress) options.progress(share);
   });
   Write([&](Connection& db) {
+    const CollectionRow now = RequireCollection(db, collection_name);
+    if (options.automatic && now.active_vocabulary != 0 && !now.automatic) return;
     QuantizeRest(db, collection.key, id, quantizer);
-    SetActiveVocabulary(db, collection.key, id);
+    SetActiveVocabulary(db, collection.key, id, options.automatic);
   });
 }
 

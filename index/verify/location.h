@@ -67,9 +67,4 @@ Location Locate(const Verifier& picture, const Features& picture_features, const
 // Throws kInvalidArgument naming the field.
 void Validate(const LocateOptions& options);
 
-// The one form for the command line and the server, members of an object:
-// {"found", "reason": word or null, "keypoints", "matches", "inliers", "inlier_rate",
-// "outline": [[x, y], ...] or null, "mesh": see MeshJson, or null}.
-std::string LocationJson(const Location& location);
-
 }  // namespace pliant

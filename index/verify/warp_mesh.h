@@ -4,7 +4,6 @@
 // outline or un-crumples the object, a tracker that hands its map on.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "descriptor/warp/tps.h"
@@ -36,9 +35,5 @@ struct Mesh {
 // picture narrower than 2 pixels or longer_side outside 2..256.
 Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
               int reference_height, int longer_side = 17);
-
-// {"columns", "rows", "reference_width", "reference_height", "points": [[x, y], ...],
-// "trusted": [true, ...]}, with hundredths of a pixel. The one form for all who send meshes.
-std::string MeshJson(const Mesh& mesh);
 
 }  // namespace pliant

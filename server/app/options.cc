@@ -57,6 +57,20 @@ bool AllLoopback(const std::string& host) {
   return all;
 }
 
+EngineOptions MakeEngineOptions(const ServerOptions& options) {
+  EngineOptions engine;
+  engine.database = options.database;
+  engine.descriptor = options.descriptor;
+  engine.descriptor_options.model_path = options.model;
+  engine.keep_originals = options.keep_originals;
+  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
+  engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
+  engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
+  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
+  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
+  return engine;
+}
+
 }  // namespace
 
 void CheckOptions(const ServerOptions& options) {
@@ -112,24 +126,14 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   return http;
 }
 
-EngineOptions MakeEngineOptions(const ServerOptions& options) {
-  EngineOptions engine;
-  engine.database = options.database;
-  engine.descriptor = options.descriptor;
-  engine.descriptor_options.model_path = options.model;
-  engine.keep_originals = options.keep_originals;
-  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
-  engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
-  engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
-  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
-  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
-  return engine;
-}
-
-WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options) {
-  return {.cores = options.cores,
-          .queue_length = options.queue_length,
-          .queue_timeout = std::chrono::seconds(options.queue_timeout_s)};
+ServiceOptions MakeServiceOptions(const ServerOptions& options) {
+  return {.engine = MakeEngineOptions(options),
+          .pool = {.cores = options.cores,
+                   .queue_length = options.queue_length,
+                   .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
+          .auto_train = options.auto_train,
+          .import_dir = options.import_dir,
+          .backup_dir = options.backup_dir};
 }
 
 bool OpenWithoutKeys(const ServerOptions& options) {

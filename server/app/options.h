@@ -7,9 +7,8 @@
 #include <cstdint>
 #include <string>
 
-#include "index/engine/engine.h"
 #include "server/http/http_server.h"
-#include "server/jobs/worker_pool.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 
@@ -60,8 +59,7 @@ void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);
-EngineOptions MakeEngineOptions(const ServerOptions& options);
-WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options);
+ServiceOptions MakeServiceOptions(const ServerOptions& options);
 
 // Whether all requests are allowed as long as there are no API keys: on loopback, or with
 // --allow-anonymous.

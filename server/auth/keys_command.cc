@@ -66,8 +66,8 @@ int List(const Options& options) {
         {{"id", key.id},
          {"name", key.name},
          {"scope", key.scope},
-         {"created_at", FormatTime(key.created_ms)},
-         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(FormatTime(key.revoked_ms))}});
+         {"created_at", IsoTime(key.created_ms)},
+         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(IsoTime(key.revoked_ms))}});
   }
   if (options.json) {
     fmt::print("{}\n", ToText(Json{{"keys", list}}));
@@ -75,8 +75,8 @@ int List(const Options& options) {
   }
   if (keys.empty()) fmt::print("no keys\n");
   for (const ApiKeyRecord& key : keys) {
-    fmt::print("{}  {:<5}  {}  {}{}\n", key.id, key.scope, FormatTime(key.created_ms), key.name,
-               key.revoked_ms == 0 ? "" : "  (revoked " + FormatTime(key.revoked_ms) + ")");
+    fmt::print("{}  {:<5}  {}  {}{}\n", key.id, key.scope, IsoTime(key.created_ms), key.name,
+               key.revoked_ms == 0 ? "" : "  (revoked " + IsoTime(key.revoked_ms) + ")");
   }
   return 0;
 }

@@ -11,4 +11,6 @@ namespace pliant::server {
 JobRecord ToRecord(const JobStatus& status);
 JobStatus FromRecord(const JobRecord& record);
 
+std::int64_t UnixMs();  // now
+
 }  // namespace pliant::server

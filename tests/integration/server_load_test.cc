@@ -28,13 +28,6 @@ class ServerLoadTest : public ::testing::Test {
 
 std::string ImagePath(int number) { return std::string(kImages) + "/p" + std::to_string(number); }
 
-// The number behind "name " in the metrics.
-double Metric(httplib::Client& client, const std::string& name) {
-  const std::string text = client.Get("/metrics")->body;
-  const std::size_t at = text.find("\n" + name + " ");
-  return at == std::string::npos ? -1 : std::stod(text.substr(at + name.size() + 2));
-}
-
 TEST_F(ServerLoadTest, EightClientsMixEverything) {
   const ServerProcess server(database());
   constexpr int kClients = 8;

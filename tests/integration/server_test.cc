@@ -213,6 +213,8 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   EXPECT_THAT(metrics, ::testing::HasSubstr(R"(route="livez")"));
   EXPECT_THAT(metrics, ::testing::HasSubstr("pliant_http_request_seconds_bucket"));
   EXPECT_THAT(metrics, ::testing::Not(::testing::HasSubstr("nothing")));  // no series by clients
+  EXPECT_EQ(Metric(client, "pliant_images"), 0);
+  EXPECT_THROW(Metric(client, "pliant_nothing"), std::runtime_error);
 }
 
 TEST_F(ServerTest, RequestIdsAndLog) {

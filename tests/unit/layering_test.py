@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The house's walls: a folder includes only what stands below it, a third-party library stays in
-the folders that own it, and the public headers of a folder show none of them."""
+"""The house's walls: a folder includes only what stands below it, and so does a room of the server;
+a third-party library stays in the folders that own it, and the public headers of a folder show none
+of them; a library's messages name options, never flags of a program."""
 import pathlib
 import re
 import sys
@@ -19,6 +20,11 @@ OWNERS = {
     "httplib": {"server"},
     "prometheus/": {"server"},
 }
+# Bottom to top; rooms of one floor do not know each other.
+SERVER_FLOORS = [{"http", "web"}, {"auth", "jobs", "openapi"}, {"routes"}, {"app"}]
+# Where flags may be named: the programs and what parses their command lines.
+PROGRAMS = re.compile(r"^(index/cli/|server/|descriptor/.*_main\.cc)")
+FLAG = re.compile(r'"(?:[^"\\\n]|\\.)*?(?<![\w-])--[a-z](?:[^"\\\n]|\\.)*"')
 # The simulator's core must build where there is only a compiler, Eigen and nlohmann-json (headers).
 SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/")
 SIMULATION = pathlib.Path("descriptor/simulation")
@@ -30,13 +36,24 @@ def sources(root):
                   if p.suffix in {".h", ".cc", ".inl"})
 
 
+def floor(room):
+    return next((i for i, rooms in enumerate(SERVER_FLOORS) if room in rooms), None)
+
+
 def problems(root):
     found = []
     for path in sources(root):
         relative = path.relative_to(root)
         layer = relative.parts[0]
-        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+        text = path.read_text(encoding="utf-8")
+        for line in text.splitlines():
+            if not PROGRAMS.match(relative.as_posix()) and FLAG.search(line.split("//")[0]):
+                found.append(f"{relative} names a flag of a program: {line.strip()}")
+        for header in INCLUDE.findall(text):
             target = header.split("/")[0]
+            if layer == target == "server" and header.split("/")[1] != relative.parts[1]:
+                if floor(header.split("/")[1]) >= floor(relative.parts[1]):
+                    found.append(f"{relative} includes {header}, which does not stand below it")
             if target in LAYERS and LAYERS.index(target) > LAYERS.index(layer):
                 found.append(f"{relative} includes {header}: {target} stands above {layer}")
             for prefix, owners in OWNERS.items():

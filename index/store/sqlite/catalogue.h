@@ -29,6 +29,10 @@ struct CollectionRow {
   Key model = 0;
   Key active_vocabulary = 0;
   std::int64_t created_ms = 0;
+  bool automatic = false;  // see CollectionRecord
+  std::uint64_t images = 0;
+  std::uint64_t objects = 0;
+  std::uint64_t descriptors = 0;
 };
 
 struct PictureRow {
@@ -45,7 +49,8 @@ std::optional<CollectionRow> FindCollection(Connection& db, const std::string& n
 CollectionRow RequireCollection(Connection& db, const std::string& name);  // or kNotFound
 std::vector<CollectionRow> AllCollections(Connection& db);
 Key InsertCollection(Connection& db, const std::string& name, Key model);
-void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary);
+// `automatic`: nobody chose it.
+void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic);
 
 // objects (catalogue_collections.cc)
 Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 = none

@@ -8,10 +8,19 @@ namespace pliant {
 namespace {
 
 constexpr const char* kSelectCollection =
-    "SELECT key, name, model, active_vocabulary, created_ms FROM collections ";
+    "SELECT key, name, model, active_vocabulary, created_ms, automatic, images, objects, "
+    "descriptors FROM collections ";
 
 CollectionRow ToCollection(const Cursor& row) {
-  return {row.Int(0), row.Text(1), row.Int(2), row.IsNull(3) ? 0 : row.Int(3), row.Int(4)};
+  return {row.Int(0),
+          row.Text(1),
+          row.Int(2),
+          row.IsNull(3) ? 0 : row.Int(3),
+          row.Int(4),
+          row.Int(5) != 0,
+          static_cast<std::uint64_t>(row.Int(6)),
+          static_cast<std::uint64_t>(row.Int(7)),
+          static_cast<std::uint64_t>(row.Int(8))};
 }
 
 }  // namespace
@@ -62,9 +71,9 @@ Key InsertCollection(Connection& db, const std::string& name, Key model) {
   return db.last_insert_key();
 }
 
-void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary) {
-  db.Prepare("UPDATE collections SET active_vocabulary = ? WHERE key = ?")
-      .Bind(vocabulary, collection)
+void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic) {
+  db.Prepare("UPDATE collections SET active_vocabulary = ?, automatic = ? WHERE key = ?")
+      .Bind(vocabulary, automatic ? 1 : 0, collection)
       .Run();
 }
 
