@@ -49,6 +49,7 @@ class HttpServer::Impl final : public LibraryServer {
         shared_{router,
                 std::move(admit),
                 options_.allowed_origins,
+                AllowedHosts(options_.host, options_.allowed_hosts),
                 !options_.tls_certificate.empty(),
                 options_.limits.max_body_bytes,
                 options_.max_inflight_bytes},
