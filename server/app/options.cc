@@ -87,6 +87,15 @@ void CheckOptions(const ServerOptions& options) {
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
   }
+  const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
+  for (const std::string& one : SplitAtCommas(options.allowed_hosts)) {
+    if (!std::regex_match(one, host)) {
+      fail("allowed-hosts",
+           "must be names like pictures.example without scheme and port, with "
+           "commas between, or *, not '" +
+               one + "'");
+    }
+  }
   const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
   for (const std::string& one : SplitAtCommas(options.cors_origins)) {
     if (!std::regex_match(one, origin)) {
@@ -101,6 +110,7 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   http.tls_certificate = options.tls_cert;
   http.tls_key = options.tls_key;
   http.allowed_origins = SplitAtCommas(options.cors_origins);
+  http.allowed_hosts = SplitAtCommas(options.allowed_hosts);
   const std::size_t colon = options.listen.rfind(':');
   const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);

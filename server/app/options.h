@@ -46,11 +46,12 @@ struct ServerOptions {
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
 
-  std::string import_dir;    // pictures may be imported from below it; empty = off
-  std::string backup_dir;    // backups over HTTP go there; empty = off
-  std::string tls_cert;      // PEM file; empty = no TLS
-  std::string tls_key;       // PEM file
-  std::string cors_origins;  // "https://a.example,https://b.example", "*"; empty = none
+  std::string import_dir;     // pictures may be imported from below it; empty = off
+  std::string backup_dir;     // backups over HTTP go there; empty = off
+  std::string tls_cert;       // PEM file; empty = no TLS
+  std::string tls_key;        // PEM file
+  std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
+  std::string allowed_hosts;  // "pictures.example,shop.example", "*"; empty = own names only
 };
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate

@@ -50,8 +50,8 @@ void AddScopeCodes(const Route& route, Codes& codes) {
 
 std::set<std::string> RouteCodes(const Route& route) {
   // What any request may meet, whatever it asks for.
-  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",    "expectation_failed",
-                 "request_timeout", "internal",     "range_not_satisfiable"};
+  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",     "expectation_failed",
+                 "request_timeout", "internal",     "range_not_satisfiable", "host_not_allowed"};
   AddScopeCodes(route, codes);
   AddBodyCodes(route, codes);
   AddParameterCodes(route, codes);
