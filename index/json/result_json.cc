@@ -6,6 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "index/verify/warp_mesh.h"
+
 namespace pliant {
 namespace {
 

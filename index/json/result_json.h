@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "index/engine/engine.h"
+#include "index/records/records.h"
 
 namespace pliant {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "index/engine/engine.h"
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/app/metrics.h"
 #include "server/app/options.h"
 #include "server/http/router.h"

@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {

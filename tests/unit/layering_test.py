@@ -1,21 +1,36 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The house's walls: a folder includes only what stands below it, a third-party library stays in
-the folders that own it, and the public headers of a folder show none of them."""
+"""The house's walls: a folder includes only what stands below it, and so does each room of a folder;
+a third-party library stays in the folders that own it, the database in its room, and the public
+headers of a folder show none of them."""
 import pathlib
 import re
 import sys
 
 LAYERS = ["descriptor", "vocab", "index", "server"]  # bottom to top
+# The rooms of a folder, bottom to top. A room that is not named here is a problem, too.
+ROOMS = {
+    "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
+                   "evaluation", "training"],
+    "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "json", "engine",
+              "tracking", "evaluation", "cli"],
+    "server": ["web", "http", "auth", "openapi", "jobs", "routes", "app"],
+}
+# Rooms that nobody else includes: what is in them is made by a factory that stands below.
+CLOSED = {"index/store/sqlite"}
+# Arrows upwards that are known: a route works on the Service that owns it.
+KNOWN_UPWARDS = {("server/routes", "server/app/service.h")}
+# The word, in code and comments, and the one room that may say it.
+DATABASE = (re.compile(r"sqlite", re.IGNORECASE), {"index", "server"}, "index/store/sqlite")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # Library header prefix -> folders that may include it.
 OWNERS = {
     "opencv2/": {"descriptor"},
     "dnnl": {"descriptor"},
     "torch/": set(),
-    "SQLiteCpp/": {"index"},
-    "sqlite3": {"index"},
+    "SQLiteCpp/": {"index/store/sqlite"},
+    "sqlite3": {"index/store/sqlite"},
     "httplib": {"server"},
     "prometheus/": {"server"},
 }
@@ -29,17 +44,47 @@ def sources(root):
                   if p.suffix in {".h", ".cc", ".inl"})
 
 
+def room_of(path):
+    """("index", "store/sqlite") of index/store/sqlite/schema.h."""
+    folder, *rest = pathlib.PurePosixPath(path).parts[:-1]
+    return folder, "/".join(rest)
+
+
+def room_problems(relative, header):
+    folder, room = room_of(relative)
+    target_folder, target = room_of(header) if "/" in header else ("", "")
+    if target_folder != folder or folder not in ROOMS or target == room:
+        return []
+    order = ROOMS[folder]
+    if target not in order:
+        return [f"{relative} includes {header}: there is no room {target}"]
+    if f"{folder}/{target}" in CLOSED:
+        return [f"{relative} includes {header}: {target} is closed to other rooms"]
+    if order.index(target) > order.index(room) and \
+            (f"{folder}/{room}", header) not in KNOWN_UPWARDS:
+        return [f"{relative} includes {header}: {target} stands above {room}"]
+    return []
+
+
 def problems(root):
     found = []
     for path in sources(root):
         relative = path.relative_to(root)
-        layer = relative.parts[0]
-        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+        layer, room = room_of(relative)
+        text = path.read_text(encoding="utf-8")
+        if layer in ROOMS and room not in ROOMS[layer]:
+            found.append(f"{relative} lies in {room or 'no room'}, which is no room of {layer}")
+            continue
+        word, folders, home = DATABASE
+        if layer in folders and f"{layer}/{room}" != home and word.search(text):
+            found.append(f"{relative} names the database, which only {home} knows")
+        for header in INCLUDE.findall(text):
+            found += room_problems(relative, header)
             target = header.split("/")[0]
             if target in LAYERS and LAYERS.index(target) > LAYERS.index(layer):
                 found.append(f"{relative} includes {header}: {target} stands above {layer}")
             for prefix, owners in OWNERS.items():
-                if header.startswith(prefix) and layer not in owners:
+                if header.startswith(prefix) and not {layer, f"{layer}/{room}"} & owners:
                     found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")
     installed = (root / "cmake" / "PliantInstall.cmake").read_text(encoding="utf-8")
     for public in re.findall(r"\b(?:descriptor|vocab|index)/[\w/]+\.h\b", installed):
