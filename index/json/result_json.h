@@ -3,8 +3,8 @@
 // The JSON form of a search result, for the command line and the HTTP server.
 #pragma once
 
-#include "index/engine/engine.h"
 #include "index/json/json.h"
+#include "index/records/records.h"
 
 namespace pliant {
 

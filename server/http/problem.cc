@@ -64,6 +64,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"busy", 503, "too much to do at the moment; Retry-After says when to come again"},
     {"starting", 503, "the index is still loading"},
     {"stopping", 503, "the server is being stopped"},
+    {"read_only", 500, "the server may not write where it keeps this"},
     {"no_space", 507, "the server's disk is full"},
 });
 
@@ -104,6 +105,7 @@ Problem MakeProblem(const std::string& code, const std::string& detail) {
 // What a client may know of a failure on this side.
 std::string PublicDetail(const std::string& code) {
   if (code == "busy") return "The server is busy. Try again shortly.";
+  if (code == "read_only") return "The server may not write where it keeps this.";
   if (code == "no_space") return "The server has no space left to store this.";
   return "Something went wrong on the server. Its log has more under the request id.";
 }
@@ -121,7 +123,10 @@ Problem FromError(const Error& error) {
     }
     return problem;
   }
-  problem.code = problem.status == 503 ? "busy" : problem.status == 507 ? "no_space" : "internal";
+  problem.code = problem.status == 503                  ? "busy"
+                 : problem.status == 507                ? "no_space"
+                 : error.code() == ErrorCode::kReadOnly ? "read_only"
+                                                        : "internal";
   problem.detail = PublicDetail(problem.code);
   problem.internal = error.reason() + ": " + error.what();
   if (problem.status == 503) problem.retry_after_s = kDefaultRetryAfterS;
@@ -181,6 +186,7 @@ int StatusOf(ErrorCode code) {
       return 503;
     case ErrorCode::kNoSpace:
       return 507;
+    case ErrorCode::kReadOnly:
     case ErrorCode::kCorrupt:
     case ErrorCode::kInternal:
       return 500;

@@ -3,7 +3,7 @@
 // A job as it is kept in the database, and back.
 #pragma once
 
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/jobs/jobs.h"
 
 namespace pliant::server {

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "index/json/json.h"
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {

@@ -43,7 +43,7 @@ void AddParameterCodes(const Route& route, Codes& codes) {
 void AddScopeCodes(const Route& route, Codes& codes) {
   if (route.scope != Scope::kPublic)
     codes.insert({"unauthorized", "forbidden", "rate_limited", "starting"});
-  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "busy"});
+  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only", "busy"});
 }
 
 }  // namespace

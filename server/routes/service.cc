@@ -30,7 +30,7 @@ void Service::Open() {
   if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
     spdlog::info("removed {} files of no picture from the originals' directory", swept);
   }
-  store_ = std::make_unique<ServiceStore>(options.engine.database);
+  store_ = OpenServiceStore(options.engine.database);
   jobs = std::make_unique<JobQueue>(store_.get());
   RegisterVocabularyJobs(*jobs, *engine_, pool);
   const auto on_added = [this](const std::string& collection) {

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "index/engine/engine.h"
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/demonstration.h"

@@ -204,6 +204,7 @@ TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
                                                            {ErrorCode::kUnprocessable, 422},
                                                            {ErrorCode::kUnavailable, 503},
                                                            {ErrorCode::kNoSpace, 507},
+                                                           {ErrorCode::kReadOnly, 500},
                                                            {ErrorCode::kCancelled, 503},
                                                            {ErrorCode::kInternal, 500}};
   for (const auto& [code, status] : statuses) {

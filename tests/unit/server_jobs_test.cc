@@ -51,7 +51,7 @@ class JobsTest : public ::testing::Test {
     options.database = database();
     options.descriptor = "rootsift";
     const Engine made(options);
-    store_ = std::make_unique<ServiceStore>(database());
+    store_ = OpenServiceStore(database());
   }
   std::filesystem::path database() { return folder_ / "x.db"; }
 

@@ -31,10 +31,10 @@ ModelRow ReadModel(Connection& db) {
       "FROM models ORDER BY key LIMIT 1");
   row.One();
   return {row.Int(0),
-          {row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
-           row.Text(2)},
-          static_cast<int>(row.Int(5)),
-          static_cast<int>(row.Int(6))};
+          {{row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
+            row.Text(2)},
+           static_cast<int>(row.Int(5)),
+           static_cast<int>(row.Int(6))}};
 }
 
 void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px) {
@@ -71,6 +71,10 @@ Key InsertCollection(Connection& db, const std::string& name, Key model) {
   return db.last_insert_key();
 }
 
+void DeleteCollection(Connection& db, Key collection) {
+  db.Prepare("DELETE FROM collections WHERE key = ?").Bind(collection).Run();
+}
+
 void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic) {
   db.Prepare("UPDATE collections SET active_vocabulary = ?, automatic = ? WHERE key = ?")
       .Bind(vocabulary, automatic ? 1 : 0, collection)
@@ -88,6 +92,16 @@ Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) 
   if (const Key found = FindObject(db, collection, name)) return found;
   db.Prepare("INSERT INTO objects (collection, name) VALUES (?, ?)").Bind(collection, name).Run();
   return db.last_insert_key();
+}
+
+std::uint64_t CountPicturesOf(Connection& db, Key object) {
+  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE object = ?");
+  return static_cast<std::uint64_t>(images.Bind(object).One().Int(0));
+}
+
+std::uint64_t CountPicturesIn(Connection& db, Key collection) {
+  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE collection = ?");
+  return static_cast<std::uint64_t>(images.Bind(collection).One().Int(0));
 }
 
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
