@@ -14,7 +14,7 @@
 #include "server/http/problem.h"
 #include "server/openapi/document.h"
 #include "server/openapi/route_codes.h"
-#include "server/routes/service.h"
+#include "server/routes/routes.h"
 
 namespace pliant::server {
 namespace {
