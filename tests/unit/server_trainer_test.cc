@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "index/store/open_store.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/training_job.h"
 #include "tests/unit/index_test_pictures.h"
@@ -28,7 +29,7 @@ class TrainerTest : public ::testing::Test {
     options.database = folder_ / "x.db";
     options.descriptor = "rootsift";
     engine_ = std::make_unique<Engine>(options);
-    store_ = std::make_unique<ServiceStore>(options.database);
+    store_ = OpenServiceStore(options.database);
     jobs_ = std::make_unique<JobQueue>(store_.get());
     RegisterVocabularyJobs(*jobs_, *engine_, pool_);
     jobs_->Start();
