@@ -144,7 +144,7 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
   vocabulary.thresholds.resize(vocabulary_size * kSignatureBits);
   const Key words = InsertVocabulary(db, collection.key, collection.model, vocabulary);
   MarkVocabularyReady(db, words);
-  SetActiveVocabulary(db, collection.key, words);
+  SetActiveVocabulary(db, collection.key, words, false);
   std::mt19937_64 random(1);
   PictureRow row;
   row.record.sha256 = std::string(64, 'a');
