@@ -23,6 +23,17 @@ struct VocabularyOrigin {
   std::string method;           // "fasterpam", "fasterpam tree"
 };
 
+// How residuals to the words are coded; see vocab/residual_codes.h.
+struct Codebook {
+  int parts = 0;                 // of 16 centroids each; 0 = none
+  int part_dim = 0;              // components of a part; parts * part_dim >= dim of the words
+  std::vector<float> rotation;   // (parts * part_dim) x dim, row-major, orthonormal columns
+  std::vector<float> centroids;  // parts x 16 x part_dim
+
+  bool empty() const { return parts == 0; }
+  std::size_t padded_dim() const { return static_cast<std::size_t>(parts) * part_dim; }
+};
+
 struct Vocabulary {
   Descriptors words;     // k x dim
   std::string model_id;  // of the descriptors; only features of this model may be quantised
@@ -30,6 +41,7 @@ struct Vocabulary {
   // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as those made by
   // the first versions of Pliant.
   std::vector<float> thresholds;
+  Codebook codebook;  // empty = without codes, as the vocabularies of earlier versions are
 
   std::size_t size() const { return words.rows; }
 };
