@@ -126,18 +126,20 @@ Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t
                        const Descriptors& words, const CodebookOptions& options) {
   Check(samples, assignment, options);
   Codebook book;
-  if (samples.kind != DescriptorKind::kFloat) return book;
-  book.parts = std::max(2, std::min(2 * options.bytes, samples.dim / 2 * 2));
-  book.part_dim = (samples.dim + book.parts - 1) / book.parts;
-  const int padded = book.parts * book.part_dim;
+  book.code_bytes = samples.dim;
+  if (samples.kind == DescriptorKind::kBinary) return book;
+  book.code_bytes = std::max(1, std::min(options.bytes, samples.dim / 2));
+  const int parts = 2 * book.code_bytes;
+  book.part_dim = (samples.dim + parts - 1) / parts;
+  const int padded = parts * book.part_dim;
   const Matrix residuals = Residuals(samples, assignment, words, padded);
-  Matrix rotation = StartRotation(residuals, book.parts, book.part_dim);
-  std::vector<Matrix> centroids(static_cast<std::size_t>(book.parts));
+  Matrix rotation = StartRotation(residuals, parts, book.part_dim);
+  std::vector<Matrix> centroids(static_cast<std::size_t>(parts));
   Matrix decoded(residuals.rows(), residuals.cols());
   std::mt19937_64 random(options.seed);
   for (int i = 0; i < options.iterations; ++i) {
     const Matrix rotated = residuals * rotation.transpose();
-    for (int p = 0; p < book.parts; ++p) {
+    for (int p = 0; p < parts; ++p) {
       const PartClustering part(rotated, p * book.part_dim, book.part_dim);
       Matrix& mine = centroids[static_cast<std::size_t>(p)];
       if (i == 0) mine = part.Seed(&random);

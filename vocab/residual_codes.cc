@@ -51,8 +51,11 @@ std::size_t Nibble(const std::uint8_t* code, std::size_t p) {
 
 void CheckCodebook(const Codebook& codebook, const Descriptors& words) {
   if (codebook.empty()) return;
-  if (words.kind != DescriptorKind::kFloat) ThrowMalformed("is for words that are not binary");
-  if (codebook.parts < 0 || codebook.parts % 2 != 0 || codebook.part_dim < 1 ||
+  if (words.kind == DescriptorKind::kBinary) {
+    if (codebook.code_bytes != words.dim) ThrowMalformed("does not fit its words");
+    return;
+  }
+  if (codebook.code_bytes < 0 || codebook.code_bytes > 128 || codebook.part_dim < 1 ||
       codebook.padded_dim() < static_cast<std::size_t>(words.dim)) {
     ThrowMalformed("does not fit its words");
   }
@@ -69,11 +72,10 @@ void CheckCodebook(const Codebook& codebook, const Descriptors& words) {
 ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
     : vocabulary_(std::move(vocabulary)),
       binary_(vocabulary_->words.kind == DescriptorKind::kBinary),
-      code_bytes_(static_cast<std::size_t>(binary_ ? vocabulary_->words.dim
-                                                   : vocabulary_->codebook.parts / 2)) {
-  if (binary_) return;
+      code_bytes_(static_cast<std::size_t>(vocabulary_->codebook.code_bytes)) {
   if (vocabulary_->codebook.empty()) ThrowMalformed("is missing");
   CheckCodebook(vocabulary_->codebook, vocabulary_->words);
+  if (binary_) return;
   double largest = 0;  // squared norm of a word
   for (std::size_t w = 0; w < vocabulary_->size(); ++w) {
     const auto word = vocabulary_->words.float_row(w);
@@ -113,7 +115,7 @@ void ResidualCoder::Encode(const Descriptors& descriptors, std::size_t row, std:
   for (std::size_t d = 0; d < residual.size(); ++d) residual[d] -= of_word[d];
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
   std::fill_n(code, code_bytes_, std::uint8_t{0});
-  for (std::size_t p = 0; p < static_cast<std::size_t>(book.parts); ++p) {
+  for (std::size_t p = 0; p < book.parts(); ++p) {
     const std::size_t nearest =
         NearestCentroid(residual.data() + p * part_dim,
                         book.centroids.data() + p * kCentroids * part_dim, part_dim);
@@ -127,7 +129,7 @@ std::int16_t ResidualCoder::Bias(std::uint32_t word, const std::uint8_t* code) c
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
   const float* of_word = rotated_words_.data() + word * book.padded_dim();
   float bias = 0;
-  for (std::size_t p = 0; p < static_cast<std::size_t>(book.parts); ++p) {
+  for (std::size_t p = 0; p < book.parts(); ++p) {
     const float* centroid = book.centroids.data() + (p * kCentroids + Nibble(code, p)) * part_dim;
     for (std::size_t d = 0; d < part_dim; ++d) {
       bias += centroid[d] * (centroid[d] + 2 * of_word[p * part_dim + d]);
@@ -138,7 +140,7 @@ std::int16_t ResidualCoder::Bias(std::uint32_t word, const std::uint8_t* code) c
 
 LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
   const Codebook& book = vocabulary_->codebook;
-  const auto parts = static_cast<std::size_t>(book.parts);
+  const std::size_t parts = book.parts();
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
   const std::vector<float> rotated = Rotated(query);
   std::vector<float> values(parts * kCentroids);

@@ -33,8 +33,8 @@ struct CodebookOptions {
 };
 
 // Learned on the residuals of `samples` to their words: assignment[i] is the word of sample i.
-// Deterministic. Binary descriptors need none: an empty codebook. Throws kInvalidArgument
-// "codebook_options_invalid", "no_samples".
+// Deterministic. For binary descriptors there is nothing to learn but the size. Throws
+// kInvalidArgument "codebook_options_invalid", "no_samples".
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
                        const Descriptors& words, const CodebookOptions& options = {});
 
@@ -53,7 +53,7 @@ struct LookupTable {
 // Descriptors to codes. Immutable and thread-safe.
 class ResidualCoder {
  public:
-  // The vocabulary must have a codebook, or words that are binary.
+  // Throws kInvalidArgument "codebook_malformed", also for a vocabulary without codebook.
   explicit ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary);
 
   bool binary() const { return binary_; }

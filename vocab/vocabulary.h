@@ -25,13 +25,15 @@ struct VocabularyOrigin {
 
 // How residuals to the words are coded; see vocab/residual_codes.h.
 struct Codebook {
-  int parts = 0;                 // of 16 centroids each; 0 = none
-  int part_dim = 0;              // components of a part; parts * part_dim >= dim of the words
-  std::vector<float> rotation;   // (parts * part_dim) x dim, row-major, orthonormal columns
-  std::vector<float> centroids;  // parts x 16 x part_dim
+  int code_bytes = 0;  // per descriptor; 0 = no codes
+  // Floats only: a code has two parts a byte, of 16 centroids each.
+  int part_dim = 0;              // components of a part; parts() * part_dim >= dim of the words
+  std::vector<float> rotation;   // (parts() * part_dim) x dim, row-major, orthonormal columns
+  std::vector<float> centroids;  // parts() x 16 x part_dim
 
-  bool empty() const { return parts == 0; }
-  std::size_t padded_dim() const { return static_cast<std::size_t>(parts) * part_dim; }
+  bool empty() const { return code_bytes == 0; }
+  std::size_t parts() const { return 2 * static_cast<std::size_t>(code_bytes); }
+  std::size_t padded_dim() const { return parts() * static_cast<std::size_t>(part_dim); }
 };
 
 struct Vocabulary {

@@ -222,7 +222,8 @@ TEST(ResidualCodesTest, BinaryDescriptorsAreTheirOwnCodes) {
   for (std::uint8_t& byte : samples.bytes) byte = static_cast<std::uint8_t>(random());
   Trained trained{std::make_shared<Vocabulary>(), std::vector<std::uint32_t>(70, 0)};
   trained.vocabulary->words = SelectRows(samples, std::vector<std::uint32_t>{0});
-  EXPECT_TRUE(TrainCodebook(samples, trained.assignment, trained.vocabulary->words).empty());
+  trained.vocabulary->codebook =
+      TrainCodebook(samples, trained.assignment, trained.vocabulary->words);
   const ResidualCoder coder(trained.vocabulary);
   const WordList list = ListOf(trained, coder, samples, 0);
   CodeQuery query;
@@ -245,7 +246,8 @@ TEST(ResidualCodesTest, MalformedCodebooksAreRefused) {
                 [&] { ResidualCoder coder(vocabulary); });
   };
   refuse([](Codebook* book) { *book = {}; });
-  refuse([](Codebook* book) { book->parts = 3; });
+  refuse([](Codebook* book) { book->code_bytes = 3; });
+  refuse([](Codebook* book) { book->code_bytes = -1; });
   refuse([](Codebook* book) { book->part_dim = 1; });
   refuse([](Codebook* book) { book->rotation.pop_back(); });
   refuse([](Codebook* book) { book->centroids.pop_back(); });
