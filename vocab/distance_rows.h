@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of the N x N distance matrix of a sample: kept in memory where that fits, computed again
-// whenever they are asked for where it does not. Both give the same bits.
+// Rows of the N x N distance matrix of a sample: stored if the matrix fits in memory, otherwise
+// recomputed on each access. Both give bit-identical values.
 #pragma once
 
 #include <cstddef>
@@ -18,8 +18,8 @@ namespace pliant {
 class DistanceRows {
  public:
   // Keeps the whole matrix if it takes at most `max_matrix_bytes`. `samples` must outlive this.
-  // `checkpoint` is called now and then with the share of the matrix that is done, from this
-  // thread, and may throw to stop.
+  // `checkpoint` is called periodically with the fraction of the matrix that is done, from this
+  // thread, and may throw to cancel.
   DistanceRows(const Descriptors& samples, std::uint64_t max_matrix_bytes, int threads,
                const std::function<void(double done)>& checkpoint);
 

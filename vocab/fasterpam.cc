@@ -55,7 +55,9 @@ void FasterPam::Search(const std::vector<std::uint32_t>& samples) {
   }
 }
 
-// Sums anew instead of adding changes up, so that no rounding error gathers over the swaps.
+// removal_loss_: when a medoid goes, its samples move to their second nearest, and no others move
+// (the paper's Delta TD^-). Sums anew instead of adding changes up, so that no rounding error
+// gathers over the swaps.
 void FasterPam::UpdateSums() {
   std::fill(removal_loss_.begin(), removal_loss_.end(), 0.0);
   loss_ = 0;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The state and the two steps of FasterPAM (Schubert and Rousseeuw 2021, Algorithm 3). Not for
-// use outside vocab/; see vocab/k_medoids.h.
+// The state and the two steps of FasterPAM (Schubert and Rousseeuw 2021, Algorithm 3). Internal
+// to vocab/; see vocab/k_medoids.h.
 #pragma once
 
 #include <cstddef>
@@ -12,9 +12,9 @@
 
 namespace pliant {
 
-// What exchanging a medoid for a candidate would do to the loss.
+// The effect on the loss of exchanging a medoid for a candidate.
 struct Swap {
-  std::uint32_t position = 0;  // of the medoid that would go
+  std::uint32_t position = 0;  // of the medoid to be removed
   double change = 0;           // of the loss; below 0 is better
 };
 
@@ -28,8 +28,8 @@ class FasterPam {
   double loss() const { return loss_; }
 
   // The best medoid to exchange for the candidate whose distances to all samples are `distances`:
-  // O(N + k) by keeping, for each medoid, what its removal would cost. `scratch` is the caller's
-  // own. Thread-safe.
+  // O(N + k), since the cost of removing each medoid is maintained. `scratch` belongs to the
+  // caller. Thread-safe.
   Swap Evaluate(const float* distances, std::vector<double>* scratch) const;
 
   // Exchanges the medoid at `position` for `candidate`.
@@ -47,7 +47,7 @@ class FasterPam {
   std::vector<std::uint32_t> second_;    // N: position of the second nearest
   std::vector<float> nearest_distance_;  // N
   std::vector<float> second_distance_;   // N
-  std::vector<double> removal_loss_;     // k: what removing each medoid adds to the loss
+  std::vector<double> removal_loss_;     // k: increase of the loss when each medoid is removed
   double loss_ = 0;
   std::vector<std::uint32_t> orphans_;  // scratch of Apply
   std::vector<float> gathered_;         // scratch of Search

@@ -121,6 +121,8 @@ class Run {
                                        Checkpoint(kMatrixShare + kSeedingShare * done, 0);
                                      }));
     const std::size_t n = rows_.size();
+    // n candidates in a row without a gain have all been tried against the same medoids: no single
+    // exchange improves, which is PAM's local optimum, wherever in a pass that happens.
     quiet_ = 0;
     while (quiet_ < n && (options_.max_passes == 0 || result_.passes < options_.max_passes)) {
       for (std::size_t first = 0; first < n && quiet_ < n; first += kBlock) {

@@ -20,13 +20,13 @@ namespace pliant {
 
 struct KMedoidsOptions {
   int k = 10;              // number of medoids, 1..N
-  std::uint64_t seed = 1;  // same seed, same result, whatever the number of threads
+  std::uint64_t seed = 1;  // same seed, same result, for any number of threads
   int threads = 0;         // 0 = all cores
   int max_passes = 0;      // passes over all candidates; 0 = until no swap improves
-  // The distance matrix is kept in memory up to this size (n = 16 384), above it each pass computes
-  // it again in blocks: the same result to the bit, with 128 floats about three times the time.
+  // The distance matrix is stored up to this size (n = 16 384); above, each pass recomputes it in
+  // blocks: a bit-identical result, in about three times the time for 128 floats.
   std::uint64_t max_matrix_bytes = std::uint64_t{1} << 30;
-  // Called now and then with the share of the work done (0..1) and the current loss.
+  // Called periodically with the fraction of the work done (0..1) and the current loss.
   std::function<void(double done, double loss)> progress;
   std::stop_token stop;  // a stop request ends in Error kCancelled
 };

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <numeric>
 #include <random>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -57,7 +58,8 @@ struct Branch {
   std::size_t medoids = 0;   // its share of the k
 };
 
-// Shares k out by loss: at least one and at most `distinct` each.
+// Shares k out by loss (a branch that is badly described by one medoid needs more of them), by the
+// method of largest remainders: at least one and at most `distinct` each.
 void ShareOut(std::vector<Branch>& branches, std::size_t k) {
   double loss = 0;
   for (Branch& branch : branches) {
@@ -145,6 +147,7 @@ class Tree {
 
   std::vector<Branch> MakeBranches() {
     const Rows drawn = Draw(AllRows(samples_.rows), kBranchSamples, options_.seed);
+    // The work is about n (b + k / b) distances for b branches: least at b = sqrt(k).
     const auto wanted = static_cast<int>(std::ceil(std::sqrt(options_.k)));
     const Descriptors subset = SelectRows(samples_, drawn);
     KMedoidsOptions part =

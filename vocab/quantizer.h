@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Descriptors to visual words: exact nearest medoid by a blocked product,
+// Assigns descriptors to visual words: exact nearest medoid by a blocked product,
 //   argmin_w |x - w|^2 = argmin_w |x|^2 + |w|^2 - 2 x.w   (floats), or by counting bits (binary).
-// Where rounding leaves the product undecided between words, their differences decide.
+// If rounding errors leave the product undecided between words, summed differences decide.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct WordCount {
 struct Bow {
   std::vector<WordCount> words;
   std::uint32_t total = 0;  // sum of the counts
-  // One a word, in the same order (vocab/signature.h); empty when the vocabulary has none.
+  // One per word, in the same order (vocab/signature.h); empty when the vocabulary has none.
   std::vector<std::uint64_t> signatures;
   // Of each descriptor (vocab/residual_codes.h), in order of its word: those of a word stand side
   // by side, as many as its count. Empty when the vocabulary has no codebook.
@@ -42,15 +42,15 @@ struct NearWord {
 // Immutable and thread-safe.
 class Quantizer {
  public:
-  // Throws kInvalidArgument for no vocabulary, one without words, or one that is malformed (also
-  // when its thresholds are not as many as its words need).
+  // Throws kInvalidArgument for a null, empty or malformed vocabulary (including a wrong number of
+  // thresholds).
   explicit Quantizer(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
 
-  // Nearest word of each row; of equally near words the lowest. Throws kConflict when kind or
+  // Nearest word of each row; ties go to the lowest. Throws kConflict when kind or
   // dim differ from the vocabulary's, kInvalidArgument for values that are not finite. `threads`
-  // 0 = all cores; the answer does not depend on it. O(rows x words x dim).
+  // 0 = all cores; the result does not depend on it. O(rows x words x dim).
   std::vector<std::uint32_t> Assign(const Descriptors& descriptors, int threads = 1) const;
 
   // The `count` nearest words of each row (fewer when there are fewer words), nearest first, row by
@@ -66,9 +66,9 @@ class Quantizer {
   const ResidualCoder* coder() const { return coder_.get(); }
   bool has_signatures() const { return !vocabulary_->thresholds.empty(); }
 
-  // The bag of rows first, first + 1, ... of `descriptors`, given `words_a_row` words of each, with
-  // signatures when the vocabulary has thresholds, and with codes when it has a codebook and
-  // `words_a_row` is 1.
+  // The bag of words of rows first, first + 1, ... of `descriptors`, given `words_a_row` words for
+  // each, with signatures when the vocabulary has thresholds, and with codes when it has a codebook
+  // and `words_a_row` is 1.
   Bow BowOf(const Descriptors& descriptors, std::size_t first, std::span<const std::uint32_t> words,
             int words_a_row = 1) const;
 
@@ -86,7 +86,7 @@ class Quantizer {
   double largest_squared_norm_ = 0;  // of a word; floats only
 };
 
-// Counts the words, in any order; no signatures.
+// Counts words given in any order; no signatures.
 Bow MakeBow(std::vector<std::uint32_t> words);
 
 }  // namespace pliant

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <numeric>
 #include <random>
+#include <utility>
 
 namespace pliant {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Binary signatures: where within its word a descriptor lies, in 64 bits. Two descriptors that
-// share a word are alike when their signatures differ in few bits.
+// Binary signatures: the position of a descriptor within its word, in 64 bits. Two descriptors that
+// share a word are similar when their signatures differ in few bits.
 //
 // Hamming embedding (Jegou, Douze and Schmid, ECCV 2008), aggregated over all descriptors of a
 // picture that share a word as in ASMK (Tolias, Avrithis and Jegou, ICCV 2013): a descriptor is
@@ -34,12 +34,13 @@ class SignatureProjection {
  private:
   DescriptorKind kind_;
   int dim_;
-  std::vector<float> directions_;    // floats: dim x 64, so that a row adds up in order
+  std::vector<float> directions_;    // floats: dim x 64, for contiguous access
   std::vector<std::uint32_t> bits_;  // binary: 64 bit numbers
 };
 
-// What is subtracted before the sign is taken, words x 64 row-major: for each word the mean of its
-// projected samples, with the word itself counted once more. `assignment` gives each sample's word.
+// The thresholds that are subtracted from projections, words x 64 row-major: for each word the mean
+// of its projected samples, with the word itself counted once more. `assignment` gives each
+// sample's word.
 std::vector<float> LearnThresholds(const Descriptors& samples,
                                    std::span<const std::uint32_t> assignment,
                                    const Descriptors& words);

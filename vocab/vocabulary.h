@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A visual vocabulary: k medoids of descriptors and how they were made.
+// A visual vocabulary: k medoids of descriptors and their origin.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ inline constexpr std::size_t kMaxVocabularySamples = 4'000'000;
 
 struct VocabularyOrigin {
   std::uint64_t seed = 0;
-  std::uint64_t sampled = 0;    // descriptors the medoids were chosen from
-  std::uint64_t available = 0;  // descriptors there were to sample from
+  std::uint64_t sampled = 0;    // size of the sample
+  std::uint64_t available = 0;  // descriptors from which it was drawn
   double loss = 0;              // mean distance of a sample to its medoid
   std::string method;           // "fasterpam", "fasterpam tree"
 };
@@ -40,17 +40,17 @@ struct Vocabulary {
   Descriptors words;     // k x dim
   std::string model_id;  // of the descriptors; only features of this model may be quantised
   VocabularyOrigin origin;
-  // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as those made by
-  // the first versions of Pliant.
+  // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as in vocabularies
+  // of the first versions of Pliant.
   std::vector<float> thresholds;
   Codebook codebook;  // empty = without codes, as the vocabularies of earlier versions are
 
   std::size_t size() const { return words.rows; }
 };
 
-// Trains by k-medoids on `samples`, which are the caller's random sample. Equal samples keep their
-// weight in the loss but never make two equal words: when there are fewer than options.k different
-// samples, the vocabulary has that many words (compare size() with what was asked for). Throws
+// Trains by k-medoids on `samples`, a random sample drawn by the caller. Equal samples keep their
+// weight in the loss but never become two equal words: with fewer than options.k distinct samples,
+// the vocabulary has that many words (check size()). Throws
 // kInvalidArgument "no_samples", and what KMedoids throws.
 Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_id,
                            std::uint64_t available, const KMedoidsOptions& options);

@@ -17,4 +17,11 @@ int ResolveThreads(int threads);
 // worth 100 microseconds or more: threads are made anew by each call.
 void ParallelFor(std::size_t n, int threads, const std::function<void(std::size_t)>& body);
 
+// As ParallelFor, for bodies that need memory of their own: body(i, worker) with worker below
+// ParallelWorkers(n, threads), and never two at once with the same worker. (A thread_local would
+// start empty in every call, for the threads are new.)
+void ParallelForWorkers(std::size_t n, int threads,
+                        const std::function<void(std::size_t i, std::size_t worker)>& body);
+std::size_t ParallelWorkers(std::size_t n, int threads);
+
 }  // namespace pliant

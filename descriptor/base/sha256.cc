@@ -7,6 +7,7 @@
 #include <openssl/evp.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
 
 namespace pliant {
 
@@ -16,14 +17,7 @@ std::string Sha256Hex(Bytes bytes) {
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1) {
     throw Error(ErrorCode::kInternal, "sha256_failed", "OpenSSL could not compute a SHA-256");
   }
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string hex;
-  hex.reserve(2 * length);
-  for (unsigned int i = 0; i < length; ++i) {
-    hex += kHex[digest[i] >> 4];
-    hex += kHex[digest[i] & 15];
-  }
-  return hex;
+  return ToHex(Bytes(digest).first(length));
 }
 
 }  // namespace pliant

@@ -27,8 +27,8 @@ struct FeatureMap {
   std::vector<float> values;
 };
 
-// Thread-safe: primitives and buffers belong to one call at a time and are reused by later calls
-// for pictures of the same size.
+// Thread-safe: each call has its own primitives and buffers, which later calls reuse for pictures
+// of the same size.
 class Backbone {
  public:
   explicit Backbone(std::shared_ptr<const DealWeights> weights);

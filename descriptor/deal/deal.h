@@ -17,14 +17,14 @@ enum class DealVariant {
             // point's size matter less; takes twice the time
 };
 
-// 128 floats of unit length a key point. DescribeReference pools whatever the variant. The key
-// point's angle is not used; key points may lie outside the picture, which is continued by its
-// border. model_id is the name, ":" and the first 16 hex digits of the weight file's SHA-256.
+// 128 floats of unit length per key point. DescribeReference always pools. The key point's angle
+// is not used; key points may lie outside the picture, whose border pixels are replicated. model_id
+// is the name, ":" and the first 16 hex digits of the weight file's SHA-256.
 //
 // Describe additionally throws kInvalidArgument for a key point that is not finite or has no
-// positive size, and kTooLarge for more than 2^24 pixels. Concurrent callers with the same number
-// of threads get the same bits. The other key points of a call, and the number of threads, change a
-// descriptor by rounding only (below 1e-5 and 1e-4).
+// positive size, and kTooLarge for more than 2^24 pixels. Concurrent calls with the same number
+// of threads give bit-identical results. The other key points of a call, and the number of threads,
+// change a descriptor by rounding only (below 1e-5 and 1e-4).
 //
 // Throws kNotFound or kCorrupt naming the weight file and the tensor.
 std::shared_ptr<const Descriptor> MakeDealDescriptor(const std::filesystem::path& weights,

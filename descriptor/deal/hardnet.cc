@@ -3,6 +3,7 @@
 #include "descriptor/deal/hardnet.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -44,6 +45,7 @@ constexpr std::size_t MapSize(int side, int channels) {
   return static_cast<std::size_t>(side) * static_cast<std::size_t>(side * channels);
 }
 
+// Rows of a polar patch are angles, which close to a circle: the row above the first is the last.
 // A map with the wrapped row above it, which is all that a stride-2 layer needs.
 constexpr std::size_t WrappedSize(int side, int channels) {
   return static_cast<std::size_t>(side + 1) * static_cast<std::size_t>(side * channels);

@@ -11,21 +11,21 @@
 
 namespace pliant::deal {
 
-// kDescriptorDim values to unit length. As PyTorch's normalize: a length below 1e-12 counts as
-// that.
+// Scales kDescriptorDim values to unit length. As in PyTorch's normalize, lengths below 1e-12 are
+// replaced by 1e-12.
 void NormalizeLength(float* row);
 
-// Immutable and thread-safe; workers hold what changes.
+// Immutable and thread-safe; workers hold the mutable state.
 //
-// How it is fast: the stride-1 layers use Winograd's F(4x4, 3x3), whose input transform reads the
-// wrapped rows in place, so nothing is copied to pad; its output transform writes the next layer's
+// Performance: the stride-1 layers use Winograd's F(4x4, 3x3), whose input transform reads the
+// wrapped rows in place, so padding needs no copy; its output transform writes the next layer's
 // buffer, of which only the one wrapped row is copied (the stride-2 layers are oneDNN convolutions
 // and need it). oneDNN's own convolutions cannot write into the inside of a padded buffer: they
 // fall back to its reference code. Everything stays channels-last. The head has no non-linearity,
 // so its four layers are one 1024 x 128 product.
 class HardNet {
  public:
-  static constexpr std::size_t kBatch = 16;  // most patches a call of Worker::Run
+  static constexpr std::size_t kBatch = 16;  // maximum number of patches per Worker::Run
 
   explicit HardNet(const DealWeights& weights);
   ~HardNet();
@@ -37,7 +37,7 @@ class HardNet {
     ~Worker();
 
     // Patches count x 32 x 32 (rows = angle) to count x 128, unit length; count <= kBatch.
-    // Call it where oneDNN is set to one thread (ScopedPrimitiveThreads).
+    // oneDNN must be set to one thread (ScopedPrimitiveThreads).
     void Run(const float* patches, std::size_t count, float* descriptors);
 
    private:
@@ -45,7 +45,7 @@ class HardNet {
     std::unique_ptr<Impl> impl_;
   };
 
-  // Multiply-adds a patch of the plain convolutions, the customary count.
+  // Multiply-adds per patch of the direct convolutions, the customary count.
   static double MultiplyAdds();
 
  private:

@@ -51,7 +51,7 @@ struct Kernels {
                           const float* bias, float* out);
 };
 
-// What this processor can run, best first.
+// The kernel sets that this processor supports, best first.
 const std::vector<const Kernels*>& UsableKernels();
 
 inline const Kernels& BestKernels() { return *UsableKernels().front(); }

@@ -31,7 +31,7 @@ class LocalizationNet {
   // theta from sampled values, count x kSampledValues.
   std::vector<float> ThetaFromSamples(std::span<const float> samples, int threads) const;
 
-  double multiply_adds() const;  // a key point
+  double multiply_adds() const;  // per key point
 
  private:
   struct Impl;

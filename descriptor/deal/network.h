@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// DEAL (Potje et al., NeurIPS 2021), its stages and the whole. Internal to deal/; tests compare
-// each stage with the golden tensors, benchmarks time it.
+// DEAL (Potje et al., NeurIPS 2021): the stages and the whole network. Internal to deal/; tests
+// compare each stage with the golden tensors, benchmarks time it.
 #pragma once
 
 #include <array>
@@ -19,8 +19,9 @@
 
 namespace pliant::deal {
 
-// Support radii that one description looks at, over the weights' own: with several, the mean of
-// their descriptors, scaled to unit length (domain-size pooling: Dong and Soatto, CVPR 2015).
+// Support radii of one description, relative to that of the weights. With several, the result is
+// the mean of their descriptors, scaled to unit length (domain-size pooling: Dong and Soatto, CVPR
+// 2015).
 inline constexpr std::array<float, 1> kOneSupport = {1.0F};
 inline constexpr std::array<float, 3> kPooledSupports = {0.72F, 1.0F, 1.39F};
 
@@ -53,8 +54,8 @@ class DealNetwork {
   // count x kPatchPixels to count x kDescriptorDim, unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the picture, patches never all in memory. The warp of a
-  // key point, in radii, is the same for all supports.
+  // keypoints.size() x kDescriptorDim from the picture, batch by batch. The warp of a key point, in
+  // radii, is the same for all supports.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
                               std::span<const float> supports, int threads) const;
 

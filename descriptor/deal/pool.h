@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a call borrows while it runs: the library's thread count and scratch memory. Internal to
-// deal/.
+// Resources of a running call: oneDNN's thread count and scratch memory. Internal to deal/.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +29,8 @@ class ScopedPrimitiveThreads {
   int before_;
 };
 
-// Objects that are costly to make and used by one call at a time (scratch memory). Thread-safe.
+// Reusable objects that are expensive to create and used by one call at a time (scratch memory).
+// Thread-safe.
 template <typename T>
 class Pool {
  public:

@@ -4,6 +4,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <set>
 #include <system_error>
@@ -18,7 +19,7 @@ namespace {
 constexpr double kBatchNormEpsilon = 1e-5;
 constexpr std::int64_t kMaxWidth = 1 << 16;  // of a hidden layer of the localisation network
 
-using Shape = std::vector<std::int64_t>;
+using Shape = TensorShape;
 
 [[noreturn]] void Fail(const SafetensorsFile& file, const std::string& fault) {
   throw Error(ErrorCode::kCorrupt, "model_corrupt", file.name() + ": " + fault);
@@ -204,13 +205,18 @@ double ReadRadiusPerSize(const SafetensorsFile& file) {
   return value;
 }
 
-}  // namespace
-
-DealWeights LoadDealWeights(const std::filesystem::path& path) {
-  return ParseDealWeights(SafetensorsFile::Open(path));
+// What is wrong with the file is wrong with the model.
+template <typename Read>
+auto AsModel(Read&& read) {
+  try {
+    return read();
+  } catch (const Error& error) {
+    if (error.reason() != "tensor_file_corrupt") throw;
+    throw Error(ErrorCode::kCorrupt, "model_corrupt", error.what());
+  }
 }
 
-DealWeights ParseDealWeights(const SafetensorsFile& file) {
+DealWeights TakeAll(const SafetensorsFile& file) {
   if (Metadata(file, "format") != "pliant-deal") {
     Fail(file, "metadata 'format' should be 'pliant-deal', found '" + Metadata(file, "format") +
                    "'; not weights of this network");
@@ -226,6 +232,21 @@ DealWeights ParseDealWeights(const SafetensorsFile& file) {
   source.RefuseLeftOvers();
   weights.sha256 = Sha256Hex(file.bytes());
   return weights;
+}
+
+}  // namespace
+
+DealWeights LoadDealWeights(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) {
+    throw Error(ErrorCode::kNotFound, "model_not_found",
+                path.string() + ": no such weight file; give the path of a .safetensors file");
+  }
+  return ParseDealWeights(AsModel([&] { return SafetensorsFile::Open(path); }));
+}
+
+DealWeights ParseDealWeights(const SafetensorsFile& file) {
+  return AsModel([&] { return TakeAll(file); });
 }
 
 }  // namespace pliant::deal

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/deal/safetensors.h"
+#include "descriptor/base/safetensors.h"
 
 namespace pliant::deal {
 

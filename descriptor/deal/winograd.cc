@@ -10,6 +10,8 @@
 namespace pliant::deal {
 namespace {
 
+// Toom and Cook's scheme at the points 0, 1, -1, 2, -2 and infinity (Lavin and Gray 2016, section
+// 4.3): 36 products for 4 x 4 outputs instead of 144. In double, for the sixths are not exact.
 constexpr double kG[6][3] = {{1.0 / 4, 0, 0},
                              {-1.0 / 6, -1.0 / 6, -1.0 / 6},
                              {-1.0 / 6, 1.0 / 6, -1.0 / 6},
@@ -40,7 +42,8 @@ std::vector<float> WinogradWeights(const ConvLayer& layer) {
   return planes;
 }
 
-// From the last layer back: with y = R x + b so far and x = w * u + a below it, the window of
+// The head has no activation between its layers, and affine maps make one affine map. From the last
+// layer back: with y = R x + b so far and x = w * u + a below it, the window of
 // column j takes taps j .. j + kernel - 1 of u.
 AffineMap FuseHead(const std::array<ConvLayer, 4>& head) {
   const auto outputs = static_cast<std::size_t>(head.back().outputs);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Sets of pictures with known correspondence on disk, in the layouts that are in use.
+// Data sets of pictures with known correspondence, in the common layouts.
 #pragma once
 
 #include <filesystem>
@@ -15,7 +15,7 @@
 namespace pliant::evaluation {
 
 enum class Layout {
-  kAuto,        // guessed by the files
+  kAuto,        // detected from the files
   kTensors,     // scene_*.safetensors of the simulator
   kFolders,     // scene_*/ with scene.json and view_NN.png of the simulator
   kHomography,  // HPatches: NAME/1.ppm .. 6.ppm, H_1_2 .. (or Oxford's: img1.ppm, H1to2p)
@@ -25,34 +25,34 @@ enum class Layout {
 Layout ParseLayout(const std::string& name);
 std::string ToString(Layout layout);
 
-// Two views of a scene that are to be matched.
+// Two views of a scene to be matched.
 struct ViewPair {
   int first = 0;
   int second = 0;
-  std::string group;            // split or kind that the set sorts the pair into; may be empty
-  std::optional<double> sweep;  // value of the set's sweep, when it is one
+  std::string group;            // split or kind of the pair in the data set; may be empty
+  std::optional<double> sweep;  // value of the swept parameter, if the set is a sweep
 };
 
 struct SceneEntry {
   std::string name;
-  std::vector<ViewPair> pairs;  // all that the set has, in its own order
+  std::vector<ViewPair> pairs;  // all pairs of the set, in its own order
   // Reads pictures and truth. Thread-safe; throws kCorrupt, kNotFound, kUnprocessable.
   std::function<std::unique_ptr<TruthScene>()> load;
 };
 
 struct Dataset {
   Layout layout = Layout::kAuto;
-  std::string sweep;  // "", "rotation_deg" or "scale": what ViewPair::sweep means
+  std::string sweep;  // "", "rotation_deg" or "scale": the meaning of ViewPair::sweep
   std::vector<SceneEntry> scenes;
 };
 
-// Looks into `folder` in depth, in the order of names. Throws kNotFound "dataset_not_found" (the
-// message says what was looked for) and kCorrupt "dataset_corrupt" for files that contradict the
+// Searches `folder` recursively, in the order of names. Throws kNotFound "dataset_not_found" (the
+// message says what was searched for) and kCorrupt "dataset_corrupt" for files that contradict the
 // layout.
 Dataset OpenDataset(const std::filesystem::path& folder, Layout layout = Layout::kAuto);
 
 // The truth between two pictures (views 0 and 1 of the result) that lie in a simulated scene's
-// folder or belong to the non-rigid benchmark; nullptr when nothing is known about them.
+// folder or belong to the non-rigid benchmark; nullptr when there is none.
 std::unique_ptr<TruthScene> FindTruth(const std::filesystem::path& first,
                                       const std::filesystem::path& second);
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One reader a layout, and what they share. Internal to this room.
+// One reader per layout, and their common parts. Internal to this folder.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace pliant::evaluation {
 
-// Each takes the files that announce its layout (scene files, scene.json files, first homographies,
+// Each takes the files that identify its layout (scene files, scene.json files, first homographies,
 // lists of pairs).
 Dataset OpenTensorScenes(const std::vector<std::filesystem::path>& files);
 Dataset OpenFolderScenes(const std::vector<std::filesystem::path>& scene_jsons);
@@ -25,7 +25,7 @@ Dataset OpenNonRigid(const std::vector<std::filesystem::path>& pair_lists);
 // every other. `preset` and the array of views as the simulator wrote them (JSON text).
 std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
                                      const std::vector<double>& sweep_values);
-// What the preset's sweep is called; empty for the others.
+// The name of the preset's sweep; empty for other presets.
 std::string SweepName(const std::string& preset);
 
 // A view of the simulator's folders and of the non-rigid benchmark.
@@ -33,12 +33,12 @@ bool IsFolderView(const std::filesystem::path& picture);
 void AddFolderView(const std::filesystem::path& picture, SurfaceScene& scene);
 bool IsNonRigidView(const std::filesystem::path& picture);
 void AddNonRigidView(const std::filesystem::path& picture, SurfaceScene& scene);
-// Beyond this the benchmark's own code takes a surface point for unseen.
+// The benchmark's own code treats surface points beyond this distance as not visible.
 inline constexpr float kNonRigidMaxDistance = 300.0F;
 
 [[noreturn]] void FailDataset(const std::filesystem::path& file, const std::string& fault);
 std::string ReadTextFile(const std::filesystem::path& file);
-// Any type that OpenCV reads, at its own size. Throws kNotFound, kCorrupt.
+// Any type that OpenCV reads, at its original size. Throws kNotFound, kCorrupt.
 Image ReadGreyPicture(const std::filesystem::path& file);
 cv::Mat ReadUnchanged(const std::filesystem::path& file);
 

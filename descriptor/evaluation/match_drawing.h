@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Two pictures side by side with what was matched between them.
+// Two pictures side by side with the matches between them.
 #pragma once
 
 #include <span>
@@ -20,8 +20,8 @@ struct DrawnMatch {
   Verdict verdict = Verdict::kUnknown;
 };
 
-// True matches in green, false ones in red, those of which nothing is known in blue; `outline` (of
-// the second picture, may be empty) in yellow; `caption` below.
+// Correct matches in green, wrong ones in red, unknown ones in blue; `outline` (in the second
+// picture, may be empty) in yellow; `caption` below.
 Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
                   std::span<const Vec2> outline, const std::string& caption);
 

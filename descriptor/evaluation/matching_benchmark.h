@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The matching benchmark: descriptors compared at the same key points of picture pairs whose true
-// correspondence is known. Figures: see metrics.h. What `pliant eval matching` calls.
+// The matching benchmark of `pliant eval matching`: descriptors compared at the same key points of
+// picture pairs with ground-truth correspondence. metrics.h defines the metrics.
 #pragma once
 
 #include <cstdint>
@@ -18,16 +18,16 @@ namespace pliant::evaluation {
 
 // A row of the table.
 struct DescriptorChoice {
-  std::string label;            // the row's name
+  std::string label;            // name of the row
   std::string name;             // for MakeDescriptor
   std::filesystem::path model;  // weights; empty = the default ones
-  // SIFT's own key points, with those it repeats for a second orientation, instead of the shared
-  // ones.
+  // Use SIFT's own key points, including the duplicates for a second orientation, instead of the
+  // shared ones.
   bool repeats = false;
 };
 
 // "[LABEL:]NAME[=FILE]": NAME of MakeDescriptor, or sift+repeats; FILE with weights for deal and
-// its variants. Without LABEL the row is named by the NAME and the file's. Throws kInvalidArgument.
+// its variants. Without LABEL the row is named after NAME and the file. Throws kInvalidArgument.
 DescriptorChoice ParseDescriptorChoice(const std::string& text);
 // Every descriptor that MakeDescriptor knows, and sift+repeats.
 std::vector<DescriptorChoice> AllDescriptorChoices();
@@ -35,15 +35,15 @@ std::vector<DescriptorChoice> AllDescriptorChoices();
 struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
   std::filesystem::path model;                // default weights; empty = DefaultModelPath()
-  int max_keypoints = 2048;                   // a picture, strongest first; 1..4096
+  int max_keypoints = 2048;                   // per picture, strongest first; 1..4096
   double tolerance_px = 3;
-  // Picks this many pairs that can be measured, from as many scenes as there are; 0 = all pairs.
+  // Selects this many measurable pairs, from as many scenes as possible; 0 = all pairs.
   int pairs = 0;
-  // Pairs with fewer true key-point pairs show too little in common to measure anything.
+  // Pairs with fewer true key-point pairs overlap too little to be measured.
   int min_true_pairs = 12;
   std::uint64_t seed = 1;  // of the choice of pairs
-  int jobs = 0;            // threads, one scene each; 0 = one a core
-  // Told after each pair, from any thread, never two at once. Returning false stops.
+  int jobs = 0;            // threads, one scene each; 0 = one per core
+  // Called after each pair, from any thread, never concurrently. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
 };
 
@@ -57,9 +57,9 @@ struct DescriptorResult {
   double mma = 0;
   double mutual_precision = 0;
   double ms_ratio_to_sift = 0;  // mean MS / SIFT's on the same pairs; 0 where SIFT's is 0
-  double keypoints = 0;         // a picture, on the object
-  double true_pairs = 0;        // a pair
-  double describe_us = 0;       // microseconds a key point, on one of `jobs` busy threads
+  double keypoints = 0;         // per picture, on the object
+  double true_pairs = 0;        // per picture pair
+  double describe_us = 0;       // microseconds per key point, on one of `jobs` busy threads
 };
 
 // Results of the pairs with one value of the sweep, or of one group.
@@ -79,9 +79,9 @@ struct MatchingReport {
   std::vector<Subset> groups;  // by name; empty when there is only one
 };
 
-// Deterministic whatever `jobs` is, but for the times. Throws kInvalidArgument for options out of
-// range, what MakeDescriptor and the set's readers throw, kUnprocessable "no_pairs" when no pair
-// can be measured, kCancelled "evaluation_stopped".
+// Deterministic except for the times, independently of `jobs`. Throws kInvalidArgument for options
+// out of range, what MakeDescriptor and the set's readers throw, kUnprocessable "no_pairs" when no
+// pair can be measured, kCancelled "evaluation_stopped".
 MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOptions& options);
 
 // Lowest over highest MS along the curve of result row `row`: 1 = flat; 0 without a curve.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The figures of one picture pair.
+// The metrics of one picture pair.
 //
 // Key point i of the first picture corresponds to j of the second if the true position of i lies
 // within the tolerance of j, each used once, nearest first: G such pairs. The match of i is its

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// In which order the pairs of a set are looked at. Internal to this room.
+// The order in which the pairs of a set are measured. Internal to this folder.
 #pragma once
 
 #include <cstddef>
@@ -19,8 +19,8 @@ struct PairCandidate {
 // In the set's own order.
 std::vector<PairCandidate> AllPairs(const Dataset& dataset);
 
-// Scene by scene in random order, a random pair each, then again with those that are left. Where
-// the set does not say which picture comes first (neither sweep nor group), that is random, too.
+// One random pair per scene, scenes in random order; then again with the remaining pairs. If the
+// set does not define which picture comes first (neither sweep nor group), that is random too.
 std::vector<PairCandidate> ShufflePairs(const Dataset& dataset, std::uint64_t seed);
 
 }  // namespace pliant::evaluation

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How unlike two pictures look to people, by a network the user brings (LPIPS; Zhang et al. 2018).
+// Perceptual distance of two pictures, by a network supplied by the user (LPIPS; Zhang et al.
+// 2018).
 #pragma once
 
 #include <filesystem>
@@ -11,13 +12,13 @@
 
 namespace pliant {
 
-// LPIPS needs weights that Pliant may not ship. Whoever has Python's package `lpips` makes a file:
+// LPIPS needs weights that Pliant may not ship. Python's package `lpips` can export a file:
 //   import lpips, torch; x = torch.zeros(1, 3, 256, 256)
 //   torch.onnx.export(lpips.LPIPS(net="alex").eval(), (x, x), "lpips.onnx",
 //                     input_names=["in0", "in1"])
 // Any ONNX file with inputs in0 and in1 (float, 1 x 3 x 256 x 256, red, green, blue, -1..1) and a
-// single number as its output will do. TorchScript would need PyTorch's library, which Pliant does
-// without at run time. Not thread-safe.
+// single number as its output works. TorchScript is not supported: it would need PyTorch's library
+// at run time. Not thread-safe.
 class PerceptualDistance {
  public:
   // Throws kNotFound "cannot_read", kCorrupt "network_unreadable".

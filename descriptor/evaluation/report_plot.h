@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A report as a picture: a bar chart of the table and, where there is a sweep, the curves.
+// Draws a report: a bar chart of the table and, for a sweep, the curves.
 #pragma once
 
 #include <string>

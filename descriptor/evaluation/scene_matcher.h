@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Measures pairs of one scene: every view is detected and described once. Internal to this room.
+// Measures pairs of one scene: every view is detected and described once. Internal to this folder.
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "descriptor/evaluation/metrics.h"
@@ -18,7 +19,7 @@ namespace pliant::evaluation {
 
 struct Contender {
   std::shared_ptr<const Descriptor> descriptor;
-  bool repeats = false;  // at SIFT's key points with their repeats
+  bool repeats = false;  // at SIFT's key points, duplicates included
   std::string label = {};
 };
 
@@ -28,10 +29,10 @@ struct MatcherOptions {
   int min_true_pairs = 12;
 };
 
-// One value a contender.
+// One value per contender.
 struct PairMeasurement {
   std::vector<PairFigures> figures;
-  std::vector<double> describe_seconds;  // spent for this pair; 0 where the views were known
+  std::vector<double> describe_seconds;  // for this pair; 0 if the views were described before
   std::vector<double> described;         // key points described in that time
 };
 
@@ -42,11 +43,11 @@ class SceneMatcher {
                const MatcherOptions& options)
       : scene_(scene), contenders_(contenders), options_(options) {}
 
-  // Nothing when the shared key points make fewer than min_true_pairs true pairs. One thread.
+  // nullopt when the shared key points give fewer than min_true_pairs true pairs. One thread.
   std::optional<PairMeasurement> Measure(int first, int second);
 
  private:
-  // A view's key points on the object, and what describes them.
+  // A view's key points on the object, and their descriptors.
   struct ViewFeatures {
     std::vector<Keypoint> keypoints;
     std::map<std::size_t, Descriptors> descriptors;  // by contender

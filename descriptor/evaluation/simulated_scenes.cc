@@ -2,14 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The simulator's sets; see FORMAT in descriptor/simulation/README.md.
 #include <algorithm>
+#include <array>
 #include <cstring>
-#include <fstream>
 #include <memory>
 #include <system_error>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/deal/safetensors.h"
+#include "descriptor/base/error.h"
+#include "descriptor/base/safetensors.h"
 #include "descriptor/evaluation/dataset_readers.h"
 #include "descriptor/simulation/scene_file.h"
 
@@ -20,7 +22,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr const char* kFolderFormat = "pliant-scene-folder 1";
-constexpr std::uint64_t kMaxHeaderBytes = std::uint64_t{16} << 20;
 constexpr std::uint8_t kNoChart = 255;
 constexpr float kFullScale = 65535.0F;
 
@@ -43,24 +44,20 @@ std::vector<double> SweepValues(const std::string& preset, const Json& views) {
   return values;
 }
 
-// The header of a safetensors file alone: a set may have thousands of files of many megabytes.
-Json ReadHeader(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::uint64_t length = 0;
-  in.read(reinterpret_cast<char*>(&length), sizeof length);
-  if (!in || length > kMaxHeaderBytes) FailDataset(file, "it is not a safetensors file");
-  std::string text(length, ' ');
-  in.read(text.data(), static_cast<std::streamsize>(length));
-  if (!in) FailDataset(file, "it ends early");
-  return ParseJson(file, text);
+SafetensorsHeader ReadHeader(const fs::path& file) {
+  try {
+    return ReadSafetensorsHeader(file);
+  } catch (const Error& error) {
+    throw Error(ErrorCode::kCorrupt, "dataset_corrupt", error.what());
+  }
 }
 
-std::size_t Extent(const deal::TensorInfo& tensor, std::size_t axis) {
+std::size_t Extent(const TensorInfo& tensor, std::size_t axis) {
   return static_cast<std::size_t>(tensor.shape[axis]);
 }
 
-const deal::TensorInfo& Tensor(const deal::SafetensorsFile& file, const std::string& name,
-                               const char* type, std::size_t rank) {
+const TensorInfo& Tensor(const SafetensorsFile& file, const std::string& name, const char* type,
+                         std::size_t rank) {
   const auto found = file.tensors().find(name);
   if (found == file.tensors().end() || found->second.dtype != type ||
       found->second.shape.size() != rank) {
@@ -68,13 +65,6 @@ const deal::TensorInfo& Tensor(const deal::SafetensorsFile& file, const std::str
                                  std::to_string(rank));
   }
   return found->second;
-}
-
-const std::uint8_t* Data(const deal::SafetensorsFile& file, const deal::TensorInfo& tensor) {
-  // The data section ends with the file.
-  std::size_t end = 0;
-  for (const auto& [name, other] : file.tensors()) end = std::max(end, other.end);
-  return file.bytes().data() + (file.bytes().size() - end) + tensor.begin;
 }
 
 Image GreyView(const std::uint8_t* pixels, int width, int height, int channels) {
@@ -102,13 +92,13 @@ SurfaceMap TensorMap(const std::uint8_t* chart, const std::uint8_t* uv, int widt
 }
 
 std::unique_ptr<TruthScene> LoadTensorScene(const fs::path& path) {
-  const deal::SafetensorsFile file = deal::SafetensorsFile::Open(path);
+  const SafetensorsFile file = SafetensorsFile::Open(path);
   const auto images_entry = file.tensors().find("images");
   const std::size_t rank =
       images_entry == file.tensors().end() ? 3 : images_entry->second.shape.size();
-  const deal::TensorInfo& images = Tensor(file, "images", "U8", rank == 4 ? 4 : 3);
-  const deal::TensorInfo& chart = Tensor(file, "chart", "U8", 3);
-  const deal::TensorInfo& uv = Tensor(file, "uv", "U16", 4);
+  const TensorInfo& images = Tensor(file, "images", "U8", rank == 4 ? 4 : 3);
+  const TensorInfo& chart = Tensor(file, "chart", "U8", 3);
+  const TensorInfo& uv = Tensor(file, "uv", "U16", 4);
   Tensor(file, "grid_size", "F32", 2);
   const std::size_t views = Extent(images, 0);
   const std::size_t height = Extent(images, 1);
@@ -125,24 +115,27 @@ std::unique_ptr<TruthScene> LoadTensorScene(const fs::path& path) {
   for (std::size_t v = 0; v < views; ++v) {
     const int columns = static_cast<int>(width);
     const int rows = static_cast<int>(height);
-    scene->Add(GreyView(Data(file, images) + v * pixels * channels, columns, rows,
+    scene->Add(GreyView(file.Data(images).data() + v * pixels * channels, columns, rows,
                         static_cast<int>(channels)),
-               TensorMap(Data(file, chart) + v * pixels, Data(file, uv) + v * pixels * 4, columns,
-                         rows, sizes));
+               TensorMap(file.Data(chart).data() + v * pixels,
+                         file.Data(uv).data() + v * pixels * 4, columns, rows, sizes));
   }
   return scene;
 }
 
 SceneEntry TensorEntry(const fs::path& file, std::string& sweep) {
-  const Json header = ReadHeader(file);
+  const SafetensorsHeader header = ReadHeader(file);
   try {
-    const Json& metadata = header.at("__metadata__");
+    const Json metadata = header.metadata;
     if (metadata.at("format") != simulation::kSceneFormat) {
       FailDataset(file, "its format is " + metadata.at("format").dump() + ", not \"" +
                             simulation::kSceneFormat + "\"");
     }
     const auto preset = metadata.at("preset").get<std::string>();
-    const int views = header.at("images").at("shape").at(0).get<int>();
+    const auto images = header.tensors.find("images");
+    if (images == header.tensors.end() || images->second.shape.empty())
+      FailDataset(file, "it has no tensor 'images'");
+    const auto views = static_cast<int>(images->second.shape[0]);
     const Json view_list = ParseJson(file, metadata.at("views").get<std::string>());
     sweep = SweepName(preset);
     return {file.stem().string(), SimulatedPairs(preset, views, SweepValues(preset, view_list)),

@@ -21,7 +21,7 @@ struct SurfacePoint {
   std::array<float, 3> at = {};
 };
 
-// One SurfacePoint a pixel, seen at the pixel's centre.
+// One SurfacePoint per pixel, that of the pixel's centre.
 struct SurfaceMap {
   int width = 0;
   int height = 0;
@@ -33,16 +33,15 @@ struct SurfaceMap {
   }
   // Label of the pixel that holds p; 0 outside the picture.
   std::uint32_t LabelAt(Vec2 p) const;
-  // The surface under p: the nearest pixel's, continued linearly. Nothing off the surfaces.
+  // The surface point at p, extrapolated linearly from the nearest pixel. nullopt off the surfaces.
   std::optional<SurfacePoint> Locate(Vec2 p) const;
 };
 
-// How the coordinates change from pixel to pixel around a pixel on a surface. Where the two sides
-// differ (a fold, a seam, a silhouette) the flatter side counts; nothing where no neighbour shows
-// the same surface.
+// Gradient of the surface coordinates at a pixel. Where the two sides differ (a fold, a seam, a
+// silhouette) the smaller difference is used; nullopt where no neighbour shows the same surface.
 struct SurfaceSlope {
-  std::array<float, 3> x = {};  // a pixel to the right
-  std::array<float, 3> y = {};  // a pixel down
+  std::array<float, 3> x = {};  // per pixel to the right
+  std::array<float, 3> y = {};  // per pixel down
 };
 std::optional<SurfaceSlope> SlopeAt(const SurfaceMap& map, int x, int y);
 
@@ -54,8 +53,8 @@ class SurfaceIndex {
   explicit SurfaceIndex(const SurfaceMap& map,
                         float max_distance = std::numeric_limits<float>::infinity());
 
-  // Where the point is seen, to a small part of a pixel; nothing when it is hidden, turned away or
-  // out of the picture (nearest pixel that shows its neighbourhood more than a pixel away).
+  // The position of the point, with sub-pixel accuracy; nullopt when it is hidden, faces away or is
+  // outside the picture (nearest pixel that shows its neighbourhood more than a pixel away).
   std::optional<Vec2> Find(const SurfacePoint& point) const;
 
  private:

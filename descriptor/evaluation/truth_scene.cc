@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include <Eigen/Core>
 #include <Eigen/LU>

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures between which the true correspondence is known.
+// Pictures with ground-truth correspondence between them.
 #pragma once
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -14,7 +15,7 @@
 
 namespace pliant::evaluation {
 
-// Not thread-safe: what a view needs may be made when it is first asked for.
+// Not thread-safe: data of a view may be created on first use.
 class TruthScene {
  public:
   virtual ~TruthScene() = default;
@@ -33,7 +34,7 @@ class TruthScene {
   virtual bool Counts(int view, Vec2 p, int /*other*/) { return OnObject(view, p); }
 };
 
-// Truth from a surface map a view.
+// Ground truth from one surface map per view.
 class SurfaceScene : public TruthScene {
  public:
   // `max_distance`: see SurfaceIndex.
@@ -51,12 +52,12 @@ class SurfaceScene : public TruthScene {
   struct View {
     Image picture;
     SurfaceMap map;
-    std::unique_ptr<SurfaceIndex> index;  // made when first searched
+    std::unique_ptr<SurfaceIndex> index;  // created by the first search
   };
   View& At(int view) const { return *views_[static_cast<std::size_t>(view)]; }
 
   float max_distance_;
-  std::vector<std::unique_ptr<View>> views_;  // do not move: the index points into the map
+  std::vector<std::unique_ptr<View>> views_;  // pointers: the index refers to the map
 };
 
 // 3 x 3, row-major: pixel positions to pixel positions.

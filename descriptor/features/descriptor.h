@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The small interface behind which DEAL and the baselines stand.
+// The common interface of DEAL and the baselines.
 #pragma once
 
 #include <filesystem>
@@ -18,7 +18,7 @@ namespace pliant {
 struct DescriptorInfo {
   std::string name;  // one of DescriptorNames()
   DescriptorKind kind = DescriptorKind::kFloat;
-  int dim = 0;           // floats or bytes a descriptor
+  int dim = 0;           // floats or bytes per descriptor
   std::string model_id;  // "deal:<first 16 hex digits of the weight file's SHA-256>", "sift:1", ...
 };
 
@@ -34,8 +34,8 @@ class Descriptor {
   virtual Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                                int threads) const = 0;
 
-  // The same for a picture that is described once and compared with many: it may take longer and
-  // match better. Its rows are compared with those of Describe; the model id is the same.
+  // The same for a picture that is described once and compared with many: may take longer and
+  // match better. The rows are comparable with those of Describe; the model id is the same.
   virtual Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
                                         int threads) const {
     return Describe(grey, keypoints, threads);
@@ -56,7 +56,7 @@ std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
                                                  const DescriptorOptions& options = {});
 
 // $PLIANT_MODEL, else share/pliant/deal.safetensors beside or above the running program, else the
-// installed one. Throws kNotFound naming every place looked at.
+// installed one. Throws kNotFound naming all places searched.
 std::filesystem::path DefaultModelPath();
 
 struct ExtractionOptions {
@@ -87,6 +87,11 @@ class FeatureExtractor {
 
   // Throws what DecodeImage throws. A picture without key points gives features without rows.
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
+                   PictureRole role = PictureRole::kQuery) const;
+
+  // Of what DecodeImage made of a file with options().decode, for callers that want more of it (its
+  // format). `timings->decode_ms` is left alone.
+  Features Extract(const DecodedImage& decoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 
   // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.

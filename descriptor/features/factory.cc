@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cstdlib>
+#include <memory>
 #include <system_error>
 
 #include "descriptor/base/error.h"

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <memory>
+#include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/features/descriptor.h"
@@ -59,52 +61,47 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
     throw Error(ErrorCode::kInvalidArgument, "picture_empty", "A picture without pixels was given");
   }
   Stopwatch watch;
-  ExtractionTimings passed;
-  Image grey = ToGrey(picture);
-  const int longer = std::max(grey.width, grey.height);
+  DecodedImage decoded;
+  decoded.original_width = picture.width;
+  decoded.original_height = picture.height;
+  decoded.image = ToGrey(picture);
+  const int longer = std::max(picture.width, picture.height);
   const int most = options_.decode.max_side_px;
-  double scale = 1.0;
   if (most > 0 && longer > most) {
-    scale = static_cast<double>(most) / longer;
+    decoded.scale = static_cast<double>(most) / longer;
     const auto scaled = [&](int side) {
-      return std::max(1, static_cast<int>(std::lround(side * scale)));
+      return std::max(1, static_cast<int>(std::lround(side * decoded.scale)));
     };
-    grey = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+    decoded.image = ResizeImage(decoded.image, scaled(picture.width), scaled(picture.height));
   }
-  passed.decode_ms = watch.Lap();
-
-  Features features;
-  features.width = picture.width;
-  features.height = picture.height;
-  features.model_id = descriptor_->info().model_id;
-  features.keypoints = DetectKeypoints(grey, options_.keypoints);
-  passed.detect_ms = watch.Lap();
-
-  features.descriptors = Describe(grey, features.keypoints, role, threads);
-  ScaleToOriginal(features.keypoints, scale);
-  passed.describe_ms = watch.Lap();
-  if (timings != nullptr) *timings = passed;
-  return features;
+  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  return Extract(decoded, threads, timings, role);
 }
 
 Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings,
                                    PictureRole role) const {
   Stopwatch watch;
-  ExtractionTimings passed;
   const DecodedImage decoded = DecodeImage(encoded, options_.decode);
-  passed.decode_ms = watch.Lap();
+  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  return Extract(decoded, threads, timings, role);
+}
 
+Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
+                                   ExtractionTimings* timings, PictureRole role) const {
+  Stopwatch watch;
   Features features;
   features.width = decoded.original_width;
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
   features.keypoints = DetectKeypoints(decoded.image, options_.keypoints);
-  passed.detect_ms = watch.Lap();
+  const double detect_ms = watch.Lap();
 
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
   ScaleToOriginal(features.keypoints, decoded.scale);
-  passed.describe_ms = watch.Lap();
-  if (timings != nullptr) *timings = passed;
+  if (timings != nullptr) {
+    timings->detect_ms = detect_ms;
+    timings->describe_ms = watch.Lap();
+  }
   return features;
 }
 

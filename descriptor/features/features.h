@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The value types that travel through the house: key points and descriptors.
+// The value types that all folders share: key points and descriptors.
 #pragma once
 
 #include <cstddef>
@@ -30,7 +30,7 @@ enum class DescriptorKind : std::uint8_t {
 // N descriptors of one kind, one row each, row-major and contiguous.
 struct Descriptors {
   DescriptorKind kind = DescriptorKind::kFloat;
-  int dim = 0;                      // floats a row (kFloat) or bytes a row (kBinary)
+  int dim = 0;                      // floats (kFloat) or bytes (kBinary) per row
   std::size_t rows = 0;             // N
   std::vector<float> floats;        // N x dim when kFloat, else empty
   std::vector<std::uint8_t> bytes;  // N x dim when kBinary, else empty
@@ -49,14 +49,14 @@ struct Descriptors {
   }
 };
 
-// What one picture becomes. Key points are in pixels of the ORIGINAL upright picture
-// (width x height), whatever size it was described at.
+// The features of one picture. Key points are in pixels of the ORIGINAL upright picture
+// (width x height), regardless of the size at which it was described.
 struct Features {
   int width = 0;
   int height = 0;
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;  // row i describes keypoints[i]
-  std::string model_id;     // what made the descriptors; a mismatch is an error, never an answer
+  std::string model_id;     // of the descriptors; a mismatch is an error, never an answer
 };
 
 }  // namespace pliant

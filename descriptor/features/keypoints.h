@@ -13,7 +13,7 @@ namespace pliant {
 struct KeypointOptions {
   int max_keypoints = 1024;  // strongest by response; 1..4096
   // SIFT repeats a key point once for each dominant orientation (about 17 % of them). Rotation-
-  // invariant descriptors see the repeats as duplicates, so by default one key point a place stays.
+  // invariant descriptors see the repeats as duplicates, so by default one per location is kept.
   bool keep_repeated_orientations = false;
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -16,7 +17,7 @@
 namespace pliant {
 namespace {
 
-void CheckLimits(Bytes bytes, const ImageHeader& header, const DecodeOptions& options) {
+void CheckLimits(const ImageHeader& header, const DecodeOptions& options) {
   const std::string size = std::to_string(header.width) + " x " + std::to_string(header.height);
   if (header.width > options.max_pixels / header.height) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
@@ -28,7 +29,6 @@ void CheckLimits(Bytes bytes, const ImageHeader& header, const DecodeOptions& op
                 "The picture has " + size + " pixels; each side needs at least " +
                     std::to_string(options.min_side_px) + ".");
   }
-  CheckComplete(bytes, header.format);
 }
 
 // libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
@@ -155,8 +155,10 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
                 "The picture file has " + std::to_string(bytes.size()) + " bytes; at most " +
                     std::to_string(options.max_bytes) + " are accepted.");
   }
-  const ImageHeader header = ReadImageHeader(bytes);
-  CheckLimits(bytes, header, options);
+  const ScannedImage scanned = ScanImage(bytes);
+  const ImageHeader& header = scanned.header;
+  CheckLimits(header, options);
+  CheckComplete(bytes, scanned);
 
   const int reduction = JpegReduction(header, options.max_side_px);
   cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, options, reduction));

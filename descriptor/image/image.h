@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Bytes to picture: type by content, limits before decoding, EXIF orientation honoured.
+// Decoding of pictures: type by content, limits before decoding, EXIF orientation applied.
 #pragma once
 
 #include <cstddef>
@@ -35,7 +35,7 @@ struct ImageHeader {
 };
 
 struct DecodeOptions {
-  int max_side_px = 1024;                       // larger pictures are scaled down to it; 0 = never
+  int max_side_px = 1024;                       // longer side; larger pictures are scaled; 0 = no
   std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
   std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
   int min_side_px = 16;                         // smaller pictures are refused
@@ -50,13 +50,16 @@ struct DecodedImage {
   ImageFormat format = ImageFormat::kUnknown;
 };
 
+// Type by content ("magic" bytes), never by name. kUnknown when no type fits.
+ImageFormat SniffFormat(Bytes bytes);
+
 // Reads only the header. Throws Error: kUnprocessable "image_empty", "image_truncated";
 // kUnsupportedMediaType "image_type_unknown".
 ImageHeader ReadImageHeader(Bytes bytes);
 
 // Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
 // "image_too_large" (bytes or pixels), kUnprocessable "image_too_small", "image_corrupt",
-// "image_truncated" (a picture that ends early is refused, never filled up with grey).
+// "image_truncated" (an incomplete picture is refused, never padded with grey).
 // Thread-safe.
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
 

@@ -24,10 +24,12 @@ bool IsStartOfFrame(int marker) {
 
 bool HasNoPayload(int marker) { return marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8); }
 
-// Calls visit(marker, payload) for each segment up to EOI; false when the file ends before EOI.
+// Calls visit(marker, payload) for each segment from `at` up to EOI, leaving `at` at the segment
+// for which visit said false; false when the file ends before EOI. Entropy-coded data hold no
+// marker by themselves: an 0xFF in them is followed by a stuffed 0x00 (B.1.1.5), so they are
+// skipped bytewise.
 template <typename Visit>
-bool WalkJpeg(Bytes bytes, Visit visit) {
-  std::size_t at = 2;
+bool WalkJpeg(Bytes bytes, std::size_t& at, Visit visit) {
   while (at + 1 < bytes.size()) {
     if (bytes[at] != 0xFF) {  // entropy-coded data, or padding
       ++at;
@@ -51,9 +53,10 @@ bool WalkJpeg(Bytes bytes, Visit visit) {
   return false;
 }
 
-ImageHeader ReadJpeg(Bytes bytes) {
-  ImageHeader header{.format = ImageFormat::kJpeg};
-  WalkJpeg(bytes, [&](int marker, Bytes payload) {
+ScannedImage ScanJpeg(Bytes bytes) {
+  ScannedImage scanned{.header = {.format = ImageFormat::kJpeg}, .jpeg_rest = 2};
+  ImageHeader& header = scanned.header;
+  WalkJpeg(bytes, scanned.jpeg_rest, [&](int marker, Bytes payload) {
     const ByteReader reader(payload, true);
     if (marker == 0xE1 && payload.size() > 6 && reader.StartsWith(0, "Exif")) {
       header.exif_orientation = ReadTiffDirectory(reader.From(6)).orientation;
@@ -63,7 +66,7 @@ ImageHeader ReadJpeg(Bytes bytes) {
     header.width = reader.U16(3).value_or(0);
     return false;
   });
-  return header;
+  return scanned;
 }
 
 // PNG (ISO/IEC 15948): chunks of length, type, data, CRC. Calls visit(type offset, data).
@@ -82,18 +85,19 @@ bool WalkPng(Bytes bytes, Visit visit) {
   return false;
 }
 
-ImageHeader ReadPng(Bytes bytes) {
-  ImageHeader header{.format = ImageFormat::kPng};
+ScannedImage ScanPng(Bytes bytes) {
+  ScannedImage scanned{.header = {.format = ImageFormat::kPng}};
+  ImageHeader& header = scanned.header;
   const ByteReader reader(bytes, true);
-  if (!reader.StartsWith(12, "IHDR")) return header;
+  if (!reader.StartsWith(12, "IHDR")) return scanned;
   header.width = reader.U32(16).value_or(0);
   header.height = reader.U32(20).value_or(0);
-  WalkPng(bytes, [&](std::size_t type, Bytes data) {
+  scanned.complete = WalkPng(bytes, [&](std::size_t type, Bytes data) {
     if (reader.StartsWith(type, "eXIf")) {
       header.exif_orientation = ReadTiffDirectory(data).orientation;
     }
   });
-  return header;
+  return scanned;
 }
 
 // WebP (RFC 9649): a RIFF container of VP8, VP8L or VP8X chunks.
@@ -117,9 +121,11 @@ void ReadWebpCanvas(const ByteReader& file, std::size_t data, ImageHeader& heade
   }
 }
 
-ImageHeader ReadWebp(Bytes bytes) {
-  ImageHeader header{.format = ImageFormat::kWebp};
+ScannedImage ScanWebp(Bytes bytes) {
+  ScannedImage scanned{.header = {.format = ImageFormat::kWebp}};
+  ImageHeader& header = scanned.header;
   const ByteReader reader(bytes, false);
+  scanned.complete = std::uint64_t{reader.U32(4).value_or(0)} + 8 <= bytes.size();
   std::size_t at = 12;
   while (const auto length = reader.U32(at + 4)) {
     if (header.width == 0) ReadWebpCanvas(reader, at + 8, header);
@@ -129,49 +135,64 @@ ImageHeader ReadWebp(Bytes bytes) {
     }
     at += 8 + std::size_t{*length} + (*length & 1);
   }
-  return header;
+  return scanned;
 }
 
-ImageHeader ReadBmp(Bytes bytes) {
-  ImageHeader header{.format = ImageFormat::kBmp};
+ScannedImage ScanBmp(Bytes bytes) {
+  ScannedImage scanned{.header = {.format = ImageFormat::kBmp}};
+  ImageHeader& header = scanned.header;
   const ByteReader reader(bytes, false);
-  if (reader.U32(14) == 12U) {  // OS/2 core header
+  const bool core = reader.U32(14) == 12U;  // of OS/2
+  if (core) {
     header.width = reader.U16(18).value_or(0);
     header.height = reader.U16(20).value_or(0);
   } else {
     header.width = static_cast<std::int32_t>(reader.U32(18).value_or(0));
     header.height = std::llabs(static_cast<std::int32_t>(reader.U32(22).value_or(0)));
   }
-  return header;
-}
-
-ImageHeader ReadTiff(Bytes bytes) {
-  const TiffDirectory directory = ReadTiffDirectory(bytes);
-  return {.format = ImageFormat::kTiff,
-          .width = directory.width,
-          .height = directory.height,
-          .exif_orientation = directory.orientation};
-}
-
-bool BmpComplete(Bytes bytes, const ImageHeader& header) {
-  const ByteReader reader(bytes, false);
-  const bool core = reader.U32(14) == 12U;
   const std::uint32_t compression = core ? 0 : reader.U32(30).value_or(0);
-  if (compression != 0 && compression != 3) return true;  // run lengths: the decoder notices
+  if (compression != 0 && compression != 3) return scanned;  // run lengths: the decoder notices
   const std::int64_t bits = reader.U16(core ? 24 : 28).value_or(0);
-  const std::int64_t row = (header.width * bits + 31) / 32 * 4;
+  const std::int64_t row = (header.width * bits + 31) / 32 * 4;  // rows are padded to four bytes
   const std::int64_t offset = reader.U32(10).value_or(0);
-  return offset + row * header.height <= static_cast<std::int64_t>(bytes.size());
+  const auto data = static_cast<std::int64_t>(bytes.size()) - offset;
+  // Divided, not multiplied: nobody has checked the size yet, and the product may overflow.
+  scanned.complete = data >= 0 && (header.height == 0 || row <= data / header.height);
+  return scanned;
 }
 
-bool TiffComplete(Bytes bytes) {
+ScannedImage ScanTiff(Bytes bytes) {
   const TiffDirectory directory = ReadTiffDirectory(bytes);
-  if (!directory.complete) return false;
+  ScannedImage scanned{.header = {.format = ImageFormat::kTiff,
+                                  .width = directory.width,
+                                  .height = directory.height,
+                                  .exif_orientation = directory.orientation},
+                       .complete = directory.complete};
   for (std::size_t i = 0; i < directory.data_offsets.size(); ++i) {
     const std::uint64_t size = i < directory.data_bytes.size() ? directory.data_bytes[i] : 0;
-    if (directory.data_offsets[i] + size > bytes.size()) return false;
+    if (directory.data_offsets[i] + size > bytes.size()) scanned.complete = false;
   }
-  return true;
+  return scanned;
+}
+
+ScannedImage Scan(Bytes bytes) {
+  switch (SniffFormat(bytes)) {
+    case ImageFormat::kJpeg:
+      return ScanJpeg(bytes);
+    case ImageFormat::kPng:
+      return ScanPng(bytes);
+    case ImageFormat::kWebp:
+      return ScanWebp(bytes);
+    case ImageFormat::kBmp:
+      return ScanBmp(bytes);
+    case ImageFormat::kTiff:
+      return ScanTiff(bytes);
+    case ImageFormat::kUnknown:
+      break;
+  }
+  throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
+              "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
+              "or TIFF.");
 }
 
 }  // namespace
@@ -186,57 +207,25 @@ ImageFormat SniffFormat(Bytes bytes) {
   return ImageFormat::kUnknown;
 }
 
-ImageHeader ReadImageHeader(Bytes bytes) {
+ScannedImage ScanImage(Bytes bytes) {
   if (bytes.empty()) {
     throw Error(ErrorCode::kUnprocessable, "image_empty",
                 "The picture is empty (0 bytes). Send the file's content.");
   }
-  ImageHeader header;
-  switch (SniffFormat(bytes)) {
-    case ImageFormat::kJpeg:
-      header = ReadJpeg(bytes);
-      break;
-    case ImageFormat::kPng:
-      header = ReadPng(bytes);
-      break;
-    case ImageFormat::kWebp:
-      header = ReadWebp(bytes);
-      break;
-    case ImageFormat::kBmp:
-      header = ReadBmp(bytes);
-      break;
-    case ImageFormat::kTiff:
-      header = ReadTiff(bytes);
-      break;
-    case ImageFormat::kUnknown:
-      throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-                  "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
-                  "or TIFF.");
+  const ScannedImage scanned = Scan(bytes);
+  if (scanned.header.width <= 0 || scanned.header.height <= 0) {
+    ThrowTruncated("its header gives no size");
   }
-  if (header.width <= 0 || header.height <= 0) ThrowTruncated("its header gives no size");
-  return header;
+  return scanned;
 }
 
-void CheckComplete(Bytes bytes, ImageFormat format) {
-  bool complete = true;
-  switch (format) {
-    case ImageFormat::kJpeg:
-      complete = WalkJpeg(bytes, [](int, Bytes) { return true; });
-      break;
-    case ImageFormat::kPng:
-      complete = WalkPng(bytes, [](std::size_t, Bytes) {});
-      break;
-    case ImageFormat::kWebp:
-      complete = std::uint64_t{ByteReader(bytes, false).U32(4).value_or(0)} + 8 <= bytes.size();
-      break;
-    case ImageFormat::kBmp:
-      complete = BmpComplete(bytes, ReadBmp(bytes));
-      break;
-    case ImageFormat::kTiff:
-      complete = TiffComplete(bytes);
-      break;
-    case ImageFormat::kUnknown:
-      break;
+ImageHeader ReadImageHeader(Bytes bytes) { return ScanImage(bytes).header; }
+
+void CheckComplete(Bytes bytes, const ScannedImage& scanned) {
+  bool complete = scanned.complete;
+  if (scanned.header.format == ImageFormat::kJpeg) {
+    std::size_t at = scanned.jpeg_rest;
+    complete = WalkJpeg(bytes, at, [](int, Bytes) { return true; });
   }
   if (!complete) ThrowTruncated("it ends before its own end mark");
 }

@@ -1,18 +1,17 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// libpng and libjpeg print what is wrong with a damaged picture on `stderr` and cannot be told
-// otherwise through OpenCV. A program whose standard error is a log calls QuietDecoders() first:
-// then what is printed while a picture is decoded is dropped, since the Error says it. Everything
-// else goes through unchanged.
+// libpng and libjpeg print messages about damaged pictures to `stderr`, which OpenCV cannot
+// disable. A program whose standard error is a log calls QuietDecoders() at its start. Output
+// during decoding is then discarded, since the Error reports the problem; other output is kept.
 #pragma once
 
 namespace pliant {
 
-// Replaces the C library's `stderr` stream (not the file descriptor, not std::cerr). Once, before
-// any thread. Where the C library does not allow it, nothing happens.
+// Replaces the C library's `stderr` stream (not the file descriptor, not std::cerr). Call it once,
+// before starting threads. It does nothing where the C library does not allow this.
 void QuietDecoders();
 
-// While it lives, what this thread prints on `stderr` is dropped, after QuietDecoders().
+// During its lifetime the output of this thread to `stderr` is discarded, after QuietDecoders().
 class DecoderSilence {
  public:
   DecoderSilence();

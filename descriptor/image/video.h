@@ -17,7 +17,7 @@ struct VideoInfo {
   int width = 0;
   int height = 0;
   double frames_per_second = 0;  // 0 = unknown
-  std::int64_t frames = 0;       // as the file's header says; 0 = unknown
+  std::int64_t frames = 0;       // according to the file's header; 0 = unknown
 };
 
 // Not thread-safe. FFmpeg may write a line about damaged data to standard error.
@@ -33,10 +33,10 @@ class VideoReader {
 
   const VideoInfo& info() const { return info_; }
 
-  // The next frame in colour; nothing at the end, or where the data stop making sense. Throws
-  // kUnprocessable "frames_vary" when its size is not the first one's.
+  // The next frame in colour; nullopt at the end, or where the data are damaged. Throws
+  // kUnprocessable "frames_vary" when its size differs from the first one's.
   std::optional<Image> Next();
-  // Goes past a frame; false at the end.
+  // Skips a frame; false at the end.
   bool Skip();
 
  private:
@@ -50,18 +50,19 @@ class VideoReader {
 // Whether VideoWriter writes files of this name: .mp4, .m4v, .mov, .mkv or .avi.
 bool HasVideoName(const std::filesystem::path& file);
 
-// Writes H.264 where the system's FFmpeg can, else MPEG-4 (Motion JPEG for .avi). The file appears
-// under its name when it is complete. Not thread-safe.
+// Writes H.264 if the system's FFmpeg supports it, else MPEG-4 (Motion JPEG for .avi). The file
+// gets its name when it is complete. Not thread-safe.
 class VideoWriter {
  public:
-  // Odd sizes are cut by a pixel. Throws kInvalidArgument for a name that is none of a video or a
-  // size below 2 x 2, kNoSpace "file_unwritable".
+  // Odd sizes are cropped by a pixel. Throws kInvalidArgument for a file name without a video
+  // extension or a size below 2 x 2, kNoSpace "file_unwritable".
   VideoWriter(const std::filesystem::path& file, int width, int height, double frames_per_second);
-  ~VideoWriter();  // without Close, nothing is left
+  ~VideoWriter();  // without Close, no file is left
   VideoWriter(const VideoWriter&) = delete;
   VideoWriter& operator=(const VideoWriter&) = delete;
 
-  // Grey or colour. Throws kInvalidArgument "frames_vary" for another size than was announced.
+  // Grey or colour. Throws kInvalidArgument "frames_vary" for a size that differs from the
+  // constructor's.
   void Write(const Image& frame);
   void Close();  // throws kNoSpace "file_unwritable"
 

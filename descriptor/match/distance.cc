@@ -42,7 +42,8 @@ void StartState(kernels::RowState* state, std::size_t rows) {
   }
 }
 
-// Joins the columns of a row's state; of equal values the lowest index wins.
+// Joins the columns of a row's state; of equal values the lowest index wins. The second nearest of
+// all is the nearest of its own column or the second there, so two values a column are enough.
 NearestTwo Finish(const kernels::RowState& state) {
   NearestTwo result{0, kInfinity, kInfinity};
   for (std::size_t j = 0; j < kPanel; ++j) {

@@ -24,7 +24,7 @@ void CheckDescriptors(const Descriptors& descriptors, const char* what);
 // The named rows of `descriptors`, in that order.
 Descriptors SelectRows(const Descriptors& descriptors, std::span<const std::uint32_t> rows);
 
-// The nearest row and how far away the second nearest is.
+// The nearest row and the distance of the second nearest.
 struct NearestTwo {
   std::uint32_t index = 0;  // of equally near rows the lowest
   float distance = 0;       // Euclidean or Hamming; infinite when there is no row
@@ -38,7 +38,7 @@ struct NearestOne {
 };
 
 // Rows laid out for the kernels: the right-hand side of distance computations. Immutable and
-// thread-safe. Keeps a copy; the source may go away.
+// thread-safe. Keeps a copy; the source may be destroyed.
 class PackedDescriptors {
  public:
   // Columns come in panels of this many; the last panel is padded.
@@ -57,8 +57,8 @@ class PackedDescriptors {
 
   // The two nearest packed rows for each of the rows first .. first + count - 1 of `queries`, by
   // |a|^2 + |b|^2 - 2 a.b (twice as fast as Distances; distances below about 1e-3 |a| are
-  // uncertain by as much). `nearest_query`, when given, holds rows() values and gets the nearest
-  // query row of each packed row. Queries and packed rows must be finite.
+  // uncertain by that amount). `nearest_query`, if not null, has rows() elements and receives the
+  // nearest query row of each packed row. Queries and packed rows must be finite.
   void FindNearest(const Descriptors& queries, std::size_t first, std::size_t count,
                    NearestTwo* nearest, NearestOne* nearest_query = nullptr) const;
 
@@ -68,7 +68,7 @@ class PackedDescriptors {
   DescriptorKind kind_;
   int dim_;
   std::size_t rows_;
-  std::size_t words_ = 0;  // 64-bit words a binary row
+  std::size_t words_ = 0;  // 64-bit words per binary row
   struct AlignedDelete {
     void operator()(float* p) const;
   };

@@ -113,6 +113,8 @@ PLIANT_INLINE void DotsToSquared(float* __restrict values, std::size_t rows, con
                                  const float* __restrict b2) {
   for (std::size_t r = 0; r < rows; ++r) {
     for (std::size_t j = 0; j < kPanel; ++j) {
+      // |a - b|^2 = |a|^2 + |b|^2 - 2 a.b makes a matrix product of the distances. Rounding can
+      // take near ones a little below zero, never equal ones: see SquaredNorms.
       const float v = a2[r] + b2[j] - 2 * values[r * kPanel + j];
       values[r * kPanel + j] = v > 0 ? v : 0;
     }

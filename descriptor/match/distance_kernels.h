@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Inner loops of descriptor/match/distance.h, one set for each instruction set. Not for use
-// elsewhere.
+// Inner loops of descriptor/match/distance.h, one set per instruction set. Internal.
 #pragma once
 
 #include <cstddef>
@@ -33,7 +32,7 @@ struct KernelSet {
                        const std::uint64_t* b, std::size_t columns, float* out);
   // values[r * kPanel + j] = max(0, a2[r] + b2[j] - 2 values[r * kPanel + j]).
   void (*dots_to_squared)(float* values, std::size_t rows, const float* a2, const float* b2);
-  // Brings the states of `rows` rows up to date with a tile of panel number `panel`.
+  // Updates the states of `rows` rows with a tile of panel number `panel`.
   void (*update_rows)(const float* values, std::size_t rows, std::uint32_t panel, RowState* states);
   // Keeps the smallest value of each column and the row it came from (strictly smaller wins);
   // `row` is the number of the tile's first row.

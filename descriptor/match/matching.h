@@ -22,8 +22,8 @@ struct Match {
 };
 
 struct MatchOptions {
-  float max_ratio = 1;       // matches above it are left out; 1 = keep all
-  bool mutual_only = false;  // leave out those that are not mutual
+  float max_ratio = 1;       // matches above it are discarded; 1 = keep all
+  bool mutual_only = false;  // discard matches that are not mutual
   int threads = 1;           // 0 = all cores; the result does not depend on it
 };
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One chart on a sheet. Internal to this room.
+// One chart on a sheet. Internal to this folder.
 #pragma once
 
 #include <algorithm>
@@ -17,9 +17,9 @@ inline constexpr int kSmallLetters = 9;
 inline constexpr int kHeading = 13;
 inline constexpr int kChartTitleHeight = 26;
 inline constexpr int kLegendRow = 20;
-inline constexpr int kLegendSymbol = 32;  // the room it takes before its name
+inline constexpr int kLegendSymbol = 32;  // width of a symbol before its name
 
-// What belongs to a chart, its numbers and words included.
+// The area of a chart, including its labels.
 struct Area {
   double left, top, right, bottom;
 };

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lines, dots and words on colour pictures, for people to look at: matches, outlines, meshes,
-// plots. Everything is clipped at the picture's border and smoothed. Points are in pixels, pixel
+// Lines, dots and text on colour pictures: matches, outlines, meshes, plots. Everything is clipped
+// at the picture's border and anti-aliased. Points are in pixels, pixel
 // centres at integers. The pictures drawn on must have 3 channels: kInvalidArgument otherwise.
 #pragma once
 
@@ -29,7 +29,7 @@ inline constexpr Colour kYellow{250, 205, 40};
 inline constexpr Colour kBlue{60, 140, 250};
 }  // namespace colours
 
-// The i-th of a list of colours that are easy to tell apart on white and on black; it repeats.
+// The i-th of a cyclic list of colours that are easy to distinguish on white and on black.
 Colour DistinctColour(std::size_t i);
 
 // A picture of one colour, 3 channels.
@@ -46,10 +46,10 @@ void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour);
 void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour);
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 
-// `left`, `baseline`: where the text begins. ASCII; other characters come out as '?'.
+// The text starts at (`left`, `baseline`). ASCII; other characters are drawn as '?'.
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px = 12);
-// Of one line, in pixels.
+// Width of one line in pixels.
 int TextWidth(const std::string& text, int height_px = 12);
 
 // Copies `what` (grey or colour) so that its top left pixel is (x, y) of `onto`.

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Checks a figure and divides the sheet among its charts.
+#include <algorithm>
 #include <cmath>
 
 #include "descriptor/base/error.h"

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Bars and curves as a picture, for reports: everything the project plots is drawn here. Text is
-// ASCII; what is too long for its place is cut and ends in "...".
+// Bar charts and curves for reports: all plots of the project are drawn here. Text is
+// ASCII; text that is too long is cut and ends in "...".
 #pragma once
 
 #include <string>
@@ -21,10 +21,10 @@ struct Bar {
 struct BarChart {
   struct Group {
     std::string name;
-    std::vector<Bar> bars;  // one a measure
+    std::vector<Bar> bars;  // one per measure
   };
   std::string title;                  // may be empty
-  std::vector<std::string> measures;  // what the bars of every group mean, from the top
+  std::vector<std::string> measures;  // meaning of the bars in every group, from the top
   std::vector<Group> groups;          // from the top
 };
 
@@ -40,12 +40,12 @@ struct LineChart {
   std::string y_label;
   std::vector<Line> lines;
   bool logarithmic = false;     // of x, which must then be positive
-  std::vector<double> x_ticks;  // where to write numbers, as far as they have room; empty: chosen
-  double y_top = 0;             // value at the upper end; 0: chosen by the data
+  std::vector<double> x_ticks;  // labelled values, if space permits; empty: automatic
+  double y_top = 0;             // value at the upper end; 0: automatic
 };
 
-// Bar charts below each other, then the line charts: one over the whole width, several two a row.
-// Legends stand at the right, outside of the axes. A name has the same colour and marker in all
+// Bar charts below each other, then the line charts: one at full width, several two per row.
+// Legends are at the right, outside of the axes. A name has the same colour and marker in all
 // line charts; the measures of bars have colours of their own.
 struct Figure {
   std::string title;
@@ -55,7 +55,7 @@ struct Figure {
 };
 
 // 3 channels, 920 pixels wide, as high as needed. Throws kInvalidArgument "plot_invalid" when there
-// is nothing to draw, numbers are not finite or out of their range, or lengths differ.
+// is nothing to draw, values are not finite or out of range, or lengths differ.
 Image DrawFigure(const Figure& figure);
 
 }  // namespace pliant::plot

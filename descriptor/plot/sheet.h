@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A white sheet for charts: drawn twice as large with descriptor/plot/drawing.h and scaled down,
-// which makes thin lines and small letters smooth. Positions and sizes are of the small sheet.
+// A white sheet for charts, drawn at twice the size with descriptor/plot/drawing.h and scaled down,
+// which makes thin lines and small letters smooth. Positions and sizes refer to the final size.
 #pragma once
 
 #include <string>
@@ -23,7 +23,7 @@ class Sheet {
   void Line(Vec2 from, Vec2 to, Colour colour, double thickness = 1.0);
   void Box(Vec2 low, Vec2 high, Colour colour);
   void Disc(Vec2 centre, double radius, Colour colour);
-  // A disc, square, diamond or triangle as large as a disc of this radius; `shape` repeats.
+  // A disc, square, diamond or triangle with the area of a disc of this radius; `shape` is cyclic.
   void Marker(std::size_t shape, Vec2 centre, double radius, Colour colour);
   void Paste(const Image& picture, int x, int y);
   // `at`: the left end, middle or right end of the base line.

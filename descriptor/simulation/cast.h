@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The textures that play in a scene. Internal.
+// The textures used in a scene. Internal.
 #pragma once
 
 #include <cstddef>
@@ -24,8 +24,8 @@ std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t 
 Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random);
 
 // The same for a scene of the preset objects: others come from the half of the textures that scenes
-// take last. As long as a set has no more objects than the other half, no picture shows one object
-// behind another, which would make both answers to "which object is this?" right.
+// take last. As long as a set has no more objects than the other half, no picture shows another
+// object of the set in its background, where two answers would be correct.
 Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
                     Random& random);
 

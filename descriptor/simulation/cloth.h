@@ -16,7 +16,7 @@
 
 namespace pliant::simulation {
 
-// A moving air: a steady part that turns slowly and three waves of random direction in space and
+// Wind: a steady part that turns slowly and three waves of random direction in space and
 // time, so that neighbouring particles feel related but chaotic forces.
 class Wind {
  public:
@@ -36,7 +36,8 @@ class Wind {
   float strength_ = 0.0F;
 };
 
-// A particle that is held: it moves with a velocity until `until_s`, then stays or is let go.
+// A constrained particle: it moves with a velocity until `until_s`, then stays fixed or is
+// released.
 struct Pin {
   int particle = 0;
   Eigen::Vector3f velocity = Eigen::Vector3f::Zero();
@@ -67,8 +68,8 @@ class Cloth {
   // Advances by `frames` of 1/60 s.
   void Run(int frames);
   // Moves particles as little as possible until the 95th percentile of the residual stretch is at
-  // most `target`, or `max_passes` are spent. Lets go of the pins: call it on a copy. Lets go of
-  // all pins: for a pose that is to be kept.
+  // most `target`, or `max_passes` are spent. Releases all pins: call it on a copy if the
+  // simulation is to continue.
   void Relax(float target, int max_passes);
 
   std::vector<Eigen::Vector3f> positions() const;

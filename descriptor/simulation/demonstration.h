@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A few objects to try Pliant with, made of nothing but code: each painted flat, as one would add
-// it, and photographed crumpled, as one would look for it.
+// Demonstration objects, generated without any files: each is rendered flat, as a picture to index,
+// and crumpled, as a query.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace pliant::simulation {
 
-// What the objects are called, in order: "town map", ...
+// The names of the objects, in order: "town map", ...
 const std::vector<std::string>& DemonstrationObjects();
 
 // Of object `number` < DemonstrationObjects().size(); throw Error kInvalidArgument

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -30,7 +31,7 @@ class DepthBuffer {
 
   // Corners are sample positions (sample centres at integers) with their nearness. Spans run from
   // ceil to ceil, so triangles that share an edge neither overlap nor leave a gap. `keep(x, y)` is
-  // asked for each sample that would win.
+  // called for each sample that passes the depth test and may reject it.
   template <typename Keep>
   void Draw(const std::array<Eigen::Array2f, 3>& corner, const std::array<float, 3>& near,
             std::int32_t id, Keep&& keep);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the camera stands.
+// Placement of the camera.
 #pragma once
 
 #include "descriptor/simulation/scene.h"
@@ -12,7 +12,7 @@ Framing DrawFraming(Random& random, float strength);
 // Nearly upright, frontal and filling the picture.
 Framing DrawFrontalFraming(Random& random);
 
-// A camera for the pose. `facing_u`: which part of a tube is turned to the camera (0.5 = its
+// A camera for the pose. `facing_u`: which part of a tube faces the camera (0.5 = its
 // front).
 Camera PlaceCamera(const Body& body, const Pose& pose, const Framing& framing, float facing_u,
                    int width, int height);

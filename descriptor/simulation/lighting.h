@@ -31,11 +31,11 @@ struct Lighting {
 // One to four lights on the camera's side of the body. `view` points from the body to the camera.
 Lighting DrawLighting(Random& random, const Eigen::Vector3f& view);
 
-// A depth picture from a light far away.
+// A depth map seen from a distant light.
 class ShadowMap {
  public:
   ShadowMap(const Light& light, const std::vector<Surface>& surfaces);
-  // Which part of the light reaches the point, 0..1.
+  // The fraction of the light that reaches the point, 0..1.
   float Visible(const Eigen::Vector3f& point) const;
 
  private:

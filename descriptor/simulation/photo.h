@@ -25,7 +25,7 @@ struct PhotoOptions {
   int jpeg_quality = 0;     // 0 = no artefacts
 };
 
-// The exposure that brings the mean light on the object to a middle grey, as a camera's meter does.
+// The exposure that maps the mean light on the object to middle grey, like a camera's light meter.
 float MeterExposure(const Frame& frame);
 
 // strength 0 (studio) .. 1 (everything goes wrong); `exposure` is then relative to the meter's.
@@ -37,8 +37,8 @@ Image TakePhoto(Frame& frame, const PhotoOptions& options, int channels, Random&
 // Gaussian blur by recursion-free separable convolution; width x height, in place.
 void Blur(std::vector<Colour>& pixels, int width, int height, float sigma_px);
 
-// What storing as a baseline JPEG of this quality (1..100) does to the pixels, without the file:
-// 8 x 8 cosine transform, the standard's example tables, rounding.
+// Applies the losses of baseline JPEG at this quality (1..100) to the pixels: 8 x 8 cosine
+// transform, the example tables of the standard, rounding.
 void AddJpegArtefacts(Image& image, int quality);
 
 }  // namespace pliant::simulation

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures made of nothing but a seed, so that the simulator needs no files: lettering, logos,
+// Pictures generated from a seed, so that the simulator needs no files: lettering, logos,
 // checks, flowers, weaves, newspaper pages, packaging and maps.
 #pragma once
 

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One painter a kind of procedural picture; the canvas comes in the palette's paper. Internal.
+// One painter per kind of procedural picture; the canvas is filled with the palette's paper colour.
+// Internal.
 #pragma once
 
 #include "descriptor/simulation/procedural_parts.h"

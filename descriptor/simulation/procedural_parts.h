@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What the painters of procedural pictures have in common. Internal.
+// Common parts of the painters of procedural pictures. Internal.
 #pragma once
 
 #include <array>

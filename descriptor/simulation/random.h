@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A small seeded generator (PCG32, O'Neill 2014) with its own distributions, so that a scene is the
-// same to the bit whatever standard library, thread count or order of scenes made it.
+// A small seeded generator (PCG32, O'Neill 2014) with its own distributions, so that a scene is
+// bit-identical for every standard library, number of threads and order of scenes.
 #pragma once
 
 #include <algorithm>
@@ -55,14 +55,14 @@ class Random {
     const float y = Normal();
     return {x, y, Normal()};
   }
-  // Even on the unit sphere.
+  // Uniform on the unit sphere.
   Eigen::Vector3f Direction() {
     const float z = Uniform(-1.0F, 1.0F);
     const float turn = Angle();
     const float radius = std::sqrt(std::max(0.0F, 1.0F - z * z));
     return {radius * std::cos(turn), radius * std::sin(turn), z};
   }
-  // A generator of its own for a sub-task: what the sub-task draws does not shift what follows.
+  // An independent generator for a sub-task: its draws do not affect those that follow here.
   Random Fork() {
     const std::uint64_t seed = (static_cast<std::uint64_t>(Next()) << 32U) | Next();
     return Random(seed, Next());

@@ -19,7 +19,8 @@ constexpr float kNearPlane = 0.05F;  // camera units
 constexpr float kMagnified = -0.9F;  // level of detail from which a pixel covers hardly a texel
 
 // Values that are linear over the picture after division by depth: value(x, y) = dx x + dy y +
-// base.
+// base. What is linear on a plane in space is, divided by z, linear in its picture, and so is 1/z;
+// their quotient is the value itself (perspective-correct interpolation; Blinn 1992).
 struct Plane {
   Colour dx, dy, base;
 
@@ -44,6 +45,7 @@ struct Corner {
   float inverse_z = 0.0F;
 };
 
+// Cramer's rule for the two slopes; `area` is twice the triangle's, with its sign.
 Plane MakePlane(const std::array<Array2f, 3>& at, const std::array<Colour, 3>& value, float area) {
   const Array2f e1 = at[1] - at[0];
   const Array2f e2 = at[2] - at[0];

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces, lights and a camera to a picture with its ground truth.
+// Renders surfaces, lights and a camera to a picture with its ground truth.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,8 @@ struct Frame {
   double Coverage() const;
 };
 
-// Draws with 2 x 2 samples a pixel over `backdrop` (height x width, or empty for black). Back faces
-// of a chart hide what is behind them and count as no chart.
+// Draws with 2 x 2 samples per pixel over `backdrop` (height x width, or empty for black). Back
+// faces of a chart hide what is behind them and count as no chart.
 Frame Render(const std::vector<Surface>& surfaces, const Lighting& lighting, const Camera& camera,
              const std::vector<Colour>& backdrop);
 

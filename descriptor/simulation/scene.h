@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One scene: an object with its texture, seen several times, deformed, lit and photographed
-// differently each time.
+// One scene: several views of a textured object, each with its own deformation, light and camera.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +21,8 @@ enum class Preset {
   kPairs,     // view 0 flat and frontal, the others strongly deformed: training, matching
   kObjects,   // the same, meant as one object of a retrieval set
   kSequence,  // view 0 the template, then one deformation over time: tracking
-  kRotation,  // view 0, then one deformed pose turned in the picture plane, 0..180 degrees
-  kScale,     // view 0, then one deformed pose shrinking to a quarter
+  kRotation,  // view 0, then one deformed pose rotated in the image plane, 0..180 degrees
+  kScale,     // view 0, then one deformed pose scaled down to a quarter
   kPlanar,    // rigid flat sheets only: all views are homographies of one another
 };
 // Throws Error kInvalidArgument "preset_unknown".
@@ -43,7 +42,7 @@ struct SceneOptions {
   float turn_deg = 60.0F;
   float least_scale = 0.5F;
   int cells = 34;  // simulated cells along the longer side
-  int refine = 3;  // drawn cells a simulated cell and axis
+  int refine = 3;  // drawn cells per simulated cell and axis
 };
 // Throws Error kInvalidArgument "option_out_of_range" naming the field.
 void Validate(const SceneOptions& options);
@@ -87,8 +86,8 @@ struct Scene {
   std::vector<View> views;
 };
 
-// Makes scene `index` of the set that `seed` stands for. Depends on nothing else: the same on every
-// thread. Successive scenes show all textures in turn; backgrounds and backs are other textures.
+// Makes scene `index` of the set with this `seed`. The result depends only on the arguments.
+// Successive scenes show all textures in turn; backgrounds and backs are other textures.
 // Throws Error kInvalidArgument (options; "textures_missing" for none).
 Scene MakeScene(const TextureSource& textures, const SceneOptions& options, std::uint64_t seed,
                 std::uint64_t index);

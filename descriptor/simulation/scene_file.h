@@ -19,7 +19,4 @@ std::string SceneFileName(std::uint64_t index);
 // `images` [V, H, W, 3]. Throws Error kNoSpace "file_unwritable".
 void WriteSceneFile(const std::filesystem::path& path, const Scene& scene);
 
-// Camera, lights, photo, framing, motion of one view as a JSON object.
-std::string ViewJson(const View& view);
-
 }  // namespace pliant::simulation

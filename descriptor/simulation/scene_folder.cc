@@ -7,13 +7,14 @@
 #include <fstream>
 #include <span>
 #include <system_error>
+#include <utility>
 #include <vector>
 
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "descriptor/base/error.h"
-#include "descriptor/simulation/scene_file.h"
-#include "descriptor/simulation/tensor_file.h"
+#include "descriptor/simulation/scene_json.h"
 
 namespace pliant::simulation {
 namespace {
@@ -83,28 +84,26 @@ std::vector<std::uint8_t> EncodeTruth(const View& view) {
 }
 
 std::string SceneJson(const Scene& scene) {
-  std::string out = "{\n  \"format\": \"pliant-scene-folder 1\",\n  \"preset\": " +
-                    JsonQuote(ToString(scene.preset)) +
-                    ",\n  \"kind\": " + JsonQuote(ToString(scene.kind)) +
-                    ",\n  \"seed\": " + std::to_string(scene.seed) +
-                    ",\n  \"scene\": " + std::to_string(scene.index) + ",\n  \"charts\": [";
+  using Json = nlohmann::ordered_json;
+  Json charts = Json::array();
   for (std::size_t c = 0; c < scene.textures.size(); ++c) {
-    out.append(c > 0 ? ", " : "").append("{\"texture\": ").append(JsonQuote(scene.textures[c]));
-    out.append(", \"width\": ")
-        .append(std::to_string(scene.chart_sizes[c].x()))
-        .append(", \"height\": ")
-        .append(std::to_string(scene.chart_sizes[c].y()))
-        .append("}");
+    charts.push_back({{"texture", scene.textures[c]},
+                      {"width", scene.chart_sizes[c].x()},
+                      {"height", scene.chart_sizes[c].y()}});
   }
-  out += "],\n  \"views\": [\n";
+  Json views = Json::array();
   for (std::size_t v = 0; v < scene.views.size(); ++v) {
-    out.append("    {\"image\": ")
-        .append(JsonQuote(NumberedName("view", v, DigitsOf(scene)) + ".png"));
-    out.append(", \"parameters\": ")
-        .append(ViewJson(scene.views[v]))
-        .append(v + 1 < scene.views.size() ? "},\n" : "}\n");
+    views.push_back({{"image", NumberedName("view", v, DigitsOf(scene)) + ".png"},
+                     {"parameters", ViewJson(scene.views[v])}});
   }
-  return out + "  ]\n}\n";
+  const Json json = {{"format", "pliant-scene-folder 1"},
+                     {"preset", ToString(scene.preset)},
+                     {"kind", ToString(scene.kind)},
+                     {"seed", scene.seed},
+                     {"scene", scene.index},
+                     {"charts", std::move(charts)},
+                     {"views", std::move(views)}};
+  return JsonText(json, /*indented=*/true) + '\n';
 }
 
 }  // namespace

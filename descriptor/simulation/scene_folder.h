@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Scenes as folders of pictures: for the matching benchmark, for retrieval, for people. Part of
-// the descriptor library, not of the simulator's core (PNG and JPEG need OpenCV).
+// Scenes as folders of pictures, for the matching benchmark and for retrieval. Part of the
+// descriptor library, not of the simulator's core (PNG and JPEG need OpenCV).
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ std::string NumberedName(std::string_view stem, std::uint64_t number, int digits
 // the target and renamed. Throws Error kNoSpace "file_unwritable".
 void WriteSceneFolder(const std::filesystem::path& folder, const Scene& scene);
 
-// view_NN.jpg, and view 0 as ref.jpg (left out for distractors: `with_reference` false).
+// view_NN.jpg, and view 0 as ref.jpg (omitted for distractors: `with_reference` false).
 void WriteObjectFolder(const std::filesystem::path& folder, const Scene& scene,
                        bool with_reference);
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Makes sets of simulated scenes on disk; what `pliant simulate` calls.
+// Makes sets of simulated scenes on disk; called by `pliant simulate`.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,16 @@
 namespace pliant {
 
 struct SimulateOptions {
-  // A folder of pictures of any type that Pliant reads (searched in depth), a safetensors pack, or
-  // "procedural" for pictures that are painted on the spot.
+  // A folder of pictures of any type that Pliant reads (searched recursively), a safetensors pack,
+  // or "procedural" for generated pictures.
   std::string textures;
-  std::string out;               // folder, made when it is not there
+  std::string out;               // folder, created if it does not exist
   std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar
   std::string format = "auto";   // tensors, folders; auto: tensors for pairs, else folders
   std::int64_t scenes = 100;
   std::int64_t first = 0;        // number of the first scene: a set can be made in parts
   std::int64_t distractors = 0;  // preset objects: folders with views of further objects, no ref
-  int views = 0;                 // a scene, the reference included; 0 = the preset's own
+  int views = 0;                 // per scene, including the reference; 0 = the preset's own
   int width = 640;               // of each view, pixels
   int height = 480;
   bool colour = false;       // always true for the preset objects
@@ -29,15 +29,15 @@ struct SimulateOptions {
   double turn_deg = 60.0;    // preset sequence: the camera turns about its axis by at most this
   double least_scale = 0.5;  // preset sequence: the object ends between this and 1
   std::uint64_t seed = 1;
-  int jobs = 0;  // threads; 0 = one a core
-  // Told after each scene (made, wanted), from any thread, never two at once. Returning false
-  // stops; what was written stays.
+  int jobs = 0;  // threads; 0 = one per core
+  // Called after each scene (made, wanted), from any thread, never concurrently. Returning false
+  // stops; scenes written so far are kept.
   std::function<bool(std::int64_t done, std::int64_t total)> progress;
 };
 
 struct SimulateReport {
   std::int64_t scenes = 0;     // made now
-  std::int64_t unchanged = 0;  // were there already
+  std::int64_t unchanged = 0;  // existed already
   std::int64_t pictures = 0;   // made now
   std::int64_t textures = 0;   // usable
   double seconds = 0.0;
@@ -51,8 +51,8 @@ struct SimulateReport {
   std::vector<Skipped> skipped;  // textures that could not be used
 };
 
-// The same options give the same files to the bit on one machine, whatever `jobs` is. Scenes appear
-// complete or not at all; those that are there are kept, so a stopped run goes on where it was.
+// The same options give bit-identical files on one machine, independently of `jobs`. Scenes appear
+// complete or not at all; existing ones are kept, so an interrupted run can be resumed.
 // Throws Error: kInvalidArgument ("option_out_of_range", "preset_unknown", "textures_missing"),
 // kNotFound "textures_not_found", kNoSpace "file_unwritable", kCancelled "simulation_stopped".
 SimulateReport Simulate(const SimulateOptions& options);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is drawn: triangle meshes with texture coordinates, made from bodies and solids.
+// Triangle meshes with texture coordinates, made from bodies and solids.
 #pragma once
 
 #include <array>
@@ -41,13 +41,13 @@ struct Surface {
   std::vector<float> ambient;  // 0..1, how much of the surroundings a vertex sees
   std::vector<std::array<int, 3>> triangles;
   Material material;
-  int chart = -1;                    // index of the chart that is the object's; -1 = something else
+  int chart = -1;                    // index of the object's chart; -1 = not part of the object
   const Outline* outline = nullptr;  // cuts the surface; may be null
   bool closed = false;               // the back is never seen
   bool casts_shadow = true;
 };
 
-// The surface of a refined chart. `aspect_cells`: physical size of a refined cell, for occlusion.
+// The surface of a refined chart. `cell`: physical size of a refined cell, for ambient occlusion.
 Surface MakeChartSurface(const RefinedChart& chart, float cell);
 Surface MakeSolidSurface(const Solid& solid);
 

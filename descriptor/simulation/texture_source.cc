@@ -11,7 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
-#include "descriptor/simulation/tensor_file.h"
+#include "descriptor/base/safetensors.h"
 
 namespace pliant::simulation {
 namespace {
@@ -107,11 +107,11 @@ TextureSource LoadFolder(const fs::path& folder, const PictureDecoder& decoder, 
 
 TextureSource LoadPack(const fs::path& path, std::vector<SkippedFile>& skipped) {
   TextureSource source;
-  for (Tensor& tensor : ReadTensorFile(path)) {
+  for (Tensor& tensor : ReadSafetensors(path)) {
     const std::size_t rank = tensor.shape.size();
     const bool grey = rank == 2;
     const bool colour = rank == 3 && tensor.shape[2] == 3;
-    if (tensor.type != "U8" || (!grey && !colour)) {
+    if (tensor.dtype != "U8" || (!grey && !colour)) {
       skipped.push_back({path.string() + ":" + tensor.name, "not a U8 tensor [H, W] or [H, W, 3]"});
       continue;
     }

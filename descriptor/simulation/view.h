@@ -10,7 +10,7 @@
 
 namespace pliant::simulation {
 
-// What stays the same over the views of a scene.
+// The constant parts of all views of a scene.
 struct Stage {
   Cast cast;
   const SceneOptions& options;
@@ -18,13 +18,13 @@ struct Stage {
   std::vector<Material> materials;  // per chart
 };
 
-// What one view is made from.
+// The parameters of one view.
 struct Shot {
   Pose pose;
   Framing framing;
   float facing_u = 0.5F;
   float strength = 1.0F;  // of light, noise
-  bool clear = false;     // nothing stands in front of the object
+  bool clear = false;     // no occluders
 };
 
 // How a surface looks; `texture` may be null.

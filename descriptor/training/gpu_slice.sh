@@ -7,8 +7,9 @@
 # also last.safetensors).
 #
 #   PACK=textures.safetensors OUT=out [STATE=state] [SECONDS_LEFT=540] [SCENES=3000] [PRESET=gpu] \
-#   [STAGES="hardnet warp joint"] descriptor/training/gpu_slice.sh
+#   [STAGES="hardnet warp joint"] [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
+# EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
 # is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
 set -euo pipefail
@@ -21,13 +22,16 @@ left() { echo $((SECONDS_LEFT - $(date +%s) + started)); }
 mkdir -p "$OUT" "$WORK/scenes"
 
 if [ ! -x "$WORK/simulate" ]; then
-  eigen=${EIGEN:-/usr/include/eigen3}
+  eigen=${EIGEN:-/usr/include/eigen3} json=${NLOHMANN:-/usr/include}
+  for header in "$eigen/Eigen/Core" "$json/nlohmann/json.hpp"; do
+    [ -e "$header" ] || { echo "gpu_slice: no $header; bring the headers and set EIGEN and NLOHMANN" >&2; exit 1; }
+  done
   # The core's sources are those of its CMake target; CMake itself may be missing here.
   core=descriptor/simulation
   sources=$(sed -n '/^  pliant_simulation STATIC/,/)/s/^ *\([a-z_./]*\.cc\).*/\1/p' $core/CMakeLists.txt)
   printf "$core/%s\n" scenes_main.cc $sources |
-    xargs -P "$(nproc)" -I{} sh -c '${CXX:-c++} -std=c++20 ${CXXFLAGS:--O3 -march=native} -I. -I"$1" -c "$2" \
-      -o "$3/$(basename "$2" .cc).o"' build "$eigen" {} "$WORK"
+    xargs -P "$(nproc)" -I{} sh -c '${CXX:-c++} -std=c++20 ${CXXFLAGS:--O3 -march=native} -I. -I"$1" -I"$2" -c "$3" \
+      -o "$4/$(basename "$3" .cc).o"' build "$eigen" "$json" {} "$WORK"
   ${CXX:-c++} "$WORK"/*.o -o "$WORK/simulate" -pthread
 fi
 

@@ -43,6 +43,8 @@ std::optional<LocalAffine> FitLocalAffine(std::span<const Vec2> reference,
     return std::nullopt;
   }
   const double determinant = xx * yy - xy * xy;
+  // Least squares about the centroids, where the translation drops out:
+  // [a b; c d] = [ux uy; vx vy] [xx xy; xy yy]^-1.
   map.a = (ux * yy - uy * xy) / determinant;
   map.b = (uy * xx - ux * xy) / determinant;
   map.c = (vx * yy - vy * xy) / determinant;

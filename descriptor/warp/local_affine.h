@@ -26,13 +26,13 @@ struct LocalAffine {
   double determinant() const { return a * d - b * c; }
 };
 
-// Least squares through corresponding points, 3 or more. Nothing when they do not span the plane
-// (narrower than a twelfth of their length, or within half a pixel).
+// Least-squares fit to 3 or more corresponding points. nullopt when the reference points are nearly
+// collinear (width below 1/12 of their length, or below half a pixel).
 std::optional<LocalAffine> FitLocalAffine(std::span<const Vec2> reference,
                                           std::span<const Vec2> query);
 
-// A view of a bent surface stretches and foreshortens, but a map that mirrors, or squeezes one
-// direction more than `max_anisotropy` times as much as another, is taken for a mistake.
+// Whether [a b; c d] can be a view of a bent surface: no reflection, and a ratio of its singular
+// values of at most `max_anisotropy`.
 bool IsPlausible(double a, double b, double c, double d, double max_anisotropy);
 
 }  // namespace pliant

@@ -18,11 +18,12 @@ struct Vec2 {
 
 struct TpsOptions {
   // Weight of the bending energy against the mean squared error, in coordinates scaled to unit
-  // spread (so it does not depend on the size of the picture). 0 = as close as the control points
-  // allow; large = affine.
+  // spread (so it does not depend on the size of the picture). 0 = the closest fit that the
+  // control points allow; large = affine.
   double regularization = 1e-3;
-  // Up to this many points each carry a basis function, the exact smoothing spline. Of more points
-  // a well-spread subset does, and all are fitted by least squares: O(n m^2) instead of O(n^3).
+  // Up to this many points each carry a basis function: the exact smoothing spline. For n points
+  // above this limit m, a well-spread subset of m points does, and all n are fitted by least
+  // squares: O(n m^2) instead of O(n^3).
   int max_control_points = 48;
 };
 
@@ -30,7 +31,7 @@ struct TpsOptions {
 // Immutable, thread-safe, a few kilobytes.
 class ThinPlateSpline {
  public:
-  // Fits to[i] = f(from[i]), each counted weights[i] times (all 1 when empty). Throws
+  // Fits f(from[i]) = to[i] with weights[i] (all 1 when empty). Throws
   // kUnprocessable "tps_degenerate" for fewer than 3 points of weight or points on one line;
   // kInvalidArgument when sizes differ, a value is not finite, or an option is out of range.
   static ThinPlateSpline Fit(std::span<const Vec2> from, std::span<const Vec2> to,
@@ -57,7 +58,7 @@ class ThinPlateSpline {
   double bending_energy_ = 0;
 };
 
-// Twice the area of the triangle, positive when a, b, c turn as the axes do.
+// Twice the signed area of the triangle, positive when a, b, c turn from the x axis to the y axis.
 inline double Cross(Vec2 a, Vec2 b, Vec2 c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }

@@ -112,7 +112,11 @@ class Ransac {
            SizeAgrees(i, determinant);
   }
 
-  // Maps of random neighbouring triples, those with most support first.
+  // Maps of random neighbouring triples, those with most support first. By Taylor's theorem a
+  // smooth warp differs from its affine part by the square of the distance, so neighbours agree on
+  // one map though the whole surface has none; and three neighbours are all right with the
+  // probability w^3 of their own neighbourhood, however many are wrong elsewhere. Every
+  // correspondence gets its turn as the first of three, so that no part is left to chance.
   std::vector<Hypothesis> Sample() const {
     std::vector<Hypothesis> found(input_.size());
     std::mt19937_64 generator(options_.seed);
@@ -140,7 +144,9 @@ class Ransac {
   }
 
   // Adds correspondences that their nearest members predict, until nothing changes; members that
-  // the others do not predict go again.
+  // the others do not predict go again. A wrong member is alone: the right ones around it do not
+  // predict it, while right ones predict each other; so errors do not spread as they would if the
+  // first map were stretched over the surface.
   std::vector<std::uint32_t> Grow(std::vector<std::uint32_t> members) const {
     std::vector<char> in(input_.size(), 0);
     for (const std::uint32_t i : members) in[i] = 1;
@@ -235,7 +241,7 @@ class Ransac {
       from.push_back(input_[i].reference);
       to.push_back(input_[i].query);
       double weight = 1;
-      if (before) {  // Geman-McClure's
+      if (before) {  // reweighted least squares for Geman-McClure's r^2 / (1 + r^2)
         const double r = Distance((*before)(from.back()), to.back()) / options_.tolerance_px;
         weight = 1 / ((1 + r * r) * (1 + r * r));
       }

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which correspondences agree with one smooth warp of a bent surface, and the warp.
+// Finds the correspondences that agree with one smooth warp of a bent surface, and the warp.
 //
 // Random samples of three neighbouring correspondences give affine maps, which approximate a smooth
 // warp locally (Tran et al., ECCV 2012); the best are grown to neighbouring correspondences that
 // the map of their own neighbourhood predicts; a regularised thin-plate spline is fitted robustly
-// to what has grown and decides about all. Needs no majority of right correspondences, only a place
-// where some neighbours are right.
+// to the largest grown set, and all correspondences are tested against it. Needs no majority of
+// correct correspondences, only one place where several neighbours are correct.
 #pragma once
 
 #include <cstdint>
@@ -32,16 +32,16 @@ struct TpsRansacOptions {
   double max_anisotropy = 6;     // of local maps, see IsPlausible
   // The key points' size ratio may differ from the warp's local scale by this factor.
   double max_size_factor = 2;
-  int min_inliers = 5;  // fewer agreeing correspondences are taken for chance
+  int min_inliers = 5;  // fewer agreeing correspondences are attributed to chance
 };
 
 // Why there is no warp.
 enum class TpsRansacFailure {
   kNone,
   kTooFew,       // fewer than min_inliers correspondences were given
-  kNoAgreement,  // no neighbourhood agrees on a map, or too little grew from it
-  kDegenerate,   // what agrees lies on a line
-  kFolded,       // the spline folds over whatever the regularisation
+  kNoAgreement,  // no neighbourhood agrees on a map, or the grown set is too small
+  kDegenerate,   // the agreeing correspondences lie on a line
+  kFolded,       // the spline folds over at every regularisation
 };
 const char* ToString(TpsRansacFailure failure);
 
@@ -52,8 +52,8 @@ struct TpsRansacResult {
 };
 
 // Deterministic for a seed. Throws kInvalidArgument for options out of range or coordinates that
-// are not finite; too few, collinear and contradicting correspondences are no errors but a
-// `failure`. About O(n^2 + 20 iterations + n m^2), m control points. Thread-safe.
+// are not finite; too few, collinear or contradictory correspondences are not errors but give a
+// `failure`. Cost: about O(n^2 + 20 iterations + n m^2) with m control points. Thread-safe.
 TpsRansacResult TpsRansac(std::span<const Correspondence> correspondences,
                           const TpsRansacOptions& options = {});
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A bent object laid flat again, and how much it then looks like its template.
+// Flattens a bent object by its warp, and measures its similarity to the template.
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@ namespace pliant {
 
 struct UnwarpedImage {
   Image image;              // width x height, as many channels as the frame; 0 where unseen
-  std::vector<bool> known;  // a pixel: whether it lies within the frame
+  std::vector<bool> known;  // per pixel: whether it lies within the frame
 };
 
 // Pixel p of the result shows the frame at frame_from_template(p), bilinearly. The spline is

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The subcommands of `pliant`. Each lives in a file of its own, adds itself to the program and
-// reports through `status`; what it throws is reported by main.
+// The subcommands of `pliant`. Each has its own file, adds itself to the program and sets `status`;
+// main reports exceptions.
 #pragma once
 
 #include <CLI/CLI.hpp>

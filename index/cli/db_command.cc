@@ -95,7 +95,7 @@ ExitStatus Check(Options& options) {
   if (options.sweep) {
     RequireOwnOriginals(engine);
     swept = engine.SweepOriginals();
-    if (!options.json) Print("removed " + std::to_string(swept) + " files of no picture");
+    if (!options.json) Print("removed " + std::to_string(swept) + " unreferenced files");
   }
   if (options.json) {
     Json list = Json::array();
@@ -125,8 +125,8 @@ ExitStatus Backup(Options& options) {
     Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
     if (originals && originals->files > 0) {
       Message("the originals of " + std::to_string(originals->files) +
-              " pictures are not in it: copy the directory " + originals->directory.string() +
-              " now");
+              " pictures are not in the backup: copy the directory " +
+              originals->directory.string() + " now");
     }
   }
   return ExitStatus::kDone;
@@ -153,8 +153,7 @@ ExitStatus MoveOriginals(Options& options) {
 
 ExitStatus Remove(Options& options) {
   if (options.ids.empty() && options.objects.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "nothing_named",
-                "name the images or --object to remove");
+    throw Error(ErrorCode::kInvalidArgument, "nothing_named", "give image ids or --object");
   }
   Engine engine = OpenEngine(options, Access::kWrite);
   std::uint64_t removed = 0;
@@ -185,7 +184,7 @@ ExitStatus Remove(Options& options) {
 
 void AddDbCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("db", "Look after a database");
+  CLI::App* app = program.add_subcommand("db", "Inspect and maintain a database");
   app->require_subcommand(1);
   AddDatabaseFlags(*app, options->engine, options->collection);
   app->add_option_function<std::string>(
@@ -193,7 +192,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
          [options](const std::string& text) {
            options->engine.originals_dir = ParseOriginalsDir(text);
          },
-         "look there for the originals (default: where the database says)")
+         "directory of the originals (default: the one that the database records)")
       ->type_name("DIR");
   app->add_flag("--json", options->json, "print one JSON document");
   const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&)) {
@@ -202,17 +201,17 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
     sub->callback([options, run, &status] { status = run(*options); });
     return sub;
   };
-  add("stats", "Show how much is in it", Stats);
-  add("check", "Verify everything that must hold in it", Check)
+  add("stats", "Show the number of images, sizes and the vocabulary", Stats);
+  add("check", "Verify the integrity of the database", Check)
       ->add_flag("--sweep", options->sweep,
-                 "also remove files from the originals' directory that no picture has");
-  add("backup", "Copy it to a new file, also while it is in use", Backup)
+                 "also remove files from the originals' directory that no picture refers to");
+  add("backup", "Copy the database to a new file, also while it is in use", Backup)
       ->add_option("FILE", options->backup, "the new file")
       ->required();
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals)
-      ->add_option("DIR|database", options->place, "where they shall be from now on")
+      ->add_option("DIR|database", options->place, "the new location of the files")
       ->required();
-  CLI::App* remove = add("rm", "Remove images for good", Remove);
+  CLI::App* remove = add("rm", "Remove images permanently", Remove);
   remove->add_option("ID", options->ids, "image ids");
   remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");
 }

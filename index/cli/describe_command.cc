@@ -7,8 +7,8 @@
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/features_file.h"
 #include "index/cli/output.h"
-#include "index/cli/safetensors_writer.h"
 #include "index/files/picture_files.h"
 #include "index/files/text.h"
 
@@ -34,7 +34,7 @@ ExitStatus Run(const Options& options) {
                                    options.engine.extraction);
   ExtractionTimings timings;
   const Features features = extractor.Extract(bytes, options.threads, &timings);
-  WriteSafetensors(options.out, features);
+  WriteFeatures(options.out, features);
   if (options.json) {
     Print(Json{{"file", ToDisplayText(options.out.string())},
                {"keypoints", features.keypoints.size()},
@@ -65,7 +65,7 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("IMAGE", options->image, "the picture")->required();
   app->add_option("--out,-o", options->out, "the file to write")->required()->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
-  app->add_option("--jobs,-j", options->threads, "threads; 0 = one a core")
+  app->add_option("--jobs,-j", options->threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");

@@ -15,11 +15,11 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
   app.add_option("--model", descriptor.model_path, "weight file for deal and its variants")
       ->type_name("FILE");
   app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
-                 "strongest key points of a picture that count")
+                 "number of key points per picture, strongest first")
       ->capture_default_str()
       ->check(CLI::Range(1, 4096));
   app.add_option("--max-side", extraction.decode.max_side_px,
-                 "larger pictures are scaled down to this many pixels; 0 = never")
+                 "scale larger pictures down to this longer side in pixels; 0 = never")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
 }
@@ -28,7 +28,7 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
 
 void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection) {
   app.add_option("--db", engine.database, "the database file")->required()->type_name("FILE");
-  app.add_option("--collection", collection, "the collection in it")
+  app.add_option("--collection", collection, "the collection in the database")
       ->default_val(kDefaultCollection)
       ->type_name("NAME");
 }
@@ -36,7 +36,7 @@ void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collect
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   engine.descriptor.clear();
   app.add_option("--descriptor", engine.descriptor,
-                 "what describes key points: " + KnownDescriptors() +
+                 "the descriptor: " + KnownDescriptors() +
                      " (default: the database's own, deal for a new one)")
       ->type_name("NAME");
   app.add_option("--model", engine.descriptor_options.model_path,
@@ -48,9 +48,8 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
            engine.max_keypoints = value;
            engine.extraction.keypoints.max_keypoints = value;
          },
-         "strongest key points of a picture that count (default: the database's own, 1024 for a "
-         "new "
-         "one)")
+         "number of key points per picture, strongest first (default: the database's own, 1024 for "
+         "a new one)")
       ->check(CLI::Range(1, 4096));
   app.add_option_function<int>(
          "--max-side",
@@ -58,15 +57,15 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
            engine.max_side_px = value;
            engine.extraction.decode.max_side_px = value;
          },
-         "larger pictures are scaled down to this many pixels (default: the database's own, 1024 "
-         "for a new one)")
+         "scale larger pictures down to this longer side in pixels (default: the database's own, "
+         "1024 for a new one)")
       ->check(CLI::Range(16, 65536));
 }
 
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
                             DescriptorOptions& descriptor, ExtractionOptions& extraction) {
   app.add_option("--descriptor,--descriptors", names,
-                 "what describes key points, one or more of " + KnownDescriptors())
+                 "the descriptors, one or more of " + KnownDescriptors())
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str()

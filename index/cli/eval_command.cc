@@ -6,7 +6,7 @@
 namespace pliant::cli {
 
 void AddEvalCommand(CLI::App& program, ExitStatus& status) {
-  CLI::App* app = program.add_subcommand("eval", "Measure how well descriptors do on a data set");
+  CLI::App* app = program.add_subcommand("eval", "Evaluate descriptors on a data set");
   app->require_subcommand(1);
   AddEvalMatching(*app, status);
   AddEvalRetrieval(*app, status);

@@ -55,9 +55,7 @@ ExitStatus Run(Options& options) {
   }
   if (options.matching.pairs > report.pairs) {
     Message("only " + std::to_string(report.pairs) + " of " +
-            std::to_string(options.matching.pairs) +
-            " pairs: the set has no more that can be "
-            "measured");
+            std::to_string(options.matching.pairs) + " pairs: the set has no more measurable ones");
   }
   Print(options.json ? MatchingReportJson(report, options.matching) : MatchingReportText(report));
   return ExitStatus::kDone;
@@ -72,8 +70,9 @@ std::string KnownDescriptors() {
 
 void AddSelectionFlags(CLI::App& app, Options& options) {
   evaluation::MatchingOptions& matching = options.matching;
-  app.add_option("--layout", options.layout,
-                 "tensors or folders (pliant simulate), hpatches, nonrigid; auto: by the files")
+  app.add_option(
+         "--layout", options.layout,
+         "tensors or folders (pliant simulate), hpatches, nonrigid; auto: detect from the files")
       ->capture_default_str();
   app.add_option(
          "--descriptor", options.descriptors,
@@ -83,17 +82,19 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
       ->type_name("NAME,...");
   app.add_option("--model", matching.model, "weight file for deal and its variants")
       ->type_name("FILE");
-  app.add_option("--pairs", matching.pairs, "so many pairs, chosen by --seed; 0 = all")
+  app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all")
       ->capture_default_str();
   app.add_option("--seed", matching.seed, "same seed, same pairs")->capture_default_str();
-  app.add_option("--keypoints", matching.max_keypoints, "strongest key points of a picture")
+  app.add_option("--keypoints", matching.max_keypoints,
+                 "number of key points per picture, strongest first")
       ->capture_default_str();
-  app.add_option("--tolerance", matching.tolerance_px, "from the true position, pixels")
+  app.add_option("--tolerance", matching.tolerance_px,
+                 "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str();
   app.add_option("--min-true-pairs", matching.min_true_pairs,
-                 "pairs with fewer common key points are left out")
+                 "exclude pairs with fewer common key points")
       ->capture_default_str();
-  app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one a core")
+  app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
 }
@@ -103,7 +104,7 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
 void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = eval.add_subcommand(
-      "matching", "Compare descriptors at the same key points of pictures with known truth");
+      "matching", "Compare descriptors at the same key points of pictures with ground truth");
   app->add_option("DIR", options->folder, "the data set")->required();
   AddSelectionFlags(*app, *options);
   AddEvalFileFlags(*app, options->files, "write the tables to this file",

@@ -113,7 +113,7 @@ void AddCsvRows(const std::string& set, const std::string& value,
 std::string MatchingReportText(const MatchingReport& report) {
   std::string text = std::to_string(report.pairs) + " pairs (" + ToString(report.layout) + "), " +
                      std::to_string(report.left_out) +
-                     " left out for want of common key points\n\n" + ResultTable(report.results);
+                     " excluded for lack of common key points\n\n" + ResultTable(report.results);
   for (const Subset& group : report.groups) {
     text += "\n\n" + (group.name.empty() ? "other" : group.name) + ", " +
             std::to_string(group.results.front().pairs) + " pairs\n" + ResultTable(group.results);

@@ -80,7 +80,7 @@ ExitStatus Run(Options& options) {
 void AddSetFlags(CLI::App& app, Options& options) {
   app.add_option("DIR", options.folder, "the pictures")->required();
   app.add_option("--layout", options.layout,
-                 "how DIR names objects and queries; default: told from its names")
+                 "how DIR names objects and queries; default: detect from the file names")
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, RetrievalLayout>{{"auto", RetrievalLayout::kAuto},
                                                  {"objects", RetrievalLayout::kObjects},
@@ -97,7 +97,7 @@ void AddSetFlags(CLI::App& app, Options& options) {
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
   app.add_option(
          "--protocol", retrieval.protocols,
-         "paper: 10 words, histograms; default: what query does; unexpanded: the same "
+         "paper: 10 words, histograms; default: as query does; unexpanded: the same "
          "with --expand 0; unverified: the same without verification (default: paper,default)")
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -107,18 +107,17 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                                                    {"unexpanded", RetrievalProtocol::kUnexpanded},
                                                    {"unverified", RetrievalProtocol::kUnverified}}))
       ->option_text("paper,default,unexpanded,unverified");
-  app.add_option("--seeds", retrieval.seeds, "vocabularies trained for each row")
+  app.add_option("--seeds", retrieval.seeds, "number of vocabularies trained for each row")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   app.add_option("--words", retrieval.words,
-                 "sizes of the vocabulary, each a row (not the paper's); 0 = as index chooses")
+                 "vocabulary sizes, one row each (not for paper); 0 = the default of index")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-  app.add_option(
-         "--sample", retrieval.sample,
-         "descriptors that vocabularies are trained on (not the paper's); 0 = as index does")
+  app.add_option("--sample", retrieval.sample,
+                 "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--verify-depth", retrieval.verify_depth,
@@ -129,7 +128,7 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app.add_option("--cache", retrieval.cache,
-                 "keep the features in this folder, so that the next run is quick")
+                 "keep the features in this folder, so that the next run is faster")
       ->type_name("DIR");
 }
 
@@ -139,20 +138,19 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   RetrievalOptions& retrieval = options->retrieval;
   CLI::App* app = eval.add_subcommand(
-      "retrieval", "Ask for pictures of known objects among others, and count the right answers");
+      "retrieval", "Query a gallery with pictures of known objects, and measure the accuracy");
   AddSetFlags(*app, *options);
   AddDescriptorListFlags(*app, retrieval.descriptors, retrieval.descriptor_options,
                          retrieval.extraction);
   AddRunFlags(*app, retrieval);
-  app->add_option(
-         "--peers", options->peers,
-         "results of another program on the same pictures, to be listed as well; may be given "
-         "more than once")
+  app->add_option("--peers", options->peers,
+                  "results of another program on the same pictures, to be listed too; may be given "
+                  "more than once")
       ->allow_extra_args(false)
       ->type_name("FILE");
   AddEvalFileFlags(*app, options->files, "write the table to this file", "draw accuracy over K");
   app->add_flag("--list", options->list,
-                "measure nothing; print which pictures would be asked for and searched, as JSON");
+                "only print the queries and the searched pictures, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

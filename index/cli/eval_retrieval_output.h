@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The retrieval report as text, JSON and CSV, and results of peers in the same JSON form.
+// The retrieval report as text, JSON and CSV; results of other programs in the same JSON form.
 #pragma once
 
 #include <filesystem>
@@ -24,17 +24,17 @@ std::string RetrievalReportJson(const RetrievalReport& report);
 // A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
 std::string RetrievalReportCsv(const RetrievalReport& report);
 
-// Accuracy over K, a chart a protocol with a curve for each descriptor (the paper's figure of its
+// Accuracy over K, one chart per protocol with a curve for each descriptor (as in the paper's
 // retrieval experiment); whiskers: the spread over seeds.
 Image PlotRetrievalReport(const RetrievalReport& report);
 
-// What would be measured, for scripts that ask other programs the same: {"layout", "counts_itself",
+// The set to be measured, for scripts that run other programs on it: {"layout", "counts_itself",
 // "pictures": [{"file", "object" or null, "query", "searched"}]}.
 std::string RetrievalSetJson(const RetrievalSet& set);
 
-// Adds the results in a file of the form above (what tests/accuracy's scripts for other programs
-// write). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form, and
-// kConflict "peers_differ" when they were measured with other numbers of pictures or queries.
+// Adds the results in a file of the form above (written by the scripts of tests/accuracy for other
+// programs). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form,
+// and kConflict "peers_differ" when they were measured with other numbers of pictures or queries.
 void AddPeers(const std::filesystem::path& file, RetrievalReport* report);
 
 }  // namespace pliant::cli

@@ -48,8 +48,7 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   TrackingBenchmarkOptions& benchmark = options->benchmark;
   CLI::App* app = eval.add_subcommand(
-      "tracking",
-      "Follow simulated objects whose every point is known (simulate --preset sequence)");
+      "tracking", "Track simulated objects with ground truth (simulate --preset sequence)");
   app->add_option("DIR", options->folder, "scenes, or a folder of such folders (groups)")
       ->required();
   app->add_option("--descriptor", benchmark.descriptors,
@@ -60,21 +59,21 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   app->add_option("--model", benchmark.model, "weight file for deal and its variants")
       ->type_name("FILE");
   app->add_option("--max-keypoints", benchmark.max_keypoints,
-                  "strongest key points of the object, and of each frame")
+                  "number of key points of the object and of each frame, strongest first")
       ->capture_default_str()
       ->check(CLI::Range(1, 4096));
-  app->add_option("--every", benchmark.every, "looks at every N-th frame only")
+  app->add_option("--every", benchmark.every, "use every N-th frame only")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
   AddTrackingFlags(*app, benchmark.locate);
   app->add_option("--lpips", benchmark.lpips,
-                  "ONNX file of LPIPS, for that figure as well (see index/tracking/README.md)")
+                  "ONNX file of LPIPS, to measure it too (see index/tracking/README.md)")
       ->type_name("FILE");
-  app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one a core")
+  app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  AddEvalFileFlags(*app, options->files, "write a row a frame and descriptor",
-                   "draw the figures over time");
+  AddEvalFileFlags(*app, options->files, "write one row per frame and descriptor",
+                   "draw the metrics over time");
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -65,7 +65,7 @@ plot::LineChart OverTime(const TrackingReport& report,
                          const std::vector<std::vector<TrackingResult>>& steps,
                          const std::string& label, double top, double TrackingResult::*figure) {
   plot::LineChart chart;
-  chart.x_label = "share of the sequence passed";
+  chart.x_label = "position in the sequence";
   chart.y_label = label;
   chart.y_top = top;
   for (std::size_t d = 0; d < report.results.size(); ++d) {
@@ -88,7 +88,7 @@ std::string TrackingReportText(const TrackingReport& report) {
   std::string text =
       std::to_string(report.sequences.size()) + " sequences, " + std::to_string(report.frames) +
       " frames" +
-      (report.unseen > 0 ? ", " + std::to_string(report.unseen) + " left out (object unseen)"
+      (report.unseen > 0 ? ", " + std::to_string(report.unseen) + " excluded (object not visible)"
                          : "") +
       "\n" + Table(report.results);
   for (const TrackingReport::Subset& group : report.groups) {

@@ -10,7 +10,7 @@
 
 namespace pliant::cli {
 
-// A table, then one a group.
+// A table, then one per group.
 std::string TrackingReportText(const TrackingReport& report);
 
 // {"frames", "unseen", "sequences": [...], "results": [{"descriptor", "inlier_rate", "ssim",
@@ -18,7 +18,7 @@ std::string TrackingReportText(const TrackingReport& report);
 // it was asked for; "error_px" is null where nothing was found.
 std::string TrackingReportJson(const TrackingReport& report);
 
-// A row a view and descriptor.
+// One row per view and descriptor.
 std::string TrackingReportCsv(const TrackingReport& report);
 
 // Inlier rate, tracked share, error and SSIM over the time of the sequences, in ten steps.

@@ -123,7 +123,7 @@ ExitStatus Run(Options& options) {
   if (files.pictures.empty()) Message("no pictures were found");
   if (outcome.job.interrupted) {
     Message(
-        "stopped on request; what is counted as indexed is kept: run the same command again to "
+        "stopped on request; indexed pictures are kept: run the same command again to "
         "resume");
     return ExitStatus::kFailed;
   }
@@ -134,13 +134,13 @@ ExitStatus Run(Options& options) {
 
 void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("index", "Put the pictures of folders into a database");
-  app->add_option("DIR", options->inputs, "folders, searched with all below them, or picture files")
+  CLI::App* app = program.add_subcommand("index", "Add the pictures of folders to a database");
+  app->add_option("DIR", options->inputs, "folders, searched recursively, or picture files")
       ->required();
   AddDatabaseFlags(*app, options->engine, options->job.collection);
   app->add_option(
          "--object-from", options->object_from,
-         "what names a picture's object: its folder, its file name without extension (stem), "
+         "the name of a picture's object: its folder, its file name without extension (stem), "
          "or none (default: folder; stem for a single folder without sub-folders)")
       ->transform(
           CLI::CheckedTransformer(std::map<std::string, ObjectFrom>{{"folder", ObjectFrom::kFolder},
@@ -152,14 +152,14 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
-                "store the files themselves too, for the web page (default: yes)");
+                "also store the picture files, for the web page (default: yes)");
   app->add_option_function<std::string>(
          "--originals-dir",
          [options](const std::string& text) {
            options->engine.originals_dir = ParseOriginalsDir(text);
          },
-         "store them in this directory, or in the `database` (default: as the database was used "
-         "before)")
+         "store them in this directory, or in the `database` (default: where the database keeps "
+         "them already)")
       ->type_name("DIR|database");
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--json", options->json, "print one JSON document");

@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <atomic>
-#include <exception>
 #include <mutex>
-#include <thread>
+#include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "index/cli/progress.h"
 #include "index/files/text.h"
 
@@ -26,16 +26,14 @@ class Job {
         progress_("pictures") {}
 
   IndexJobResult Run() {
-    const auto cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-    const int wanted = options_.jobs > 0 ? options_.jobs : cores;
-    const int threads = std::max(1, std::min(wanted, static_cast<int>(files_.size())));
-    threads_a_picture_ = std::max(1, wanted / threads);  // a single picture may use them all
-    {
-      std::vector<std::jthread> workers;
-      for (int t = 1; t < threads; ++t) workers.emplace_back([this] { Work(); });
-      Work();
-    }
-    if (failure_) std::rethrow_exception(failure_);
+    const int wanted = ResolveThreads(options_.jobs);
+    const auto at_once = static_cast<int>(ParallelWorkers(files_.size(), wanted));
+    threads_a_picture_ = wanted / std::max(1, at_once);  // a single picture may use them all
+    ParallelFor(files_.size(), wanted, [this](std::size_t i) {
+      if (interrupt_.requested()) return;
+      AddOne(files_[i]);
+      progress_.Count(++done_, files_.size());
+    });
     result_.interrupted = done_ < files_.size();
     std::sort(result_.skipped.begin(), result_.skipped.end(),
               [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
@@ -43,21 +41,6 @@ class Job {
   }
 
  private:
-  void Work() {
-    try {
-      while (!interrupt_.requested() && !failed_) {
-        const std::size_t i = next_++;
-        if (i >= files_.size()) return;
-        AddOne(files_[i]);
-        progress_.Count(++done_, files_.size());
-      }
-    } catch (...) {
-      failed_ = true;
-      const std::lock_guard lock(mutex_);
-      if (!failure_) failure_ = std::current_exception();
-    }
-  }
-
   void AddOne(const PictureFile& file) {
     try {
       std::vector<std::uint8_t> bytes;
@@ -93,12 +76,9 @@ class Job {
   const Interrupt& interrupt_;
   Progress progress_;
   int threads_a_picture_ = 1;
-  std::atomic<std::size_t> next_{0};
   std::atomic<std::uint64_t> done_{0};
-  std::atomic<bool> failed_{false};
-  std::mutex mutex_;  // guards result_ and failure_
+  std::mutex mutex_;  // guards result_
   IndexJobResult result_;
-  std::exception_ptr failure_;
 };
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Puts many picture files into the index: several threads, one picture each.
+// Adds many picture files to the index: several threads, one picture each.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace pliant::cli {
 
 struct IndexJobOptions {
   std::string collection = kDefaultCollection;
-  int jobs = 0;  // threads; 0 = one a core
+  int jobs = 0;  // threads; 0 = one per core
   std::int64_t max_bytes = 0;
 };
 
@@ -26,9 +26,9 @@ struct IndexJobResult {
   bool interrupted = false;
 };
 
-// What concerns one picture (unreadable, no picture, too few features) skips it; what concerns all
-// (disk full, database busy or damaged, model mismatch) ends the job and is thrown. Everything
-// counted as indexed is durable.
+// An error of one picture (unreadable, not a picture, too few features) skips that picture. An
+// error that affects all (disk full, database busy or damaged, model mismatch) ends the job and is
+// thrown. Everything counted as indexed is durable.
 IndexJobResult RunIndexJob(Engine& engine, const std::vector<PictureFile>& files,
                            const IndexJobOptions& options, const Interrupt& interrupt);
 

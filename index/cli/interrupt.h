@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and SIGTERM as a request to stop, for as long as this object lives; a second one ends the
-// program at once.
+// Turns Ctrl-C and SIGTERM into a stop request during the lifetime of this object; a second signal
+// ends the program immediately.
 #pragma once
 
 #include <stop_token>
@@ -17,7 +17,7 @@ class Interrupt {
   Interrupt& operator=(const Interrupt&) = delete;
 
   bool requested() const;
-  std::stop_token token() const { return source_.get_token(); }  // follows within 50 ms
+  std::stop_token token() const { return source_.get_token(); }  // set within 50 ms
 
  private:
   std::stop_source source_;

@@ -200,24 +200,26 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("match", "Match the key points of two pictures");
   app->add_option("A", options->first, "a picture")->required();
-  app->add_option("B", options->second, "another picture of the same thing")->required();
+  app->add_option("B", options->second, "another picture of the same object")->required();
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
-                  "drop matches whose distance is more than this share of the second nearest's")
+                  "ratio test: drop matches whose distance is more than this times that of the "
+                  "second nearest")
       ->capture_default_str();
-  app->add_option(
-         "--homography", options->homography,
-         "nine numbers that map A's pixels to B's: tells which matches are right (pictures "
-         "of a simulated scene or of the non-rigid benchmark need none)")
+  app->add_option("--homography", options->homography,
+                  "file with nine numbers that map pixels of A to pixels of B: shows which matches "
+                  "are correct "
+                  "(pictures of a simulated scene or of the non-rigid benchmark need none)")
       ->type_name("FILE");
-  app->add_option("--tolerance", options->tolerance_px, "from the true position, pixels")
+  app->add_option("--tolerance", options->tolerance_px,
+                  "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app->add_flag("--verify", options->verify, "keep what agrees with one smooth warp");
+  app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
   app->add_option("--draw", options->draw,
-                  "write both pictures with the matches: green true, red false, blue unknown")
+                  "draw both pictures with the matches: green correct, red wrong, blue unknown")
       ->type_name("PNG");
-  app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one a core")
+  app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What `pliant` prints: one JSON document or text on standard output, messages on standard error.
+// Output of `pliant`: one JSON document or text on standard output, messages on standard error.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ void FlushOutput();                   // throws kNoSpace when standard output ca
 // output.
 void ReportError(const Error& error, bool json);
 
-// Columns as wide as their widest cell (in code points); cells that are all numbers to the right.
+// Columns as wide as their widest cell (in code points); numeric columns are right-aligned.
 std::string FormatTable(const std::vector<std::string>& header,
                         const std::vector<std::vector<std::string>>& rows);
 

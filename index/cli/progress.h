@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A line on standard error that tells how far a long job is, with rate and time left. Only when
-// standard error is a terminal.
+// A progress line on standard error, with rate and remaining time. Only if standard error is a
+// terminal.
 #pragma once
 
 #include <chrono>
@@ -26,7 +26,7 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   void Count(std::uint64_t done, std::uint64_t total);
-  void Share(double share);  // of an unnamed whole, 0..1
+  void Share(double share);  // fraction done, 0..1
   void Clear();              // before a message is printed
 
  private:

@@ -114,13 +114,13 @@ void AddChoice(CLI::App& app, const std::string& name, Enum& value, const std::s
 void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   SearchOptions& search = options->search;
-  CLI::App* app = program.add_subcommand("query", "Ask which object a picture shows");
+  CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
   app->add_option("IMAGE", options->image, "the query picture")->required();
   AddDatabaseFlags(*app, options->engine, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-  app->add_option("--offset", search.offset, "hits left out at the start")
+  app->add_option("--offset", search.offset, "number of hits to skip at the start")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   AddChoice<GroupBy>(*app, "--group-by", search.group_by,
@@ -137,38 +137,40 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
   app->add_option("--verify-depth", search.verify_depth,
                   "how many of the best pictures are verified (default: 100, or the square root of "
-                  "the collection's size where that is more)")
+                  "the collection's size if that is more)")
       ->check(CLI::PositiveNumber)
       ->option_text("N");
-  app->add_option("--expand", search.expand,
-                  "let so many of the best verified pictures ask in turn, for views that the query "
-                  "alone does not reach (default: 3 by image, 0 by object)")
+  app->add_option(
+         "--expand", search.expand,
+         "query expansion: use this many of the best verified pictures as further queries, for "
+         "views that the query alone does not reach (default: 3 by image, 0 by object)")
       ->check(CLI::Range(0, kMostExpansions))
       ->option_text("N");
   app->add_option("--instances", search.max_instances,
-                  "how often one object is looked for in the query picture")
+                  "maximum number of instances of one object in the query picture")
       ->capture_default_str()
       ->check(CLI::Range(1, 100));
   app->add_option("--region", options->region,
-                  "only this rectangle of the query picture counts: X,Y,W,H in its pixels")
+                  "use only this rectangle of the query picture: X,Y,W,H in pixels")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
   app->add_option("--object", search.object, "only pictures of this object");
-  app->add_option("--filter", options->filter,
-                  "only pictures whose metadata pass: JSON such as '{\"shop\": \"east\", \"year\": "
-                  "{\"gte\": 2020}}'; tests are in, gt, gte, lt, lte")
+  app->add_option(
+         "--filter", options->filter,
+         "only pictures whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": "
+         "{\"gte\": 2020}}'; tests are in, gt, gte, lt, lte")
       ->option_text("JSON");
-  app->add_option("--min-score", search.min_score, "hits below this score are left out, 0 to 1")
+  app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
       ->capture_default_str();
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--explain", search.explain,
-                "with every hit: why it is one, its matched points and the map of its surface");
+                "explain every hit: its score, the matched points and the warp of its surface");
   app->add_option("--draw", options->pictures.draw,
                   "draw the query and its hits with outlines and matching points to this PNG file")
       ->type_name("FILE");
   app->add_option("--unwarp", options->pictures.unwarp,
-                  "draw the object laid flat beside the hit: the best verified hit to a PNG file, "
+                  "draw the flattened object beside the hit: the best verified hit to a PNG file, "
                   "or all of them into a folder")
       ->type_name("FILE|DIR");
   app->add_flag("--json", options->json, "print one JSON document");

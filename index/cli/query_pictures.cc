@@ -68,7 +68,7 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
   }
   if (!any) {
     Message("skipped " + ToDisplayText(options.unwarp.string()) +
-            ": no hit was verified, so there is nothing to lay flat");
+            ": no hit was verified, so there is nothing to unwarp");
   }
   return any;
 }

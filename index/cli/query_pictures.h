@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What `pliant query --draw` and `--unwarp` write.
+// Output of `pliant query --draw` and `--unwarp`.
 #pragma once
 
 #include <filesystem>
@@ -17,8 +17,8 @@ struct QueryPictureOptions {
   DecodeOptions decode;  // its limits; sizes and colour are set here
 };
 
-// Writes what is asked for, from a result with explanations. false: no hit was verified, so that
-// there was nothing to unwarp (said on standard error). Throws kNoSpace "write_failed".
+// Writes the requested pictures, from a result with explanations. false: no hit was verified, so
+// there was nothing to unwarp (reported on standard error). Throws kNoSpace "write_failed".
 bool WriteQueryPictures(Engine& engine, Bytes query, const SearchResult& result,
                         const QueryPictureOptions& options);
 

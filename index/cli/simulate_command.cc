@@ -45,7 +45,7 @@ void PrintReport(const Options& options, const SimulateReport& report) {
   Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.pictures) +
         " pictures) from " + std::to_string(report.textures) + " textures in " +
         FormatFixed(report.seconds, 1) + " s, " + FormatFixed(rate, 1) + " pictures/s; " +
-        std::to_string(report.unchanged) + " scenes were there already");
+        std::to_string(report.unchanged) + " scenes existed already");
   if (report.pictures > 0) {
     Print("residual stretch of the cloth (95th percentile): " +
           FormatFixed(100.0 * report.mean_stretch, 2) + " % on average, " +
@@ -74,7 +74,7 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   SimulateOptions& simulate = options->simulate;
   CLI::App* app = program.add_subcommand(
-      "simulate", "Make pictures of deforming objects with exact correspondence");
+      "simulate", "Render pictures of deforming objects with exact correspondences");
   app->add_option("--textures", simulate.textures,
                   "folder of pictures, safetensors pack, or the word procedural")
       ->required()
@@ -86,30 +86,30 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--format", simulate.format,
                   "tensors (for training) or folders; auto: tensors for pairs, else folders")
       ->capture_default_str();
-  app->add_option("--scenes", simulate.scenes, "scenes, or objects")->capture_default_str();
+  app->add_option("--scenes", simulate.scenes, "number of scenes, or objects")
+      ->capture_default_str();
   app->add_option("--first", simulate.first, "number of the first scene")->capture_default_str();
   app->add_option("--distractors", simulate.distractors,
                   "preset objects: further objects without a reference")
       ->capture_default_str();
   app->add_option("--views", simulate.views,
-                  "pictures a scene, the reference included; 0 = the preset's own")
+                  "pictures per scene, including the reference; 0 = the preset's default")
       ->capture_default_str();
-  app->add_option("--width", simulate.width, "of each picture, pixels")->capture_default_str();
-  app->add_option("--height", simulate.height, "of each picture, pixels")->capture_default_str();
+  app->add_option("--width", simulate.width, "of each picture, in pixels")->capture_default_str();
+  app->add_option("--height", simulate.height, "of each picture, in pixels")->capture_default_str();
   app->add_flag("--colour", simulate.colour, "colour pictures instead of grey ones");
   app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]")
       ->capture_default_str();
-  app->add_option("--occluders", simulate.occluders,
-                  "probability that something covers a part of a view")
+  app->add_option("--occluders", simulate.occluders, "probability that a part of a view is covered")
       ->capture_default_str();
   app->add_option("--turn", simulate.turn_deg,
-                  "preset sequence: degrees that the camera turns about its axis, at most")
+                  "preset sequence: maximum rotation of the camera about its axis, in degrees")
       ->capture_default_str();
   app->add_option("--least-scale", simulate.least_scale,
-                  "preset sequence: how far the object shrinks, at most, 0.1 to 1")
+                  "preset sequence: smallest scale of the object at the end, 0.1 to 1")
       ->capture_default_str();
   app->add_option("--seed", simulate.seed, "same seed, same scenes")->capture_default_str();
-  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one a core")
+  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one per core")
       ->capture_default_str();
   app->add_flag("--json", options->json, "print one JSON document");
   app->callback([options, &status] { status = Run(*options); });

@@ -143,7 +143,7 @@ ExitStatus Run(Options& options) {
   }
   if (summary.frames == 0) {
     throw Error(ErrorCode::kUnprocessable, "no_frames",
-                options.input.string() + " holds no picture that can be read");
+                options.input.string() + " contains no readable picture");
   }
   if (output) output->Close();
   if (sheet) {
@@ -159,35 +159,35 @@ ExitStatus Run(Options& options) {
 
 void AddTrackCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.add_subcommand("track", "Follow an object through a video while it bends");
-  app->add_option("REFERENCE", options->reference, "picture of the object, hardly bent")
+  CLI::App* app = program.add_subcommand("track", "Track an object through a video while it bends");
+  app->add_option("REFERENCE", options->reference, "picture of the object, nearly flat")
       ->required();
   app->add_option("VIDEO|DIR", options->input, "video file, or folder of frames")->required();
   app->add_option("--region", options->region,
-                  "where the object is in REFERENCE: X,Y,W,H in its pixels (default: all of it)")
+                  "the object in REFERENCE: X,Y,W,H in its pixels (default: the whole picture)")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
   app->add_option("--mask", options->mask,
-                  "picture of REFERENCE's size, black where the object is not")
+                  "picture of the size of REFERENCE, black outside the object")
       ->type_name("FILE");
-  app->add_option("--out,-o", options->out,
-                  "mesh over each frame and the un-warped object beside it: a video (.mp4, .mkv, "
-                  ".avi) or a folder for pictures")
+  app->add_option(
+         "--out,-o", options->out,
+         "draw the mesh over each frame and the flattened object beside it: a video (.mp4, .mkv, "
+         ".avi) or a folder for pictures")
       ->type_name("OUT.mp4|DIR");
-  app->add_option("--sheet", options->sheet, "a contact sheet of twelve frames")
+  app->add_option("--sheet", options->sheet, "draw a contact sheet of twelve frames")
       ->type_name("OUT.png");
-  app->add_option("--every", options->frames.every, "looks at every N-th frame only")
+  app->add_option("--every", options->frames.every, "use every N-th frame only")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
   AddTrackingFlags(*app, options->tracker.locate);
   AddExtractionFlags(*app, options->engine);
   app->add_option("--jobs,-j", options->tracker.threads,
-                  "threads that describe a frame; 0 = one a core")
+                  "threads that describe a frame; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  app->add_flag("--json", options->json, "print a line of JSON a frame, and a summary last");
+  app->add_flag("--json", options->json, "print one line of JSON per frame, then a summary");
   app->callback([options, &status] { status = Run(*options); });
 }
 

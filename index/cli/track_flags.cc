@@ -6,20 +6,23 @@ namespace pliant::cli {
 
 void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
   VerificationOptions& verification = locate.verification;
-  app.add_option("--iterations", verification.ransac.iterations, "RANSAC's samples for a frame")
+  app.add_option("--iterations", verification.ransac.iterations,
+                 "number of RANSAC samples per frame")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
   app.add_option("--max-ratio", verification.max_ratio,
-                 "a match is kept when its distance is at most this share of the second nearest's")
+                 "ratio test: keep a match if its distance is at most this times that of the "
+                 "second nearest")
       ->capture_default_str();
   app.add_option("--tolerance", verification.tolerance,
-                 "of a match from the warp, as a share of the frame's longer side")
+                 "largest distance of a match from the warp, relative to the frame's longer side")
       ->capture_default_str();
   app.add_option("--regularization", verification.ransac.regularization,
                  "stiffness of the thin-plate spline; 0 = none")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--min-inliers", locate.min_inliers, "with fewer the object counts as lost")
+  app.add_option("--min-inliers", locate.min_inliers,
+                 "with fewer inliers the object counts as lost")
       ->capture_default_str();
 }
 

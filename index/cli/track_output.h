@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The pictures that `pliant track` leaves behind.
+// The output pictures of `pliant track`.
 #pragma once
 
 #include <filesystem>
@@ -12,10 +12,10 @@
 
 namespace pliant::cli {
 
-// A video, or a folder of JPEG files frame_NNNNNN.jpg: what the name of `out` asks for.
+// A video, or a folder of JPEG files frame_NNNNNN.jpg, depending on the name of `out`.
 class TrackOutput {
  public:
-  // `frames_per_second` of the frames that are written. Throws kNoSpace "file_unwritable".
+  // `frames_per_second` of the written frames. Throws kNoSpace "file_unwritable".
   TrackOutput(const std::filesystem::path& out, double frames_per_second);
 
   void Write(const TrackedFrame& tracked, const TemplateBox& box);

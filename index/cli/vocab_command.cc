@@ -108,31 +108,32 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
   AddDatabaseFlags(*app, options->engine, options->train.collection);
   app->add_flag("--json", options->json, "print one JSON document");
 
-  CLI::App* train = app->add_subcommand("train", "Make a new vocabulary from the stored pictures");
+  CLI::App* train = app->add_subcommand("train", "Train a new vocabulary on the stored pictures");
   train->fallthrough();
-  train->add_option("--words", options->train.words, "words; 0 = a tenth of the sample")
+  train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
       ->capture_default_str()
       ->check(CLI::Range(0, static_cast<int>(kMaxWords)));
   train
       ->add_option("--sample", options->train.sample,
-                   "descriptors drawn at random; 0 = 40000, or ten a given word (10000 at least)")
+                   "descriptors drawn at random; 0 = 40000, or ten per word if --words is given "
+                   "(10000 at least)")
       ->capture_default_str()
       ->check(CLI::Range(0, static_cast<int>(kMaxVocabularySamples)));
   train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")
       ->capture_default_str();
-  train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one a core")
+  train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  train->add_flag("--use", options->use_at_once, "switch to it when it is ready");
+  train->add_flag("--use", options->use_at_once, "activate it when it is ready");
   train->callback([options, &status] { status = Train(*options); });
 
-  CLI::App* list = app->add_subcommand("list", "Show the vocabularies there are");
+  CLI::App* list = app->add_subcommand("list", "List the vocabularies");
   list->fallthrough();
   list->callback([options, &status] { status = List(*options); });
 
   CLI::App* use = app->add_subcommand("use", "Switch to another vocabulary");
   use->fallthrough();
-  use->add_option("ID", options->id, "its number in the list")->required();
+  use->add_option("ID", options->id, "its number in `vocab list`")->required();
   use->callback([options, &status] { status = Use(*options); });
 }
 

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/replace_file.h"
 
 namespace pliant::cli {
 namespace {
@@ -19,24 +20,11 @@ std::filesystem::path TemporaryBeside(const std::filesystem::path& path) {
 
 }  // namespace
 
-void WriteFile(const std::filesystem::path& path, std::span<const std::string_view> parts) {
-  const std::filesystem::path temporary = TemporaryBeside(path);
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  for (const std::string_view part : parts)
-    file.write(part.data(), static_cast<std::streamsize>(part.size()));
-  file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(temporary, path, error);
-  if (!file || error) {
-    std::error_code ignored;  // the write's own error is the one to tell
-    std::filesystem::remove(temporary, ignored);
-    throw Error(ErrorCode::kNoSpace, "write_failed",
-                path.string() + " could not be written" + (error ? ": " + error.message() : ""));
-  }
-}
-
 void WriteFile(const std::filesystem::path& path, std::string_view content) {
-  WriteFile(path, {&content, 1});
+  if (const std::error_code error = ReplaceFile(path, {&content, 1})) {
+    throw Error(ErrorCode::kNoSpace, "write_failed",
+                path.string() + " could not be written: " + error.message());
+  }
 }
 
 void CheckWritable(const std::filesystem::path& path) {

@@ -3,17 +3,15 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
 #include <string_view>
 
 namespace pliant::cli {
 
-// Replaces the file by the parts, one after the other, in one step. Throws kNoSpace "write_failed".
-void WriteFile(const std::filesystem::path& path, std::span<const std::string_view> parts);
+// Replaces the file in one step (ReplaceFile). Throws kNoSpace "write_failed".
 void WriteFile(const std::filesystem::path& path, std::string_view content);
 
-// Throws kNoSpace "write_failed" where WriteFile could put no file: the folder is missing or may
-// not be written, or the path is a folder's. To be called before the work whose result the file is.
+// Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
+// the path is a folder. To be called before the work whose result is written.
 void CheckWritable(const std::filesystem::path& path);
 
 }  // namespace pliant::cli

@@ -8,11 +8,11 @@
 
 namespace pliant::cli {
 
-// PNG or JPEG, as the name says. Throws kInvalidArgument "bad_picture_name" for another name; to be
-// called before the work whose result the picture is.
+// PNG or JPEG, by file name. Throws kInvalidArgument "bad_picture_name" for another extension; to
+// be called before the work whose result is written.
 void CheckPictureName(const std::filesystem::path& file);
 
-// Replaces the file in one step. Throws what CheckPictureName and WriteFile throw.
+// Atomically replaces the file. Throws what CheckPictureName and WriteFile throw.
 void WritePicture(const std::filesystem::path& file, const Image& picture);
 
 }  // namespace pliant::cli

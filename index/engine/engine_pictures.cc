@@ -145,11 +145,14 @@ Engine::Impl::Prepared Engine::Impl::Prepare(const AddRequest& request, const st
     record = *reused;
   } else {
     const FeatureExtractor& extract = extractor();
+    const Stopwatch decoding;
+    const DecodedImage decoded = DecodeImage(request.bytes, extract.options().decode);
+    prepared.timings.extraction.decode_ms = decoding.Ms();
     const Features features =
-        extract.Extract(request.bytes, request.threads, &prepared.timings.extraction);
+        extract.Extract(decoded, request.threads, &prepared.timings.extraction);
     CheckEnough(features.keypoints.size());
     prepared.features_blob = EncodeFeatures(features);
-    record.media_type = MediaType(ReadImageHeader(request.bytes).format);
+    record.media_type = MediaType(decoded.format);
     record.width = features.width;
     record.height = features.height;
     record.keypoints = static_cast<std::uint32_t>(features.keypoints.size());

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The retrieval experiment; what `pliant eval retrieval` runs.
+// The retrieval benchmark of `pliant eval retrieval`.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ enum class RetrievalProtocol {
   // The paper's (section 4.3): k-medoids of 10 000 descriptors drawn at random, k = 10; normalised
   // histograms; nearest by Euclidean distance.
   kPaper,
-  kDefault,     // what `pliant index` and `pliant query` do with no options
+  kDefault,     // the defaults of `pliant index` and `pliant query`
   kUnexpanded,  // the default without expansion (`pliant query --expand 0`)
   kUnverified,  // the default without verification (`pliant query --verify none`)
 };
@@ -40,7 +40,7 @@ struct RetrievalOptions {
   int jobs = 0;                  // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
-  // What is being done, and how much of it is; `total` 0 = not known. From any thread.
+  // The current step and its progress; `total` 0 = unknown. Called from any thread.
   std::function<void(const std::string& what, std::size_t done, std::size_t total)> progress;
   std::stop_token stop;
 };
@@ -48,7 +48,7 @@ struct RetrievalOptions {
 struct RetrievalResult {
   std::string descriptor;
   std::string protocol;
-  std::size_t words = 0;               // of the vocabulary; 0 = not told
+  std::size_t words = 0;               // of the vocabulary; 0 = unknown
   RetrievalMetrics mean;               // over the seeds
   RetrievalMetrics spread;             // sample standard deviation over the seeds
   std::optional<double> ns_score;      // UKBench layout only

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A retrieval set described by one descriptor, in a database of the engine: what is measured is the
-// product, not a copy of it.
+// A retrieval set indexed with one descriptor in a database of the engine, so that the product
+// itself is measured.
 #pragma once
 
 #include <cstdint>
@@ -21,16 +21,16 @@ namespace pliant {
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
   ExtractionOptions extraction;
-  std::filesystem::path database;  // made when it is not there
+  std::filesystem::path database;  // created if it does not exist
   // Keep the features of all pictures in the database, so that the next run with it describes only
   // new ones. Pictures and vocabularies of the last run are dropped either way.
   bool keep_features = false;
-  int jobs = 0;                                                       // threads; 0 = one a core
+  int jobs = 0;                                                       // threads; 0 = one per core
   std::function<void(std::size_t done, std::size_t total)> progress;  // pictures; from any thread
   std::stop_token stop;
 };
 
-// Mean milliseconds a query.
+// Mean milliseconds per query.
 struct RetrievalTimes {
   double decode = 0, detect = 0, describe = 0;
   double quantize = 0, rank = 0, verify = 0;

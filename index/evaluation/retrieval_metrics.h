@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How good the answers of a search are.
+// Accuracy metrics of search results.
 #pragma once
 
 #include <array>
@@ -10,18 +10,18 @@
 
 namespace pliant {
 
-// One query's answer: what came back, best first, and what could have.
+// The result of one query, best first, and the number of correct pictures that exist.
 struct RetrievalAnswer {
-  std::vector<bool> right;   // whether the picture at each rank shows the query's object
-  std::size_t possible = 0;  // right pictures in the gallery, found or not; 1 or more
+  std::vector<bool> right;   // per rank: whether the picture shows the query's object
+  std::size_t possible = 0;  // correct pictures in the gallery, found or not; 1 or more
 };
 
 inline constexpr std::size_t kAccuracyRanks = 20;
 inline constexpr std::size_t kNsRanks = 4;
 
 struct RetrievalMetrics {
-  // [K - 1]: right pictures among the first K, by K (the paper, section 4.3); ranks that the answer
-  // does not reach count as wrong.
+  // [K - 1]: correct pictures among the first K, divided by K (the paper, section 4.3); missing
+  // ranks count as wrong.
   std::array<double, kAccuracyRanks> accuracy_at = {};
   double map = 0;   // mean average precision; right pictures that are missing count as 0
   double top1 = 0;  // the first picture is right

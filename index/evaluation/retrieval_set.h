@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Folders of pictures that measure retrieval: which picture shows which object, which ones are
-// asked for, and which ones are searched.
+// Data sets for retrieval: which picture shows which object, which pictures are queries, and which
+// are searched.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +13,7 @@
 namespace pliant {
 
 enum class RetrievalLayout {
-  kAuto,  // told from the names in the folder
+  kAuto,  // detected from the names in the folder
   // DIR/<object>/*: files whose name starts with "ref" are the queries, the rest is searched;
   // without such files every picture is searched for among all others.
   kObjects,
@@ -35,10 +35,10 @@ struct RetrievalPicture {
 struct RetrievalSet {
   RetrievalLayout layout = RetrievalLayout::kObjects;
   std::vector<RetrievalPicture> pictures;  // by name, distractors last
-  // A query that is searched itself counts as an answer to itself; otherwise it is left out of its
-  // own answers.
+  // Whether a query that is searched itself counts as a correct answer; otherwise it is removed
+  // from its own results.
   bool counts_itself = false;
-  std::vector<SkippedFile> skipped;  // files that the layout has no place for, and why
+  std::vector<SkippedFile> skipped;  // files that do not fit the layout, with the reason
 };
 
 // Reads the names only, not the pictures. `distractors`: folders of pictures that show none of the
@@ -51,8 +51,8 @@ RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayo
 // answers to it.
 std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set);
 
-// Takes the role of query from pictures that have no right answer; those that are nothing else then
-// are named in `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries"
+// Removes queries that have no correct answer; pictures that were only queries are listed in
+// `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries"
 // when nothing can be measured with what is left.
 void CheckRetrievalSet(RetrievalSet* set);
 

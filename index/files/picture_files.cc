@@ -41,13 +41,7 @@ bool HasPictureContent(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   file.read(reinterpret_cast<char*>(start.data()), start.size());
   const auto got = static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0));
-  if (got == 0) return false;
-  try {
-    ReadImageHeader(Bytes(start).first(got));
-    return true;
-  } catch (const Error& error) {
-    return error.code() != ErrorCode::kUnsupportedMediaType;  // a known type that goes on
-  }
+  return SniffFormat(Bytes(start).first(got)) != ImageFormat::kUnknown;
 }
 
 class Walk {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which files below the given folders are pictures, what they show, and their bytes.
+// Finds the picture files below given folders, names their objects, and reads them.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ struct PictureFiles {
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
 // every machine. Links to folders are followed, each folder is visited once. Hidden files and
-// folders are left out, and so are files that have neither a picture's name nor its content.
+// folders are ignored, and so are files that have neither a picture's name nor its content.
 // Throws kNotFound for an input that does not exist.
 PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
@@ -49,10 +49,10 @@ bool LooksLikePicture(const std::filesystem::path& path);
 // The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`.
 std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
 
-// Whether an error is the fault of one picture (unreadable, no picture, too few features), so that
-// the job goes on without it, and not of all (disk full, database busy, model mismatch).
+// Whether an error affects only one picture (unreadable, not a picture, too few features), so that
+// the job can continue without it, rather than all (disk full, database busy, model mismatch).
 bool ConcernsOnePicture(ErrorCode code);
-// The same, and that its bytes are stored already as another object.
+// The same, or its bytes are stored already as another object.
 bool ConcernsOnePicture(const Error& error);
 
 }  // namespace pliant

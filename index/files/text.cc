@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
 
 namespace pliant {
 namespace {

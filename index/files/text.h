@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What names and metadata may be.
+// Validation of names and metadata.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@ namespace pliant {
 
 bool IsValidUtf8(std::string_view text);
 
-// `text` with each control character and each byte that is no valid UTF-8 written as \xHH, for
-// people, JSON and names made from file names.
+// `text` with control characters and invalid UTF-8 bytes escaped as \xHH, for display, JSON and
+// names derived from file names.
 std::string ToDisplayText(std::string_view text);
 
 // Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,

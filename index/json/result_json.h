@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The JSON form of a search answer, one for the command line and the HTTP server.
+// The JSON form of a search result, for the command line and the HTTP server.
 #pragma once
 
 #include <string>

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index in memory: immutable segments, merged as they grow (a log-structured merge
-// tree: a picture is copied about log_8 N times in its life), tombstones for what was removed, and
-// snapshots that searches keep while one writer makes the next.
+// tree: a picture is copied about log_8 N times), tombstones for removed pictures, and snapshots
+// that searches keep while one writer makes the next.
 //
-// Statistics (N, document frequencies) belong to an epoch: they are renewed when more than
-// 1/256 of the pictures have come or gone since (so with fewer than 256 pictures always), because
-// every tf-idf norm depends on them. Refresh() renews them at once; a freshly loaded index is
+// Statistics (N, document frequencies) belong to an epoch: since every tf-idf norm depends on them,
+// they are recomputed only when more than 1/256 of the pictures have been added or removed (with
+// fewer than 256 pictures always). Refresh() recomputes them immediately; a freshly loaded index is
 // exact.
 #pragma once
 
@@ -63,8 +63,8 @@ class InvertedIndex {
   std::shared_ptr<const IndexSnapshot> snapshot() const;
 
   // Removes keys (unknown ones are skipped), adds pictures with keys that are not in the index, and
-  // publishes ONE new snapshot. Costs what the change costs, not what the index weighs, but for
-  // merges now and then.
+  // publishes ONE new snapshot. The cost depends on the size of the change, not of the index,
+  // except for occasional merges.
   void Apply(std::vector<IndexedPicture> added, std::span<const std::int64_t> removed);
   // For loading: adds without merges and statistics. Refresh() must follow before any search.
   void Append(std::vector<IndexedPicture> added);

@@ -130,11 +130,11 @@ int ThreadsFor(const IndexSnapshot& snapshot, const QueryWeights& query, int thr
 std::vector<Candidate> ScoreAll(const IndexSnapshot& snapshot, const QueryWeights& query,
                                 const RankOptions& options) {
   std::vector<std::vector<Candidate>> found(snapshot.parts.size());
-  ParallelFor(snapshot.parts.size(), ThreadsFor(snapshot, query, options.threads),
-              [&](std::size_t i) {
-                thread_local std::vector<float> sums;
-                ScorePart(snapshot.parts[i], query, options, sums, found[i]);
-              });
+  const int threads = ThreadsFor(snapshot, query, options.threads);
+  std::vector<std::vector<float>> sums(ParallelWorkers(found.size(), threads));
+  ParallelForWorkers(found.size(), threads, [&](std::size_t i, std::size_t worker) {
+    ScorePart(snapshot.parts[i], query, options, sums[worker], found[i]);
+  });
   std::vector<Candidate> all;
   std::size_t total = 0;
   for (const auto& part : found) total += part.size();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a search is asked and what it answers (Engine::Search). Plain values.
+// Options and results of a search (Engine::Search). Plain values.
 #pragma once
 
 #include <cstddef>
@@ -36,7 +36,7 @@ struct Point {
   double x = 0, y = 0;
 };
 
-// How kTfIdf compares words. For experiments: the defaults are what was measured to be best.
+// How kTfIdf compares words. For experiments: the defaults are the best values measured.
 struct RankTuning {
   // Compare binary signatures within a word, where the vocabulary has them (vocab/signature.h).
   bool signatures = true;
@@ -55,9 +55,10 @@ struct SearchOptions {
   // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
   std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
-  // When verifying: the object's part of so many of the best verified pictures asks in turn, and
-  // pictures that agree with them rise (index/verify/expansion.h): 0 to kMostExpansions. Absent: 3
-  // by picture, none by object, where further pictures of an object that was found add nothing.
+  // Query expansion (index/verify/expansion.h), only with verification: the region of the object in
+  // this many of the best verified pictures is used as a further query, and pictures that agree
+  // with them rise. 0 to kMostExpansions. Absent: 3 by picture, 0 by object, where further pictures
+  // of an object that was found add nothing.
   std::optional<int> expand;
   int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
   RankTuning tuning;
@@ -65,7 +66,7 @@ struct SearchOptions {
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
   Filter filter;                      // only pictures whose metadata pass
-  bool explain = false;               // every hit says why: Hit::explanation
+  bool explain = false;               // fill Hit::explanation
   int threads = 0;                    // for the description of the query; 0 = all cores
 };
 
@@ -85,8 +86,9 @@ struct Hit {
   // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
   // when not verified. More inliers in more places do not make the score higher.
   std::vector<Instance> instances;
-  // The hit that this one owes its place to: it agrees with that one, which agrees with the query
-  // (SearchOptions::expand). Empty when the words and its own inliers speak for it.
+  // The id of the intermediate hit found by query expansion (SearchOptions::expand): this picture
+  // agrees with that one, which agrees with the query. Empty when its own words and inliers give at
+  // least as much evidence.
   std::string via;
   std::string metadata = "{}";
   std::optional<Explanation> explanation;  // with SearchOptions::explain
@@ -102,7 +104,7 @@ struct SearchTimings {
 
 struct SearchResult {
   std::vector<Hit> hits;
-  std::size_t total = 0;        // hits there are, over all pages
+  std::size_t total = 0;        // number of hits, over all pages
   std::int64_t vocabulary = 0;  // id of the vocabulary that answered
   std::size_t words = 0;        // its size
   std::uint32_t keypoints = 0;  // of the query, after the region

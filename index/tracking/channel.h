@@ -19,7 +19,7 @@ class Channel {
  public:
   explicit Channel(std::size_t capacity) : capacity_(capacity) {}
 
-  // Waits for room. False when the consumer has gone: stop producing.
+  // Waits for space. False after Abandon(): stop producing.
   bool Push(Value value) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return values_.size() < capacity_ || abandoned_; });
@@ -28,14 +28,14 @@ class Channel {
     changed_.notify_all();
     return true;
   }
-  // No more will come; `error`, if any, is what Pop throws after the last value.
+  // Ends the input; `error`, if any, is thrown by Pop after the last value.
   void Finish(std::exception_ptr error = nullptr) {
     const std::lock_guard lock(mutex_);
     finished_ = true;
     error_ = std::move(error);
     changed_.notify_all();
   }
-  // Waits for a value; nothing after the last.
+  // Waits for a value; nullopt after the last.
   std::optional<Value> Pop() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return !values_.empty() || finished_; });
@@ -48,7 +48,7 @@ class Channel {
     changed_.notify_all();
     return value;
   }
-  // The consumer goes: Push returns false from now on.
+  // Called by the consumer when it stops: Push returns false from now on.
   void Abandon() {
     const std::lock_guard lock(mutex_);
     abandoned_ = true;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Frames to track in: of a video file, or the pictures of a folder.
+// Input frames of the tracker: a video file, or the pictures of a folder.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 namespace pliant {
 
 struct Frame {
-  std::int64_t number = 0;       // of all frames there are, from 0
+  std::int64_t number = 0;       // among all frames, from 0
   std::optional<double> time_s;  // since the first; unknown for folders
   std::string file;              // name of the picture; empty for videos
   Image picture;                 // colour
@@ -25,7 +25,7 @@ struct FrameSourceInfo {
   int width = 0;
   int height = 0;
   double frames_per_second = 0;  // 0 = unknown
-  std::int64_t frames = 0;       // that Next will give, as far as is known; 0 = unknown
+  std::int64_t frames = 0;       // expected number of frames from Next; 0 = unknown
 };
 
 struct SkippedFrame {
@@ -39,20 +39,20 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
   virtual const FrameSourceInfo& info() const = 0;
-  // Nothing after the last. Throws kUnprocessable "frames_vary".
+  // nullopt after the last frame. Throws kUnprocessable "frames_vary".
   virtual std::optional<Frame> Next() = 0;
   // Pictures that could not be decoded, so far.
   virtual const std::vector<SkippedFrame>& skipped() const = 0;
 };
 
 struct FrameOptions {
-  int every = 1;         // gives frames 0, every, 2 every, ...
+  int every = 1;         // only frames 0, every, 2 every, ...
   DecodeOptions decode;  // limits of a folder's pictures; frames keep their size
 };
 
-// A folder's pictures come in the order of their names, numbers by their value (2 before 10);
-// hidden files, files that are no pictures, and the simulator's NAME.uv.png are left out. All sizes
-// are compared before the first is given. Throws kNotFound "cannot_read", kInvalidArgument for
+// The pictures of a folder come in natural order of their names (2 before 10); hidden files, files
+// that are not pictures, and the simulator's NAME.uv.png are ignored. All sizes are compared before
+// the first frame is returned. Throws kNotFound "cannot_read", kInvalidArgument for
 // options, kUnprocessable "no_frames" (an empty folder), "single_frame", "frames_vary", and what
 // VideoReader throws.
 std::unique_ptr<FrameSource> OpenFrames(const std::filesystem::path& path,

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Frames through a tracker, one thread a stage: decode | detect and describe | verify.
+// Runs frames through a tracker, one thread per stage: decode | detect and describe | verify.
 #pragma once
 
 #include <cstdint>
@@ -14,20 +14,21 @@ namespace pliant {
 struct TrackedFrame {
   Frame frame;
   Location location;
-  double describe_ms = 0;  // spent on this frame; the stages overlap
+  double describe_ms = 0;  // for this frame; the stages overlap
   double verify_ms = 0;
 };
 
 struct TrackSummary {
-  std::int64_t frames = 0;  // looked at
+  std::int64_t frames = 0;  // processed
   std::int64_t found = 0;
-  double inlier_rate = 0;  // mean over all frames, lost ones as they are
+  double inlier_rate = 0;  // mean over all frames, including lost ones
   double seconds = 0;
   double frames_per_second = 0;
 };
 
-// Calls `each` for every frame, in order, on the caller's thread; when it returns false the rest is
-// left out. What a stage throws is thrown here, after the frames before it.
+// Calls `each` for every frame, in order, on the caller's thread; if it returns false, the
+// remaining frames are skipped. Exceptions of a stage are rethrown here, after the preceding
+// frames.
 TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
                          const std::function<bool(const TrackedFrame&)>& each);
 

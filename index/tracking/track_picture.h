@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What tracking looks like: the mesh over the frame, the object laid flat beside it, and a contact
-// sheet of many frames for a paper.
+// Visualisation of tracking: the mesh over the frame, the flattened object beside it, and a contact
+// sheet of many frames.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace pliant {
 
-// The frame with the mesh (where it can be believed) and the outline drawn over it.
+// The frame with the mesh (where it is trusted) and the outline drawn over it.
 Image DrawMesh(const Image& frame, const Location& location);
 
 // The template as the frame shows it: un-warped, template.width x height, colour; crossed out when
@@ -27,15 +27,15 @@ std::string Caption(const TrackedFrame& tracked);
 // tracker have one size.
 Image DrawTracked(const TrackedFrame& tracked, const TemplateBox& box);
 
-// Collects frames while they come, however many, and lays a few of them out.
+// Collects any number of frames and shows a few of them.
 class ContactSheet {
  public:
   // `reference` is the template's cut-out picture. At most `cells` frames will be shown.
   ContactSheet(Image reference, int cells = 12);
 
   void Add(const TrackedFrame& tracked, const TemplateBox& box);
-  // The template first, then frames evenly over time, each un-warped beside it. At least one frame
-  // must have been added: kInvalidArgument otherwise.
+  // The template first, then frames at equal intervals, each with the flattened object beside it.
+  // At least one frame must have been added: kInvalidArgument otherwise.
   Image Draw(const std::string& title) const;
 
  private:
@@ -47,8 +47,8 @@ class ContactSheet {
   Image reference_;
   std::size_t cells_;
   std::int64_t seen_ = 0;
-  std::int64_t step_ = 1;   // every how many frames one is kept
-  std::vector<Cell> kept_;  // at most twice as many as will be shown
+  std::int64_t step_ = 1;   // every step_-th frame is kept
+  std::vector<Cell> kept_;  // at most twice as many as are shown
 };
 
 }  // namespace pliant

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Follows a region of a template picture through frames while the object bends (Potje et al. 2021,
-// section 4.3). Every frame is looked at for itself: an object that was lost is found again.
+// Tracks a region of a template picture through frames while the object bends (Potje et al. 2021,
+// section 4.3). Every frame is processed independently, so a lost object is found again.
 #pragma once
 
 #include <memory>
@@ -30,13 +30,13 @@ Features FeaturesInside(const Features& features, const TemplateBox& box, const 
 struct TrackerOptions {
   ExtractionOptions extraction;  // of the template's region and of each frame
   LocateOptions locate;
-  std::optional<TemplateBox> region;  // nothing: the mask's box, or the whole picture
-  // Grey, of the template picture's size, 0 where the object is not; empty: all of the region.
+  std::optional<TemplateBox> region;  // nullopt: the bounding box of the mask, or the whole picture
+  // Grey, of the template picture's size, 0 outside the object; empty: the whole region.
   Image mask;
   int threads = 0;  // for the description of one frame; 0 = all cores
 };
 
-// Immutable and thread-safe once made.
+// Immutable and thread-safe.
 class Tracker {
  public:
   // Describes the template. Throws kInvalidArgument "region_invalid" for a region that does not lie
@@ -47,7 +47,7 @@ class Tracker {
 
   // The template: the region's box. Locations map its pixels.
   const TemplateBox& box() const { return box_; }
-  const Image& picture() const { return picture_; }  // the box cut out, as given
+  const Image& picture() const { return picture_; }  // the cropped box
   const Features& features() const { return features_; }
   const TrackerOptions& options() const { return options_; }
 

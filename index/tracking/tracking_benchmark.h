@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How well an object is followed through simulated sequences whose every point is known; what
-// `pliant eval tracking` runs.
+// The tracking benchmark of `pliant eval tracking`: an object is tracked through simulated
+// sequences with ground truth.
 //
 // The template is view 0 of a scene, its region the object, described as a reference
-// (Descriptor::DescribeReference). All descriptors get the same key points. Of every further view:
+// (Descriptor::DescribeReference). All descriptors get the same key points. For every other view:
 //   inlier rate = RANSAC's inliers / matches, also where the object counts as lost;
-//   error = mean distance of warp and truth over the template's points (every 8 pixels) that the
-//     view shows, in pixels of the view; only where found;
+//   error = mean distance between warp and ground truth over the template's points (every 8 pixels)
+//     that are visible in the view, in pixels of the view; only where found;
 //   tracked = found, and the error is at most 3 % of the object's size: the longer side of the box
 //     around those points in the view;
 //   SSIM = mean structural similarity of the un-warped view and the template at those points; 0
 //     where lost.
-// Views that show fewer than 20 of the points are left out.
+// Views that show fewer than 20 of the points are excluded.
 #pragma once
 
 #include <cstdint>
@@ -40,15 +40,14 @@ struct TrackingBenchmarkOptions {
   std::vector<std::string> descriptors = {"deal", "deal-fixed", "rootsift", "sift", "orb"};
   std::filesystem::path model;  // weights; empty = DefaultModelPath()
   int max_keypoints = 1024;     // of the template's region, and of each view
-  // max_ratio is 1: mutual nearest neighbours as they are, the paper's brute-force association.
+  // max_ratio is 1: all mutual nearest neighbours, the paper's brute-force association.
   LocateOptions locate = {.verification = {.max_ratio = 1}};
   double tracked_error = 0.03;  // of the object's size
-  int every = 1;                // looks at every n-th view after the template
-  int jobs = 0;                 // threads, one sequence each; 0 = one a core
-  // An ONNX file that compares two pictures as LPIPS does (see descriptor/evaluation/perceptual.h);
-  // empty: that figure is left out.
+  int every = 1;                // only every n-th view after the template
+  int jobs = 0;                 // threads, one sequence each; 0 = one per core
+  // ONNX file of LPIPS (see descriptor/evaluation/perceptual.h); empty: LPIPS is not measured.
   std::filesystem::path lpips;
-  // Told after each view, from any thread, never two at once. Returning false stops.
+  // Called after each view, from any thread, never concurrently. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
 };
 
@@ -56,7 +55,7 @@ struct TrackedView {
   std::size_t sequence = 0;  // number in the report
   std::size_t descriptor = 0;
   int view = 0;
-  double time = 0;  // share of the sequence that has passed, 0..1
+  double time = 0;  // position in the sequence, 0..1
   bool found = false;
   LostReason reason = LostReason::kNone;
   int matches = 0;
@@ -90,14 +89,14 @@ struct TrackingReport {
     std::vector<TrackingResult> results;
   };
   int frames = 0;
-  int unseen = 0;                       // views left out
+  int unseen = 0;                       // excluded views
   std::vector<std::string> sequences;   // "group/scene"
-  std::vector<TrackingResult> results;  // a descriptor
+  std::vector<TrackingResult> results;  // one per descriptor
   std::vector<Subset> groups;           // empty when there is only one
   std::vector<TrackedView> views;       // by sequence, view, descriptor
 };
 
-// Deterministic whatever `jobs` is. Throws kInvalidArgument for options out of range, what
+// Deterministic, independently of `jobs`. Throws kInvalidArgument for options out of range, what
 // MakeDescriptor and the scenes' readers throw, kUnprocessable "no_frames" when nothing can be
 // measured, kCancelled "evaluation_stopped".
 TrackingReport RunTrackingBenchmark(const std::vector<TrackingSequence>& sequences,

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What is known about a simulated sequence: the object in its template (view 0), and where its
-// points are in the other views. Internal to this room.
+// points are in the other views. Internal to this folder.
 #pragma once
 
 #include <vector>

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Query expansion through verified pictures (Chum et al., "Total Recall", ICCV 2007): a view that
 // is bent too far for the query is often found by another view between the two. The object's part
-// of the best verified pictures asks in turn. Private to index/.
+// of the best verified pictures is used as a further query. Private to index/.
 #pragma once
 
 #include <cstddef>
@@ -17,16 +17,16 @@
 
 namespace pliant {
 
-// How a picture is supported that agrees with a verified one.
+// Support of a picture by a verified one with which it agrees.
 struct Support {
-  double evidence = 0;  // as Evidence(); a chain is as strong as its weaker link, and less
+  double evidence = 0;  // as Evidence(); 0.8 times that of the weaker link of the chain
   std::string via;      // id of the verified picture
 };
 
 struct ExpansionOptions {
-  int sources = 3;         // verified pictures that ask in turn, at most
-  std::size_t depth = 50;  // pictures that each of them looks at
-  int threads = 1;         // pictures at a time; 0 = all cores
+  int sources = 3;         // maximum number of verified pictures used as queries
+  std::size_t depth = 50;  // pictures verified against each of them
+  int threads = 1;         // pictures in parallel; 0 = all cores
 };
 
 // By key: the pictures that have more evidence through others than by themselves. `pictures` are

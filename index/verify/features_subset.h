@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Some of a picture's features. Private to index/.
+// Selects some of a picture's features. Private to index/.
 #pragma once
 
 #include <functional>

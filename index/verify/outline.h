@@ -10,7 +10,8 @@
 
 namespace pliant {
 
-// Corners of the convex hull, in order of the axes' turn, without points on its edges.
+// Corners of the convex hull, turning from the x axis towards the y axis, without points on its
+// edges.
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points);
 
 // Whether the point lies inside the polygon, by the even-odd rule.
@@ -19,7 +20,7 @@ bool IsInside(Vec2 point, std::span<const Vec2> polygon);
 // Whether any two sides that are not neighbours touch.
 bool CrossesItself(std::span<const Vec2> polygon);
 
-// The frame of a width x height picture through the warp, `points_a_side` points a side.
+// The frame of a width x height picture through the warp, `points_a_side` points per side.
 std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height, int points_a_side);
 
 // Whether the warp keeps its orientation along the frame and on a grid inside, and its local scale

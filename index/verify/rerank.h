@@ -28,8 +28,8 @@ struct VerifiedPicture {
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
 };
 
-// How many pictures are verified when nobody says: 100, or the square root of the collection's size
-// where that is more, so that true matches do not vanish behind a fixed depth as it grows.
+// Default number of verified pictures: 100, or the square root of the collection's size if that is
+// more, so that correct pictures do not fall below a fixed depth as the collection grows.
 std::size_t DefaultVerifyDepth(std::size_t pictures);
 
 struct RerankOptions {
@@ -48,7 +48,7 @@ std::vector<VerifiedPicture> Rerank(
 // By score, then id.
 void SortByScore(std::vector<VerifiedPicture>* pictures);
 
-// Keeps the best picture of each object; a picture without object stands for itself.
+// Keeps the best picture of each object; a picture without object is a group of its own.
 void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures);
 
 }  // namespace pliant

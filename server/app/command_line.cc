@@ -40,16 +40,16 @@ constexpr NumberFlag kNumbers[] = {
     {"--max-megapixels", &ServerOptions::max_megapixels, 1, 10000,
      "Largest picture in megapixels, checked before decoding"},
     {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
-     "Key points a picture, at least 16; 0 = as the database was made, 1024 for a new one"},
+     "Key points per picture, at least 16; 0 = that of the database, 1024 for a new one"},
     {"--max-side", &ServerOptions::max_side_px, 0, 16384,
      "Longer side in pixels to which larger pictures are scaled before description, at least "
-     "64; 0 = as the database was made, 1024 for a new one"},
+     "64; 0 = that of the database, 1024 for a new one"},
     {"--rate-limit", &ServerOptions::rate_limit, 0, 1'000'000,
-     "Requests a second of one key (without keys: of one address); more get 429; 0 = any"},
+     "Requests per second of one key (without keys: of one address); more get 429; 0 = no limit"},
     {"--rate-burst", &ServerOptions::rate_burst, 1, 1'000'000,
-     "Requests that may come at once before --rate-limit counts"},
+     "Requests allowed at once before --rate-limit applies"},
     {"--idle-timeout", &ServerOptions::idle_timeout_s, 1, 3600,
-     "Seconds an idle connection is kept"},
+     "Seconds an idle connection is kept open"},
     {"--header-timeout", &ServerOptions::header_timeout_s, 1, 3600,
      "Seconds for the headers of a request to arrive"},
     {"--body-timeout", &ServerOptions::body_timeout_s, 1, 3600,
@@ -86,15 +86,15 @@ void AddSwitch(CLI::App& app, const std::string& flag, bool& value, const std::s
 }
 
 void DefineBasics(CLI::App& app, ServerOptions& options) {
-  app.add_option("--db", options.database, "Database file; made when it does not exist")
+  app.add_option("--db", options.database, "Database file; created if it does not exist")
       ->required()
       ->envname("PLIANT_DB");
   AddText(app, "--listen", options.listen, "HOST:PORT to listen on; port 0 takes any free one");
   AddSwitch(app, "--allow-anonymous", options.allow_anonymous,
-            "Listen beyond loopback although there are no API keys and anyone can do everything");
+            "Allow listening beyond loopback without API keys: anyone can then do everything");
   AddText(app, "--descriptor", options.descriptor,
-          "Descriptor of a new database; empty = deal, or what the database was made with");
-  AddText(app, "--model", options.model, "Weight file of deal; empty = the one that is installed");
+          "Descriptor of a new database; empty = that of the database, deal for a new one");
+  AddText(app, "--model", options.model, "Weight file of deal; empty = the installed one");
   AddSwitch(app, "--keep-originals", options.keep_originals,
             "Store uploaded pictures, for content and thumbnails");
   AddText(
@@ -102,20 +102,19 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
       "Directory for uploaded pictures, or `database`; empty = as before, the database for a new "
       "one");
   AddSwitch(app, "--auto-train", options.auto_train,
-            "Train vocabularies in the background without being asked");
+            "Train vocabularies automatically in the background");
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(CLI::IsMember({"debug", "info", "warn", "error"}));
-  AddText(app, "--log-format", options.log_format, "text, or json: an object a line");
+  AddText(app, "--log-format", options.log_format, "text, or json: one object per line");
   app.get_option("--log-format")->check(CLI::IsMember({"text", "json"}));
 }
 
 void DefineDoors(CLI::App& app, ServerOptions& options) {
   AddText(app, "--import-dir", options.import_dir,
           "Directory whose folders may be imported over HTTP; empty = none");
-  AddText(app, "--backup-dir", options.backup_dir,
-          "Directory that backups over HTTP go to; empty = none");
+  AddText(app, "--backup-dir", options.backup_dir, "Directory for backups over HTTP; empty = none");
   AddText(app, "--tls-cert", options.tls_cert,
-          "PEM file with the certificate and those above it; then HTTPS is spoken");
+          "PEM file with the certificate chain; enables HTTPS");
   AddText(app, "--tls-key", options.tls_key, "PEM file with the certificate's private key");
   AddText(app, "--cors-origins", options.cors_origins,
           "Origins whose pages may ask, with commas between, or *; empty = only the own page");
@@ -127,7 +126,7 @@ void Define(CLI::App& app, ServerOptions& options) {
   for (const NumberFlag& number : kNumbers) AddNumber(app, number, options);
   app.set_config("--config", "", "Configuration file (TOML): the flags' names without dashes");
   app.add_flag("--print-config")
-      ->description("Print what is in force, as a configuration file, and end");
+      ->description("Print the effective configuration as a configuration file, and exit");
   app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
 }
 

@@ -11,11 +11,11 @@ namespace pliant::server {
 
 struct ParsedCommandLine {
   ServerOptions options;
-  bool finished = false;  // help, version or a wrong flag: the program ends with exit_status
+  bool finished = false;  // help, version or a usage error: the program ends with exit_status
   int exit_status = 0;
 };
 
-// Prints help, version or what is wrong (exit status 2).
+// Prints help, version, or a usage error (exit status 2).
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
 
 // The help text, for the test that compares it with the documentation.

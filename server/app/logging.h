@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The log on standard error: lines for people, or a JSON object a line.
+// The log on standard error: text lines, or one JSON object per line.
 #pragma once
 
 #include "server/app/options.h"
@@ -10,7 +10,7 @@ namespace pliant::server {
 
 void StartLog(const ServerOptions& options);
 
-// One line a request. No key, no query, no content.
+// One line per request. No key, no query, no content.
 void LogRequest(const RequestRecord& record);
 
 }  // namespace pliant::server

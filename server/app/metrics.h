@@ -14,7 +14,7 @@
 
 namespace pliant::server {
 
-// What is looked up at the moment somebody asks.
+// Values that are read when the metrics are requested.
 struct MetricsNow {
   WorkerPool::Load load = {};
   const EngineStats* stats = nullptr;  // null = the index is still loading

@@ -47,7 +47,7 @@ bool AllLoopback(const std::string& host) {
   addrinfo* found = nullptr;
   if (getaddrinfo(host.c_str(), nullptr, &hints, &found) != 0) {
     throw Error(ErrorCode::kInvalidArgument, "invalid_listen",
-                "--listen: the host '" + host + "' is not known here");
+                "--listen: the host '" + host + "' cannot be resolved");
   }
   bool all = true;
   for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
@@ -67,7 +67,7 @@ void CheckOptions(const ServerOptions& options) {
        {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
     std::error_code ignored;
     if (!directory.empty() && !std::filesystem::is_directory(directory, ignored)) {
-      fail(flag, "names no directory: " + directory);
+      fail(flag, "is not a directory: " + directory);
     }
   }
   if (options.tls_cert.empty() != options.tls_key.empty()) {
@@ -77,7 +77,7 @@ void CheckOptions(const ServerOptions& options) {
   for (const std::string& one : SplitAtCommas(options.cors_origins)) {
     if (!std::regex_match(one, origin)) {
       fail("cors-origins",
-           "must be like https://shop.example, with commas between, or *, not '" + one + "'");
+           "must be like https://shop.example, separated by commas, or *, not '" + one + "'");
     }
   }
 }
@@ -141,13 +141,14 @@ bool OpenWithoutKeys(const ServerOptions& options) {
 
 void CheckExposure(const ServerOptions& options, bool has_keys) {
   if (has_keys || OpenWithoutKeys(options)) return;
-  throw Error(ErrorCode::kInvalidArgument, "no_keys",
-              "--listen " + options.listen +
-                  " is open to other machines, and there are no API keys: anyone who reaches the "
-                  "port could read, add and delete everything. Make a key with: pliant-server keys "
-                  "create --scope admin --name NAME --db " +
-                  options.database +
-                  "; or listen on 127.0.0.1, or say --allow-anonymous true if that is meant.");
+  throw Error(
+      ErrorCode::kInvalidArgument, "no_keys",
+      "--listen " + options.listen +
+          " is reachable from other machines, and there are no API keys: anyone who reaches the "
+          "port could read, add and delete everything. Make a key with: pliant-server keys "
+          "create --scope admin --name NAME --db " +
+          options.database +
+          "; or listen on 127.0.0.1, or use --allow-anonymous true if that is intended.");
 }
 
 }  // namespace pliant::server

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What an operator can set, and what that means for the parts of the server. The flags are in
-// command_line.
+// The options of the server, and the options of its parts derived from them. The flags are defined
+// in command_line.
 #pragma once
 
 #include <cstdint>
@@ -16,14 +16,14 @@ namespace pliant::server {
 struct ServerOptions {
   std::string database;
   std::string listen = "127.0.0.1:8080";  // HOST:PORT; port 0 = any free one
-  bool allow_anonymous = false;           // also beyond loopback, as long as there are no API keys
-  int rate_limit = 0;                     // requests a second and key; 0 = no limit
+  bool allow_anonymous = false;           // listen beyond loopback without API keys
+  int rate_limit = 0;                     // requests per second and key; 0 = no limit
   int rate_burst = 100;
-  std::string descriptor;      // empty: what the database was made with, deal for a new one
+  std::string descriptor;      // empty: that of the database, deal for a new one
   std::string model;           // weight file; empty = the default one
   bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
-  std::string originals_dir;   // as ParseOriginalsDir reads it
-  bool auto_train = true;      // make vocabularies without being asked, see AutoTrainer
+  std::string originals_dir;   // parsed by ParseOriginalsDir
+  bool auto_train = true;      // train vocabularies automatically, see AutoTrainer
 
   int cores = 0;          // for describing and ranking; 0 = all
   int http_threads = 64;  // connections served at once
@@ -54,8 +54,8 @@ struct ServerOptions {
   std::string cors_origins;  // "https://a.example,https://b.example", "*"; empty = none
 };
 
-// Throws Error kInvalidArgument naming the flag: a directory that is none, a certificate without
-// key, an origin that cannot be one.
+// Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate
+// without key, an invalid origin.
 void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
@@ -63,12 +63,12 @@ HttpOptions MakeHttpOptions(const ServerOptions& options);
 EngineOptions MakeEngineOptions(const ServerOptions& options);
 WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options);
 
-// Whether everybody may do everything as long as there are no API keys: on loopback, or because
-// --allow-anonymous says so.
+// Whether all requests are allowed as long as there are no API keys: on loopback, or with
+// --allow-anonymous.
 bool OpenWithoutKeys(const ServerOptions& options);
 
-// Throws Error kInvalidArgument "no_keys" when the server would be open to other machines, has no
-// API keys, and was not told that this is meant.
+// Throws Error kInvalidArgument "no_keys" if the server would be reachable from other machines
+// without API keys and without --allow-anonymous.
 void CheckExposure(const ServerOptions& options, bool has_keys);
 
 }  // namespace pliant::server

@@ -12,8 +12,8 @@
 #include <openssl/rand.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
-#include "index/files/hex.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
 

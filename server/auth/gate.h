@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Who may do what, and how often: asked for every request before its body is read.
+// Authentication, authorisation and rate limits: checked for every request before its body is read.
 #pragma once
 
 #include <string>
@@ -14,12 +14,12 @@ namespace pliant::server {
 // Thread-safe.
 class Gate {
  public:
-  // `open_without_keys`: as long as no key was ever made, everybody may do everything.
+  // `open_without_keys`: all requests are allowed as long as no key was ever created.
   Gate(KeyRing& keys, double rate, double burst, bool open_without_keys)
       : keys_(keys), limiter_(rate, burst), open_without_keys_(open_without_keys) {}
 
-  // Sets request.key_id. Throws ProblemError "unauthorized" without a key that works where one is
-  // needed, "forbidden" when its scope does not include the route's, "rate_limited".
+  // Sets request.key_id. Throws ProblemError "unauthorized" without a valid key where one is
+  // required, "forbidden" when its scope does not include the route's, "rate_limited".
   void Admit(const Route& route, Request& request);
 
  private:

@@ -52,11 +52,8 @@ int Create(const Options& options) {
                                    {"key", made.key}}));
   } else {
     fmt::print("{}\n", made.key);
-    fmt::print(
-        stderr,
-        "This is the key \"{}\" (id {}, scope {}). It is shown this once and cannot be shown "
-        "again.\n",
-        made.record.name, made.record.id, made.record.scope);
+    fmt::print(stderr, "This is the key \"{}\" (id {}, scope {}). It is shown only this once.\n",
+               made.record.name, made.record.id, made.record.scope);
   }
   return 0;
 }
@@ -115,22 +112,22 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
         [&options, &command, run] { command = [&options, run] { return run(options); }; });
     return sub;
   };
-  CLI::App* create = add("create", "Make a key and print it, this once", Create);
+  CLI::App* create = add("create", "Create a key and print it, only this once", Create);
   create->add_option("--name", options.name, "what it is for")->required();
   create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
       ->check(CLI::IsMember({"read", "write", "admin"}))
       ->capture_default_str();
   create->add_option("--descriptor", options.engine.descriptor,
-                     "of the database, where it does not exist yet");
+                     "of the database, if it does not exist yet");
   create->add_option("--model", options.engine.descriptor_options.model_path,
-                     "weight file of deal, where the database does not exist yet");
+                     "weight file of deal, if the database does not exist yet");
   create->add_flag("--json", options.json, "print one JSON document");
-  add("list", "Show the keys: id, scope, since when, name", List)
+  add("list", "List the keys: id, scope, creation time, name", List)
       ->add_flag("--json", options.json, "print one JSON document");
-  add("revoke", "End keys; a running server follows at once", Revoke)
+  add("revoke", "Revoke keys; takes effect immediately on a running server", Revoke)
       ->add_option("KEY", options.keys, "ids or names")
       ->required();
-  add("purge", "Forget revoked keys; without any key the server is open on loopback again", Purge);
+  add("purge", "Delete revoked keys; without any key the server is open on loopback again", Purge);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A token bucket for each key: `rate` requests a second in the long run, `burst` at once.
+// A token bucket per key: `rate` requests per second in the long run, `burst` at once.
 #pragma once
 
 #include <chrono>
@@ -20,8 +20,8 @@ class RateLimiter {
   // `rate` 0 = no limit; `burst` at least 1.
   RateLimiter(double rate, double burst) : rate_(rate), burst_(burst) {}
 
-  // Takes one token of `who`. 0 = it was there; else nothing is taken, and so many whole seconds
-  // (at least 1) pass until it would be.
+  // Takes one token of `who` and returns 0; or, if there is none, takes nothing and returns the
+  // whole seconds (at least 1) until there is one.
   int Take(const std::string& who, Clock::time_point now = Clock::now());
 
  private:

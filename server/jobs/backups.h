@@ -32,7 +32,7 @@ class Backups {
   // one with the time in it. Throws ProblemError "invalid_parameter" and "backup_exists".
   JobStatus Add(JobQueue& jobs, std::string name) const;
 
-  // Kind "backup". It does not go on after a restart: what it would copy is another state.
+  // Kind "backup". It is not resumed after a restart: it would copy a different state.
   void RegisterJob(JobQueue& jobs, Engine& engine) const;
 
  private:

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Demonstration objects for a first visit: painted by the simulator, so that an installed server
-// has them without any file.
+// Demonstration objects for a first try: rendered by the simulator, so that an installed server
+// needs no files for them.
 #pragma once
 
 #include <cstddef>
@@ -23,8 +23,8 @@ std::string DemonstrationId(std::size_t number);
 // Whether any of the objects is in the collection. Throws Error kNotFound for the collection.
 bool HasDemonstration(Engine& engine, const std::string& collection);
 
-// The objects crumpled, as JPEG: what one would search with. Rendered when first asked for, then
-// kept. Thread-safe.
+// The crumpled objects as JPEG, to be used as queries. Rendered on first use, then kept.
+// Thread-safe.
 class CrumpledPictures {
  public:
   CrumpledPictures();
@@ -40,12 +40,12 @@ class CrumpledPictures {
   std::vector<std::unique_ptr<Picture>> pictures_;
 };
 
-// The job that adds the objects to the collection and renders their crumpled pictures. Those that
-// are there are left alone. Throws Error kNotFound for the collection.
+// The job that adds the objects to the collection and renders their crumpled pictures. Existing
+// ones are skipped. Throws Error kNotFound for the collection.
 JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection);
 
-// Kind "demo"; it begins again after a restart. `on_added` hears of the collection. All arguments
-// must outlive the queue.
+// Kind "demo"; it starts again after a restart. `on_added` is called with the collection. All
+// arguments must outlive the queue.
 void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
                               CrumpledPictures& crumpled,
                               std::function<void(const std::string& collection)> on_added);

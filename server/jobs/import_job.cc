@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <mutex>
 #include <thread>
 
+#include "descriptor/base/parallel.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
 
@@ -52,14 +52,11 @@ class Import {
     }
     files_ = std::move(found.pictures);
     context_.Progress(0, static_cast<double>(files_.size()));
-    {
-      std::vector<std::jthread> helpers;
-      for (int i = 1; i < std::max(1, pool_.cores() / 2); ++i) {
-        helpers.emplace_back([this] { Work(); });
-      }
-      Work();
-    }
-    if (failure_) std::rethrow_exception(failure_);
+    ParallelFor(files_.size(), std::max(1, pool_.cores() / 2), [this](std::size_t i) {
+      if (context_.stop().stop_requested()) return;
+      AddOne(files_[i]);
+      context_.Progress(static_cast<double>(++done_), static_cast<double>(files_.size()));
+    });
     if (done_ < files_.size()) {
       throw Error(ErrorCode::kCancelled, "import_cancelled",
                   "the import was stopped; what it has added stays");
@@ -68,21 +65,6 @@ class Import {
   }
 
  private:
-  void Work() {
-    try {
-      while (!context_.stop().stop_requested() && !failed_) {
-        const std::size_t i = next_++;
-        if (i >= files_.size()) return;
-        AddOne(files_[i]);
-        context_.Progress(static_cast<double>(++done_), static_cast<double>(files_.size()));
-      }
-    } catch (...) {
-      failed_ = true;
-      const std::lock_guard lock(mutex_);
-      if (!failure_) failure_ = std::current_exception();
-    }
-  }
-
   // For people: below the import directory.
   std::string NameOf(const fs::path& path) const {
     return ToDisplayText(path.lexically_relative(root_).string());
@@ -142,11 +124,7 @@ class Import {
   const JobContext& context_;
   fs::path root_;
   std::vector<PictureFile> files_;
-  std::atomic<std::size_t> next_{0};
   std::atomic<std::size_t> done_{0};
-  std::atomic<bool> failed_{false};
-  std::mutex mutex_;  // guards failure_
-  std::exception_ptr failure_;
 };
 
 }  // namespace

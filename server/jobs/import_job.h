@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The job that adds the pictures of a folder on the server: one below the directory that the
-// operator names with --import-dir, never another.
+// The job that adds the pictures of a folder on the server, which must lie below the directory
+// given with --import-dir.
 #pragma once
 
 #include <cstdint>
@@ -22,17 +22,17 @@ struct ImportOptions {
   std::function<void(const std::string& collection)> on_added;
 };
 
-// The folder that a client means by `name`, a relative path. Throws ProblemError "imports_off", and
-// "invalid_parameter" for a name that is absolute, has "..", leads elsewhere through a link, or is
-// no folder. Nothing it says shows where the directory lies.
+// The folder named by the relative path `name` of a client. Throws ProblemError "imports_off", and
+// "invalid_parameter" for a path that is absolute, contains "..", leads outside through a link, or
+// is not a folder. The messages do not reveal the location of the directory.
 std::filesystem::path ResolveImportFolder(const std::filesystem::path& directory,
                                           const std::string& name);
 
 JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
                        const std::string& object_from);
 
-// Kind "import". Pictures that are stored already are no work, so it goes on after a restart. They
-// are described in the background lane of `pool`. All must outlive the queue.
+// Kind "import". Stored pictures are skipped, so it can be resumed after a restart. Pictures are
+// described in the background lane of `pool`. All must outlive the queue.
 void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options);
 
 }  // namespace pliant::server

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The jobs that make and switch vocabularies.
+// The jobs that train and activate vocabularies.
 #pragma once
 
 #include <string>
@@ -11,12 +11,13 @@
 
 namespace pliant::server {
 
-// Asks for a vocabulary; shared by AutoTrainer and the route. `activate` = use it at once.
+// Queues the training of a vocabulary; used by AutoTrainer and the route. `activate` = activate it
+// when it is done.
 JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activate);
-// Asks for the switch to a vocabulary that pictures have to be quantised with first.
+// Queues the switch to a vocabulary with which pictures must be quantised first.
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary);
 
-// Kinds "train" and "activate": both begin anew after a restart, and end with the same vocabulary.
+// Kinds "train" and "activate": both start again after a restart, with the same result.
 // Each takes half of the cores. `engine` and `pool` must outlive the queue.
 void RegisterVocabularyJobs(JobQueue& jobs, Engine& engine, WorkerPool& pool);
 

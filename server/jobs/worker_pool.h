@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The cores, shared out: describing and ranking run here, never on the threads that serve
-// connections, so that however many clients there are the processor is not oversubscribed.
+// Shares the cores: description and ranking run here, never on the threads that serve connections,
+// so the processor is not oversubscribed by any number of clients.
 #pragma once
 
 #include <chrono>
@@ -25,24 +25,24 @@ struct WorkerPoolOptions {
 // Thread-safe.
 class WorkerPool {
  public:
-  // Searches go first, but at most kSearchesInARow of them while uploads wait. Background tasks run
-  // when neither waits, on one core each and half of the cores (at least one) in all, so that
-  // however long a job is, a search finds a core soon.
+  // Searches have priority, but at most kSearchesInARow of them while uploads wait. Background
+  // tasks run when neither waits, on one core each and half of the cores (at least one) in total,
+  // so a search gets a core soon, however long a job runs.
   enum class Lane { kSearch, kUpload, kBackground };
   static constexpr int kSearchesInARow = 4;
 
   explicit WorkerPool(WorkerPoolOptions options);
-  ~WorkerPool();  // waits for what runs, and until all have left Run(); what waits gets "stopping"
+  ~WorkerPool();  // waits for running tasks and callers of Run(); waiting tasks get "stopping"
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // Runs `task(cores)` and waits for its end; `cores` is how many it may use: all that are free
-  // when nothing else waits, fewer when something does. Throws what the task throws, and
-  // ProblemError "busy" (with Retry-After) when the lane's queue is full or no turn came in time,
-  // "stopping" during the end. Background tasks wait as long as it takes.
+  // Runs `task(cores)` and waits for its end. `cores` is how many it may use: all free ones if
+  // nothing else waits, otherwise fewer. Throws what the task throws, and
+  // ProblemError "busy" (with Retry-After) when the lane's queue is full or the wait timed out,
+  // "stopping" during shutdown. Background tasks wait without a limit.
   void Run(Lane lane, const std::function<void(int cores)>& task);
 
-  // Takes cores away from the tasks for as long as the lease lives, leaving at least one to them.
+  // Reserves cores for the lifetime of the lease; at least one is left to the tasks.
   class Lease {
    public:
     Lease(WorkerPool& pool, int cores) : pool_(pool), cores_(cores) {}

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The OpenAPI 3.1 document, made of the route table.
+// The OpenAPI 3.1 document, generated from the route table.
 //
 // Each operation has an example as `x-codeSamples`: a shell command for a folder that holds the
 // pictures mug.png and cup.png, with these variables:
@@ -20,7 +20,7 @@ namespace pliant::server {
 
 Json OpenApiDocument(const std::vector<Route>& routes);
 
-// components/schemas of the document, but for what is made of the routes.
+// components/schemas of the document, except those generated from the routes.
 Json OpenApiSchemas();
 
 }  // namespace pliant::server

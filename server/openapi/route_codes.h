@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which problem codes a route can answer with: those that follow from its form, and its own.
+// The problem codes with which a route can answer: those implied by its declaration, and its own.
 #pragma once
 
 #include <set>

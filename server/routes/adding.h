@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Adding a picture, as the routes that do so share it.
+// Adding a picture, shared by several routes.
 #pragma once
 
 #include "server/app/service.h"
 
 namespace pliant::server {
 
-// On the pool, counted in the metrics, heard of by the automatic training.
+// Runs on the pool, updates the metrics, and notifies the automatic training.
 AddResult AddOnPool(Service& service, const AddRequest& request);
 
 // "created", "replaced", "unchanged"

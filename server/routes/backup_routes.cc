@@ -29,7 +29,7 @@ void AddBackupRoutes(Service& service, std::vector<Route>& routes) {
        .summary = "Copy the database, while it is in use, to a file in --backup-dir",
        .scope = Scope::kAdmin,
        .body = BodyKind::kJson,
-       .parameters = {{"name", "of the file, ending in .db; with the time in it unless told"}},
+       .parameters = {{"name", "of the file, ending in .db; by default made from the time"}},
        .answers = {{202, "the job; Location has its address", "Job"}},
        .codes = {"backups_off", "backup_exists"},
        .example = R"(curl -X POST "$PLIANT/v1/backups")",

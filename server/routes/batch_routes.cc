@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Many pictures at once: in one request, or from a folder on the server.
-#include <algorithm>
-#include <atomic>
-#include <thread>
+#include <map>
+#include <optional>
 
+#include "descriptor/base/parallel.h"
 #include "server/http/problem.h"
 #include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
@@ -80,27 +80,17 @@ Response AddBatch(Service& service, const Request& request, const Parameters& pa
   const std::string object = parameters.Text("object").value_or("");
   const std::string metadata = parameters.JsonObject("metadata").value_or("{}");
   std::vector<Json> results(images.size());
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < images.size(); i = next++) {
-      AddRequest add;
-      add.collection = collection;
-      add.id = items[i].id;
-      add.object = items[i].object.value_or(object);
-      add.metadata = items[i].metadata.value_or(metadata);
-      add.source = images[i].filename;
-      add.bytes = images[i].bytes;
-      results[i] = ResultOf(service, add);
-    }
-  };
-  {
-    // As many at once as there are cores: one picture a core is faster than all cores a picture.
-    std::vector<std::jthread> helpers;
-    const auto threads =
-        std::min<std::size_t>(images.size(), static_cast<std::size_t>(service.pool.cores()));
-    for (std::size_t t = 1; t < threads; ++t) helpers.emplace_back(work);
-    work();
-  }
+  // As many at once as there are cores: one picture a core is faster than all cores a picture.
+  ParallelFor(images.size(), service.pool.cores(), [&](std::size_t i) {
+    AddRequest add;
+    add.collection = collection;
+    add.id = items[i].id;
+    add.object = items[i].object.value_or(object);
+    add.metadata = items[i].metadata.value_or(metadata);
+    add.source = images[i].filename;
+    add.bytes = images[i].bytes;
+    results[i] = ResultOf(service, add);
+  });
   std::map<std::string, int> counts = {
       {"created", 0}, {"replaced", 0}, {"unchanged", 0}, {"failed", 0}};
   Json list = Json::array();

@@ -37,8 +37,8 @@ UploadedImage ImageOf(const Request& request);
 // All parts "image". Throws ProblemError "missing_parameter" when there is none.
 std::vector<UploadedImage> ImagesOf(const Request& request);
 
-// Where a list goes on. A cursor holds what the list was asked for, so that it cannot be used with
-// another one.
+// The position in a list. A cursor contains the parameters of its list, so it cannot be used with
+// another list.
 std::string MakeCursor(const std::string& list, const std::string& after);
 // Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);

@@ -61,7 +61,7 @@ void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
        .summary = "Add a picture; the same bytes again are no work",
        .scope = Scope::kWrite,
        .body = BodyKind::kImage,
-       .parameters = {{"id", "what to call it; from its bytes unless told"},
+       .parameters = {{"id", "id of the picture; by default made from its bytes"},
                       ObjectParameter(),
                       MetadataParameter()},
        .answers = {{201, "added", "Image"}, {200, "the same bytes were there: no work", "Image"}},

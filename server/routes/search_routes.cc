@@ -131,36 +131,38 @@ Response Search(Service& service, const Request& request, const Parameters& para
 }
 
 std::vector<Parameter> SearchParameters() {
-  return {{"image_id", "a stored picture to search with, instead of sending one"},
-          Parameter("limit", "hits a page; 0 = all").Integer(0, kLargestLimit).Default("10"),
-          Parameter("offset", "hits to leave out before").Integer(0, kLargestOffset).Default("0"),
-          Parameter("group_by", "each object once, by its best picture, or each picture")
-              .Choice({"object", "image"})
-              .Default("object"),
-          Parameter("rank", "cosine of tf-idf vectors, or the paper's histogram distance")
-              .Choice({"tfidf", "histogram"})
-              .Default("tfidf"),
-          Parameter("verify",
-                    "whether the best hits must agree with the query on one smooth warp; tps "
-                    "unless told or rank is histogram")
-              .Choice({"none", "tps"}),
-          Parameter("verify_depth",
-                    "how many of the best pictures are verified; 100 unless told, or the square "
-                    "root of the collection's size where that is more")
-              .Integer(1, kLargestDepth),
-          Parameter("expand",
-                    "how many of the best verified pictures ask in turn, for views that the query "
-                    "alone does not reach; 3 by image and 0 by object unless told")
-              .Integer(0, kMostExpansions),
-          Parameter("instances", "how often one object is looked for in the query picture")
-              .Integer(1, kMostInstances)
-              .Default("4"),
-          Parameter("region", "x,y,width,height in pixels of the picture sent: only that counts")
-              .Numbers(4),
-          Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
-          {"object", "only pictures of this object"},
-          {"filter", "only pictures whose metadata pass: a JSON object of conditions"},
-          Parameter("explain", "with every hit: why it is one").Boolean().Default("false")};
+  return {
+      {"image_id", "a stored picture to search with, instead of sending one"},
+      Parameter("limit", "hits per page; 0 = all").Integer(0, kLargestLimit).Default("10"),
+      Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
+      Parameter("group_by", "each object once, by its best picture, or each picture")
+          .Choice({"object", "image"})
+          .Default("object"),
+      Parameter("rank", "cosine of tf-idf vectors, or the paper's histogram distance")
+          .Choice({"tfidf", "histogram"})
+          .Default("tfidf"),
+      Parameter("verify",
+                "whether the best hits must agree with the query on one smooth warp; by "
+                "default tps, and none if rank is histogram")
+          .Choice({"none", "tps"}),
+      Parameter("verify_depth",
+                "how many of the best pictures are verified; by default 100, or the square "
+                "root of the collection's size if that is more")
+          .Integer(1, kLargestDepth),
+      Parameter("expand",
+                "query expansion: how many of the best verified pictures are used as further "
+                "queries, for views that the query alone does not reach; by default 3 by "
+                "image and 0 by object")
+          .Integer(0, kMostExpansions),
+      Parameter("instances", "maximum number of instances of one object in the query picture")
+          .Integer(1, kMostInstances)
+          .Default("4"),
+      Parameter("region", "x,y,width,height in pixels of the query picture: only this part is used")
+          .Numbers(4),
+      Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
+      {"object", "only pictures of this object"},
+      {"filter", "only pictures whose metadata pass: a JSON object of conditions"},
+      Parameter("explain", "explain every hit").Boolean().Default("false")};
 }
 
 }  // namespace

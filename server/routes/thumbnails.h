@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Small JPEG previews, kept in memory as long as they fit.
+// JPEG previews with an in-memory cache.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ class ThumbnailCache {
   explicit ThumbnailCache(std::size_t max_bytes = std::size_t{32} * 1024 * 1024)
       : max_bytes_(max_bytes) {}
 
-  // Null when it is not there. `sha256` is of the original's bytes.
+  // Null if absent. `sha256` is that of the original.
   std::shared_ptr<const std::string> Find(const std::string& sha256);
   void Insert(const std::string& sha256, std::shared_ptr<const std::string> jpeg);
 

@@ -74,15 +74,14 @@ void AddVocabularyRoutes(Service& service, std::vector<Route>& routes) {
        .scope = Scope::kWrite,
        .body = BodyKind::kJson,
        .parameters =
-           {Parameter("words", "how many; a tenth of the sample unless told")
+           {Parameter("words", "number of words; a tenth of the sample by default")
                 .Integer(2, kMostWords),
-            Parameter("sample",
-                      "descriptors to choose them from; ten a word, at least 10000, unless told")
+            Parameter("sample", "descriptors to train on; by default ten per word, at least 10000")
                 .Integer(2, kLargestSample),
             Parameter("seed", "same seed and pictures, same vocabulary")
                 .Integer(0, std::numeric_limits<std::int64_t>::max())
                 .Default("1"),
-            Parameter("activate", "use it when it is done").Boolean().Default("true")},
+            Parameter("activate", "activate it when it is done").Boolean().Default("true")},
        .answers = {{202, "the job; Location has its address", "Job"}},
        .codes = {"busy"},
        .example = R"(curl -H "Content-Type: application/json" -d '{"words": 20}' )"

@@ -14,7 +14,7 @@
 #include <benchmark/benchmark.h>
 #include <unistd.h>
 
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
 #include "index/rank/ranking.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"

@@ -99,7 +99,7 @@ TEST_F(CliMatching, JsonTableCsvAndPlotTellTheSame) {
 TEST_F(CliMatching, TextSaysHowManyPairs) {
   const ProgramResult result = Eval({At("pairs"), "--descriptor", "rootsift", "--jobs", "1"});
   ASSERT_EQ(result.status, 0) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("2 pairs (folders), 0 left out"));
+  EXPECT_THAT(result.out, HasSubstr("2 pairs (folders), 0 excluded"));
   EXPECT_THAT(result.out, HasSubstr("rootsift"));
 }
 

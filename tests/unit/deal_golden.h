@@ -13,8 +13,8 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
+#include "descriptor/base/safetensors.h"
 #include "descriptor/deal/network.h"
-#include "descriptor/deal/safetensors.h"
 
 namespace pliant::deal {
 

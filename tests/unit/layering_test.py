@@ -19,8 +19,9 @@ OWNERS = {
     "httplib": {"server"},
     "prometheus/": {"server"},
 }
-# The simulator's core must build where there is only a compiler and Eigen.
-SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/", "nlohmann/")
+# The simulator's core must build where there is only a compiler, Eigen and nlohmann-json (headers).
+SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/")
+SIMULATION = pathlib.Path("descriptor/simulation")
 
 
 def sources(root):
@@ -41,12 +42,34 @@ def problems(root):
             for prefix, owners in OWNERS.items():
                 if header.startswith(prefix) and layer not in owners:
                     found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")
+    found += simulation_problems(root)
     installed = (root / "cmake" / "PliantInstall.cmake").read_text(encoding="utf-8")
     for public in re.findall(r"\b(?:descriptor|vocab|index)/[\w/]+\.h\b", installed):
         path = root / public
         for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
             if "/" in header and header not in installed:
                 found.append(f"public header {public} includes {header}, which is not installed")
+    return found
+
+
+def simulation_problems(root):
+    """The core's sources, and every header of ours that they reach, name no library but those two."""
+    lists = (root / SIMULATION / "CMakeLists.txt").read_text(encoding="utf-8")
+    waiting = [(root / SIMULATION / name).resolve()
+               for name in re.findall(r"^  ([\w./]+\.cc)\b", lists, re.MULTILINE)]
+    found, seen = [], set()
+    if not waiting:
+        found.append(f"{SIMULATION}/CMakeLists.txt lists no sources")
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+            if header.startswith(SIMULATION_FORBIDDEN):
+                found.append(f"{path.relative_to(root.resolve())}, part of the simulator's core, includes {header}")
+            elif header.startswith("descriptor/"):
+                waiting.append((root / header).resolve())
     return found
 
 

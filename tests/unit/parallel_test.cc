@@ -3,6 +3,7 @@
 #include "descriptor/base/parallel.h"
 
 #include <atomic>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -36,6 +37,26 @@ TEST(Parallel, TheFirstExceptionComesOut) {
     }
     EXPECT_LT(calls, 10'000);
   }
+}
+
+TEST(Parallel, NoTwoBodiesShareAWorker) {
+  for (const int threads : {1, 2, 7}) {
+    constexpr std::size_t kBodies = 1000;
+    const std::size_t workers = ParallelWorkers(kBodies, threads);
+    EXPECT_EQ(workers, static_cast<std::size_t>(threads));
+    std::vector<std::atomic<int>> busy(workers);
+    std::vector<std::size_t> done(workers);  // not atomic: TSan would say so if two shared one
+    std::atomic<bool> shared = false;
+    ParallelForWorkers(kBodies, threads, [&](std::size_t, std::size_t worker) {
+      if (++busy.at(worker) != 1) shared = true;
+      ++done.at(worker);
+      --busy.at(worker);
+    });
+    EXPECT_FALSE(shared);
+    EXPECT_EQ(std::accumulate(done.begin(), done.end(), std::size_t{0}), kBodies);
+  }
+  EXPECT_EQ(ParallelWorkers(0, 4), 0U);
+  EXPECT_EQ(ParallelWorkers(2, 4), 2U);
 }
 
 TEST(Parallel, ResolvesThreads) {

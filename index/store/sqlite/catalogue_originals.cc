@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/catalogue_originals.h"
 
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
 
 namespace pliant {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/base/error.h"
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
 #include "index/store/sqlite/catalogue.h"
 
 namespace pliant {

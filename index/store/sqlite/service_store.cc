@@ -5,7 +5,7 @@
 #include <mutex>
 
 #include "descriptor/base/error.h"
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/schema.h"

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Features as a safetensors file: 8 bytes length of the header (little-endian), a JSON header, then
-// the tensors. Tensors: `keypoints` F32 N x 6 (x, y, size, angle, response, octave) and
-// `descriptors` F32 or U8 N x D. Metadata: model_id, width, height. In NumPy:
+// Features as a safetensors file (descriptor/base/safetensors.h). Tensors: `keypoints` F32 N x 6
+// (x, y, size, angle, response, octave) and `descriptors` F32 or U8 N x D. Metadata: model_id,
+// width, height. In NumPy:
 //   import json, numpy as np
 //   raw = open("f.safetensors", "rb").read(); n = int.from_bytes(raw[:8], "little")
 //   header = json.loads(raw[8:8 + n]); t = header["descriptors"]; a, b = t["data_offsets"]
@@ -17,6 +17,6 @@
 namespace pliant::cli {
 
 // Replaces the file in one step. Throws kNoSpace "write_failed".
-void WriteSafetensors(const std::filesystem::path& path, const Features& features);
+void WriteFeatures(const std::filesystem::path& path, const Features& features);
 
 }  // namespace pliant::cli

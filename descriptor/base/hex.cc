@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/files/hex.h"
+#include "descriptor/base/hex.h"
+
+#include <cstddef>
 
 namespace pliant {
 namespace {

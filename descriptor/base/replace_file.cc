@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/base/replace_file.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <string>
+
+#include <fcntl.h>
+#include <unistd.h>
+
+namespace pliant {
+namespace {
+
+std::error_code LastError() { return {errno, std::generic_category()}; }
+
+// Some file systems (of networks, of pipes) cannot flush and say EINVAL; nothing is to be gained.
+std::error_code Flush(int fd) {
+  return ::fsync(fd) == 0 || errno == EINVAL ? std::error_code() : LastError();
+}
+
+std::error_code WriteAll(int fd, std::string_view part) {
+  while (!part.empty()) {
+    const ssize_t written = ::write(fd, part.data(), part.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return LastError();
+    part.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return {};
+}
+
+std::error_code WriteNew(const std::string& path, std::span<const std::string_view> parts) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (fd < 0) return LastError();
+  std::error_code error;
+  for (const std::string_view part : parts) {
+    if (!error) error = WriteAll(fd, part);
+  }
+  if (!error) error = Flush(fd);
+  if (::close(fd) != 0 && !error) error = LastError();
+  return error;
+}
+
+// A rename is an entry of the directory, which has to reach the disk as well.
+std::error_code FlushDirectory(const std::filesystem::path& directory) {
+  const int fd = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return errno == EACCES ? std::error_code() : LastError();  // written, not listed
+  const std::error_code error = Flush(fd);
+  ::close(fd);
+  return error;
+}
+
+}  // namespace
+
+std::error_code ReplaceFile(const std::filesystem::path& path,
+                            std::span<const std::string_view> parts) {
+  const std::string temporary = path.string() + ".part-" + std::to_string(::getpid());
+  std::error_code error = WriteNew(temporary, parts);
+  if (!error && std::rename(temporary.c_str(), path.c_str()) != 0) error = LastError();
+  if (error) {
+    ::unlink(temporary.c_str());
+    return error;
+  }
+  return FlushDirectory(path.has_parent_path() ? path.parent_path() : ".");
+}
+
+}  // namespace pliant

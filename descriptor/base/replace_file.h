@@ -1,0 +1,19 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string_view>
+#include <system_error>
+
+namespace pliant {
+
+// Replaces the file at `path` by `parts`, one after the other: written to a temporary file beside
+// it, flushed to the disk, then renamed, so that a reader or a power loss sees the old file or the
+// whole new one. Returns the system's error, with `path` untouched and no temporary file left;
+// callers turn it into the Error of their own. Thread-safe for different paths.
+[[nodiscard]] std::error_code ReplaceFile(const std::filesystem::path& path,
+                                          std::span<const std::string_view> parts);
+
+}  // namespace pliant
