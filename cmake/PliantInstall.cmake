@@ -30,7 +30,10 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/warp/tps.h
     descriptor/warp/tps_ransac.h
     index/engine/engine.h
+    index/records/explanation.h
     index/records/filter.h
+    index/records/location.h
+    index/records/records.h
     index/records/search.h
     index/verify/explanation.h
     index/verify/location.h

@@ -20,9 +20,10 @@ enum class ErrorCode {
   kTooLarge,              // over a limit an operator can set
   kUnprocessable,         // right type, but it decodes badly or has too few features
   kUnavailable,           // busy; trying later may succeed
-  kNoSpace,               // the disk is full or read-only
+  kNoSpace,               // the disk is full, or a limit of size is reached
   kCancelled,             // stopped on request; what was reported done is done
   kInternal,              // a defect in Pliant
+  kReadOnly,              // it may not be written: permissions, or a read-only file system
 };
 
 // Thrown by every library of Pliant. `reason()` is a stable snake_case word for programs

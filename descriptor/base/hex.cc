@@ -16,7 +16,7 @@ int Digit(char c) {
 
 }  // namespace
 
-std::string ToHex(Bytes bytes) {
+std::string ToHex(std::span<const std::uint8_t> bytes) {
   static constexpr char kDigits[] = "0123456789abcdef";
   std::string hex;
   hex.reserve(2 * bytes.size());

@@ -5,15 +5,14 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "descriptor/image/image.h"
-
 namespace pliant {
 
-std::string ToHex(Bytes bytes);                                          // lower case
+std::string ToHex(std::span<const std::uint8_t> bytes);                  // lower case
 std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex);  // nullopt = not hex
 
 }  // namespace pliant

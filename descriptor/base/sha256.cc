@@ -11,7 +11,7 @@
 
 namespace pliant {
 
-std::string Sha256Hex(Bytes bytes) {
+std::string Sha256Hex(std::span<const std::uint8_t> bytes) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned int length = 0;
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1) {

@@ -3,13 +3,13 @@
 // SHA-256 (FIPS 180-4) through OpenSSL.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
-
-#include "descriptor/image/image.h"
 
 namespace pliant {
 
 // 64 lower-case hex digits. Thread-safe.
-std::string Sha256Hex(Bytes bytes);
+std::string Sha256Hex(std::span<const std::uint8_t> bytes);
 
 }  // namespace pliant

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "descriptor/deal/onednn.h"
 #include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 
@@ -82,15 +83,9 @@ class SizedBackbone {
     w_ = Strided(w_, 2);
     dnnl::primitive_attr attributes;
     attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
-    const dnnl::pooling_forward::primitive_desc description({dnnl::prop_kind::forward_inference,
-                                                             dnnl::algorithm::pooling_max,
-                                                             stem_->destination_desc(),
-                                                             AnyLayout(stem.outputs, h_, w_),
-                                                             {2, 2},
-                                                             {3, 3},
-                                                             {1, 1},
-                                                             {1, 1}},
-                                                            attributes, CpuEngine());
+    const dnnl::pooling_forward::primitive_desc description = onednn::MakeMaxPooling(
+        CpuEngine(), stem_->destination_desc(), AnyLayout(stem.outputs, h_, w_), {2, 2}, {3, 3},
+        {1, 1}, {1, 1}, attributes);
     pool_ = dnnl::pooling_forward(description);
     pool_scratch_ = description.scratchpad_desc();
     scratch_bytes_ = std::max(scratch_bytes_, pool_scratch_.get_size());

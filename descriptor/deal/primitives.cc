@@ -5,6 +5,9 @@
 #include <cstring>
 #include <new>
 #include <unordered_map>
+#include <utility>
+
+#include "descriptor/deal/onednn.h"
 
 namespace pliant::deal {
 namespace {
@@ -57,21 +60,13 @@ ConvPrimitive::ConvPrimitive(const ConvLayer& layer, const memory::desc& source,
   const memory::desc bias_desc = DenseDesc({layer.outputs}, Tag::a);
   dnnl::post_ops after;
   if (options.add_to_destination) after.append_sum(1.0F);
-  if (options.relu) after.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
+  if (options.relu) onednn::AppendActivation(after, dnnl::algorithm::eltwise_relu);
   dnnl::primitive_attr attributes = ScratchByCaller();
   attributes.set_post_ops(after);
   const memory::dims strides = {layer.stride, layer.stride};
-  description_ =
-      dnnl::convolution_forward::primitive_desc({dnnl::prop_kind::forward_inference,
-                                                 dnnl::algorithm::convolution_direct,
-                                                 source,
-                                                 DenseDesc(weight_dims, Tag::any),
-                                                 bias_desc,
-                                                 destination,
-                                                 strides,
-                                                 {options.pad_top, options.pad_left},
-                                                 {options.pad_bottom, options.pad_right}},
-                                                attributes, CpuEngine());
+  description_ = onednn::MakeConvolution(
+      CpuEngine(), source, DenseDesc(weight_dims, Tag::any), bias_desc, destination, strides,
+      {options.pad_top, options.pad_left}, {options.pad_bottom, options.pad_right}, attributes);
   primitive_ = dnnl::convolution_forward(description_);
   weight_ = Reordered(layer.weight, DenseDesc(weight_dims, Tag::oihw), description_.weights_desc());
   bias_ = Reordered(layer.bias, bias_desc, bias_desc);
@@ -116,9 +111,9 @@ ProductPrimitive::ProductPrimitive(const ProductPrimitive& other, int rows)
 void ProductPrimitive::Create(const memory::desc& weight_desc) {
   dnnl::post_ops after;
   if (activation_ == Activation::kRelu) {
-    after.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
+    onednn::AppendActivation(after, dnnl::algorithm::eltwise_relu);
   } else if (activation_ == Activation::kTanh) {
-    after.append_eltwise(1.0F, dnnl::algorithm::eltwise_tanh, 0.0F, 0.0F);
+    onednn::AppendActivation(after, dnnl::algorithm::eltwise_tanh);
   }
   dnnl::primitive_attr attributes = ScratchByCaller();
   attributes.set_post_ops(after);
@@ -132,11 +127,9 @@ void ProductPrimitive::Create(const memory::desc& weight_desc) {
       DenseDesc(batched ? memory::dims{shape_.batch, shape_.rows, shape_.columns}
                         : memory::dims{shape_.rows, shape_.columns},
                 tag);
-  const dnnl::matmul::desc operation =
-      has_bias_ ? dnnl::matmul::desc(source, weight_desc, DenseDesc({1, shape_.columns}, Tag::ab),
-                                     destination)
-                : dnnl::matmul::desc(source, weight_desc, destination);
-  description_ = dnnl::matmul::primitive_desc(operation, attributes, CpuEngine());
+  const memory::desc bias = has_bias_ ? DenseDesc({1, shape_.columns}, Tag::ab) : memory::desc();
+  description_ =
+      onednn::MakeProduct(CpuEngine(), source, weight_desc, bias, destination, attributes);
   primitive_ = dnnl::matmul(description_);
 }
 

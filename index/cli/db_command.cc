@@ -3,8 +3,6 @@
 // pliant db stats | check | backup | originals | rm
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
@@ -13,8 +11,6 @@
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct Options {
   EngineOptions engine;
@@ -50,17 +46,16 @@ ExitStatus Stats(Options& options) {
   const EngineStats stats = engine.Stats();
   const auto originals = engine.DescribeOriginals();
   if (options.json) {
-    Print(Json{{"images", stats.images},
-               {"objects", stats.objects},
-               {"descriptors", stats.descriptors},
-               {"database_bytes", stats.database_bytes},
-               {"index_bytes", stats.index_bytes},
-               {"descriptor", stats.descriptor},
-               {"model_id", stats.model_id},
-               {"originals", OriginalsJson(originals)},
-               {"vocabulary",
-                stats.vocabulary ? Json::parse(VocabularyJson(*stats.vocabulary)) : Json(nullptr)}}
-              .dump());
+    PrintJson(
+        {{"images", stats.images},
+         {"objects", stats.objects},
+         {"descriptors", stats.descriptors},
+         {"database_bytes", stats.database_bytes},
+         {"index_bytes", stats.index_bytes},
+         {"descriptor", stats.descriptor},
+         {"model_id", stats.model_id},
+         {"originals", OriginalsJson(originals)},
+         {"vocabulary", stats.vocabulary ? VocabularyDocument(*stats.vocabulary) : Json(nullptr)}});
     return ExitStatus::kDone;
   }
   Print("images       " + std::to_string(stats.images));
@@ -102,7 +97,7 @@ ExitStatus Check(Options& options) {
     for (const std::string& problem : problems) list.push_back(ToDisplayText(problem));
     Json answer{{"ok", problems.empty()}, {"problems", std::move(list)}};
     if (options.sweep) answer["swept"] = swept;
-    Print(answer.dump());
+    PrintJson(answer);
   } else if (problems.empty()) {
     Print("ok");
   } else {
@@ -117,10 +112,9 @@ ExitStatus Backup(Options& options) {
   const auto originals = engine.DescribeOriginals();
   const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
   if (options.json) {
-    Print(Json{{"file", ToDisplayText(options.backup.string())},
+    PrintJson({{"file", ToDisplayText(options.backup.string())},
                {"bytes", bytes},
-               {"originals", OriginalsJson(originals)}}
-              .dump());
+               {"originals", OriginalsJson(originals)}});
   } else {
     Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
     if (originals && originals->files > 0) {
@@ -141,7 +135,7 @@ ExitStatus MoveOriginals(Options& options) {
                                   [&](double done) { progress.Share(done); });
   }
   if (options.json) {
-    Print(Json{{"moved", result.moved}, {"left", result.left}}.dump());
+    PrintJson({{"moved", result.moved}, {"left", result.left}});
   } else {
     Print("moved the originals of " + std::to_string(result.moved) + " pictures");
   }
@@ -171,7 +165,7 @@ ExitStatus Remove(Options& options) {
     if (pictures == 0) missing.push_back(ToDisplayText(object));
   }
   if (options.json) {
-    Print(Json{{"removed", removed}, {"missing", missing}}.dump());
+    PrintJson({{"removed", removed}, {"missing", missing}});
   } else {
     for (const auto& id : missing)
       Message("skipped " + id.get<std::string>() + ": it is not in the index");

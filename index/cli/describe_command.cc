@@ -3,8 +3,6 @@
 // pliant describe IMAGE --out FILE
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/features_file.h"
@@ -14,8 +12,6 @@
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct Options {
   EngineOptions engine;  // only what concerns extraction
@@ -36,7 +32,7 @@ ExitStatus Run(const Options& options) {
   const Features features = extractor.Extract(bytes, options.threads, &timings);
   WriteFeatures(options.out, features);
   if (options.json) {
-    Print(Json{{"file", ToDisplayText(options.out.string())},
+    PrintJson({{"file", ToDisplayText(options.out.string())},
                {"keypoints", features.keypoints.size()},
                {"descriptor", name},
                {"dim", features.descriptors.dim},
@@ -46,8 +42,7 @@ ExitStatus Run(const Options& options) {
                {"timings",
                 {{"decode_ms", timings.decode_ms},
                  {"detect_ms", timings.detect_ms},
-                 {"describe_ms", timings.describe_ms}}}}
-              .dump());
+                 {"describe_ms", timings.describe_ms}}}});
   } else {
     Print("wrote " + options.out.string() + ": " + std::to_string(features.keypoints.size()) +
           " key points, " + features.model_id + ", described in " +

@@ -57,7 +57,11 @@ ExitStatus Run(Options& options) {
     Message("only " + std::to_string(report.pairs) + " of " +
             std::to_string(options.matching.pairs) + " pairs: the set has no more measurable ones");
   }
-  Print(options.json ? MatchingReportJson(report, options.matching) : MatchingReportText(report));
+  if (options.json) {
+    PrintJson(MatchingReportJson(report, options.matching));
+  } else {
+    Print(MatchingReportText(report));
+  }
   return ExitStatus::kDone;
 }
 

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/eval_matching_output.h"
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/output.h"
 
 namespace pliant::cli {
@@ -12,8 +10,6 @@ namespace {
 using evaluation::DescriptorResult;
 using evaluation::MatchingReport;
 using evaluation::Subset;
-using Json = nlohmann::ordered_json;
-
 std::string ResultTable(const std::vector<DescriptorResult>& results) {
   std::vector<std::vector<std::string>> rows;
   for (const DescriptorResult& r : results) {
@@ -122,8 +118,7 @@ std::string MatchingReportText(const MatchingReport& report) {
   return text;
 }
 
-std::string MatchingReportJson(const MatchingReport& report,
-                               const evaluation::MatchingOptions& options) {
+Json MatchingReportJson(const MatchingReport& report, const evaluation::MatchingOptions& options) {
   Json json = {{"pairs", report.pairs},
                {"left_out", report.left_out},
                {"layout", ToString(report.layout)},
@@ -140,7 +135,7 @@ std::string MatchingReportJson(const MatchingReport& report,
                               {"results", ResultsJson(group.results)}});
   }
   if (!report.curve.empty()) json["curves"].push_back(CurveJson(report));
-  return json.dump();
+  return json;
 }
 
 std::string MatchingReportCsv(const MatchingReport& report) {

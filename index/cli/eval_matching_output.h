@@ -6,6 +6,7 @@
 #include <string>
 
 #include "descriptor/evaluation/matching_benchmark.h"
+#include "index/json/json.h"
 
 namespace pliant::cli {
 
@@ -14,8 +15,8 @@ std::string MatchingReportText(const evaluation::MatchingReport& report);
 
 // One document: {"pairs", "left_out", "layout", "keypoints", "tolerance_px", "results": [...],
 // "groups": [...], "curves": [...]}.
-std::string MatchingReportJson(const evaluation::MatchingReport& report,
-                               const evaluation::MatchingOptions& options);
+Json MatchingReportJson(const evaluation::MatchingReport& report,
+                        const evaluation::MatchingOptions& options);
 
 // Columns set (all, a group's name, or the sweep's), value (of the sweep), descriptor, figures.
 std::string MatchingReportCsv(const evaluation::MatchingReport& report);

@@ -54,7 +54,7 @@ ExitStatus Run(Options& options) {
   if (options.list) {
     for (const SkippedFile& file : set.skipped)
       Message("skipped " + file.file + ": " + file.reason);
-    Print(RetrievalSetJson(set));
+    PrintJson(RetrievalSetJson(set));
     return set.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
   }
   const Interrupt interrupt;
@@ -73,7 +73,11 @@ ExitStatus Run(Options& options) {
   }
   if (!options.files.csv.empty()) WriteFile(options.files.csv, RetrievalReportCsv(report));
   if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotRetrievalReport(report));
-  Print(options.json ? RetrievalReportJson(report) : RetrievalReportText(report));
+  if (options.json) {
+    PrintJson(RetrievalReportJson(report));
+  } else {
+    Print(RetrievalReportText(report));
+  }
   return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 

@@ -5,8 +5,6 @@
 #include <map>
 #include <set>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/base/error.h"
 #include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
@@ -15,8 +13,6 @@
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t kMaxPeersBytes = 16LL << 20;
 
@@ -160,19 +156,18 @@ std::string RetrievalReportText(const RetrievalReport& report) {
   return text + CostTable(report);
 }
 
-std::string RetrievalReportJson(const RetrievalReport& report) {
+Json RetrievalReportJson(const RetrievalReport& report) {
   Json results = Json::array();
   for (const RetrievalResult& row : report.results) results.push_back(ResultJson(row));
   Json skipped = Json::array();
   for (const SkippedFile& file : report.skipped) {
     skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
   }
-  return Json{{"layout", ToString(report.layout)}, {"pictures", report.pictures},
-              {"distractors", report.distractors}, {"queries", report.queries},
-              {"objects", report.objects},         {"seeds", report.seeds},
-              {"results", std::move(results)},     {"skipped", std::move(skipped)},
-              {"seconds", report.seconds}}
-      .dump();
+  return {{"layout", ToString(report.layout)}, {"pictures", report.pictures},
+          {"distractors", report.distractors}, {"queries", report.queries},
+          {"objects", report.objects},         {"seeds", report.seeds},
+          {"results", std::move(results)},     {"skipped", std::move(skipped)},
+          {"seconds", report.seconds}};
 }
 
 std::string RetrievalReportCsv(const RetrievalReport& report) {
@@ -220,7 +215,7 @@ Image PlotRetrievalReport(const RetrievalReport& report) {
   return plot::DrawFigure(figure);
 }
 
-std::string RetrievalSetJson(const RetrievalSet& set) {
+Json RetrievalSetJson(const RetrievalSet& set) {
   Json pictures = Json::array();
   for (const RetrievalPicture& picture : set.pictures) {
     pictures.push_back({{"file", ToDisplayText(picture.path.string())},
@@ -228,10 +223,9 @@ std::string RetrievalSetJson(const RetrievalSet& set) {
                         {"query", picture.is_query},
                         {"searched", picture.is_searched}});
   }
-  return Json{{"layout", ToString(set.layout)},
-              {"counts_itself", set.counts_itself},
-              {"pictures", std::move(pictures)}}
-      .dump();
+  return {{"layout", ToString(set.layout)},
+          {"counts_itself", set.counts_itself},
+          {"pictures", std::move(pictures)}};
 }
 
 void AddPeers(const std::filesystem::path& file, RetrievalReport* report) {

@@ -9,6 +9,7 @@
 
 #include "descriptor/image/image.h"
 #include "index/evaluation/retrieval_evaluation.h"
+#include "index/json/json.h"
 
 namespace pliant::cli {
 
@@ -19,7 +20,7 @@ std::string RetrievalReportText(const RetrievalReport& report);
 // [{"descriptor", "protocol", "words", "accuracy_at": [20], "map", "top1", "mrr", "ns_score",
 // "object_top1", "object_mrr", "spread": {...}, "seconds_per_query", "milliseconds": {...},
 // "bytes_per_picture": {...}}], "skipped": [{"file", "reason", "code"}], "seconds"}.
-std::string RetrievalReportJson(const RetrievalReport& report);
+Json RetrievalReportJson(const RetrievalReport& report);
 
 // A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
 std::string RetrievalReportCsv(const RetrievalReport& report);
@@ -30,7 +31,7 @@ Image PlotRetrievalReport(const RetrievalReport& report);
 
 // The set to be measured, for scripts that run other programs on it: {"layout", "counts_itself",
 // "pictures": [{"file", "object" or null, "query", "searched"}]}.
-std::string RetrievalSetJson(const RetrievalSet& set);
+Json RetrievalSetJson(const RetrievalSet& set);
 
 // Adds the results in a file of the form above (written by the scripts of tests/accuracy for other
 // programs). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form,

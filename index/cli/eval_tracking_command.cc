@@ -38,7 +38,11 @@ ExitStatus Run(Options& options) {
   }
   if (!options.files.csv.empty()) WriteFile(options.files.csv, TrackingReportCsv(report));
   if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotTrackingReport(report));
-  Print(options.json ? TrackingReportJson(report) : TrackingReportText(report));
+  if (options.json) {
+    PrintJson(TrackingReportJson(report));
+  } else {
+    Print(TrackingReportText(report));
+  }
   return ExitStatus::kDone;
 }
 

@@ -7,15 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kSteps = 10;  // of the curves over time
 
@@ -98,7 +94,7 @@ std::string TrackingReportText(const TrackingReport& report) {
   return text;
 }
 
-std::string TrackingReportJson(const TrackingReport& report) {
+Json TrackingReportJson(const TrackingReport& report) {
   Json json = {{"frames", report.frames},       {"unseen", report.unseen},
                {"sequences", report.sequences}, {"results", ResultsJson(report.results)},
                {"groups", Json::array()},       {"over_time", Json::array()}};
@@ -112,7 +108,7 @@ std::string TrackingReportJson(const TrackingReport& report) {
     json["over_time"].push_back(
         {{"time", (step + 0.5) / kSteps}, {"results", ResultsJson(AtStep(report, step))}});
   }
-  return json.dump();
+  return json;
 }
 
 std::string TrackingReportCsv(const TrackingReport& report) {

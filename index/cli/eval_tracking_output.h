@@ -6,6 +6,7 @@
 #include <string>
 
 #include "descriptor/image/image.h"
+#include "index/json/json.h"
 #include "index/tracking/tracking_benchmark.h"
 
 namespace pliant::cli {
@@ -16,7 +17,7 @@ std::string TrackingReportText(const TrackingReport& report);
 // {"frames", "unseen", "sequences": [...], "results": [{"descriptor", "inlier_rate", "ssim",
 // "error_px", "tracked_share", ...}], "groups": [...], "over_time": [...]}. "lpips" is null unless
 // it was asked for; "error_px" is null where nothing was found.
-std::string TrackingReportJson(const TrackingReport& report);
+Json TrackingReportJson(const TrackingReport& report);
 
 // One row per view and descriptor.
 std::string TrackingReportCsv(const TrackingReport& report);

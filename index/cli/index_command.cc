@@ -4,29 +4,25 @@
 #include <chrono>
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/index_job.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
+#include "index/import/folder_import.h"
 
 namespace pliant::cli {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 struct Options {
   EngineOptions engine;
-  IndexJobOptions job;
+  FolderImportOptions job;
   std::vector<std::filesystem::path> inputs;
   ObjectFrom object_from = ObjectFrom::kAuto;
   bool json = false;
 };
 
 struct Outcome {
-  IndexJobResult job;
+  FolderImportResult job;
   std::optional<VocabularyRecord> vocabulary;
   bool trained = false;
   double seconds = 0;
@@ -54,7 +50,7 @@ void TrainFirstVocabulary(Engine& engine, const Options& options, const Interrup
   Message("no vocabulary yet: training one from the stored pictures");
   TrainOptions train;
   train.collection = options.job.collection;
-  train.threads = options.job.jobs;
+  train.threads = options.job.threads;
   train.stop = interrupt.token();
   Progress progress("training the vocabulary");
   train.progress = [&](double done, double) { progress.Share(done); };
@@ -63,7 +59,7 @@ void TrainFirstVocabulary(Engine& engine, const Options& options, const Interrup
 }
 
 void PrintText(const Outcome& outcome, ObjectFrom named_by) {
-  const IndexJobResult& job = outcome.job;
+  const FolderImportResult& job = outcome.job;
   for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
   Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
         ", skipped " + std::to_string(job.skipped.size()) + " pictures in " +
@@ -75,36 +71,38 @@ void PrintText(const Outcome& outcome, ObjectFrom named_by) {
   }
 }
 
-void PrintJson(const Outcome& outcome) {
+Json ToJson(const Outcome& outcome) {
   Json skipped = Json::array();
   for (const SkippedFile& file : outcome.job.skipped) {
     skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
   }
   Json vocabulary = nullptr;
   if (outcome.vocabulary) {
-    vocabulary = Json::parse(VocabularyJson(*outcome.vocabulary));
+    vocabulary = VocabularyDocument(*outcome.vocabulary);
     vocabulary["trained"] = outcome.trained;
   }
-  Print(Json{{"indexed", outcome.job.indexed},
-             {"unchanged", outcome.job.unchanged},
-             {"skipped", std::move(skipped)},
-             {"vocabulary", std::move(vocabulary)},
-             {"seconds", outcome.seconds},
-             {"interrupted", outcome.job.interrupted}}
-            .dump());
+  return {{"indexed", outcome.job.indexed}, {"unchanged", outcome.job.unchanged},
+          {"skipped", std::move(skipped)},  {"vocabulary", std::move(vocabulary)},
+          {"seconds", outcome.seconds},     {"interrupted", outcome.job.interrupted}};
 }
 
 ExitStatus Run(Options& options) {
   const auto start = std::chrono::steady_clock::now();
   const Interrupt interrupt;
-  PictureFiles files = FindPictures(options.inputs, options.object_from);
+  const PictureFiles files = FindPictures(options.inputs, options.object_from);
   Engine engine(options.engine);
   if (options.job.collection != kDefaultCollection) engine.CreateCollection(options.job.collection);
   Outcome outcome;
   options.job.max_bytes = options.engine.extraction.decode.max_bytes;
-  outcome.job = RunIndexJob(engine, files.pictures, options.job, interrupt);
-  outcome.job.skipped.insert(outcome.job.skipped.begin(), files.skipped.begin(),
-                             files.skipped.end());
+  options.job.stop = interrupt.token();
+  {
+    Progress progress("pictures");
+    options.job.progress = [&](std::uint64_t done, std::uint64_t total) {
+      progress.Count(done, total);
+    };
+    outcome.job = ImportPictures(engine, files, options.job);
+    options.job.progress = {};
+  }
   outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
   if (!outcome.vocabulary && !outcome.job.interrupted) {
     try {
@@ -116,7 +114,7 @@ ExitStatus Run(Options& options) {
   }
   outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (options.json) {
-    PrintJson(outcome);
+    PrintJson(ToJson(outcome));
   } else {
     PrintText(outcome, files.named_by);
   }
@@ -148,7 +146,7 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
                                                                     {"none", ObjectFrom::kNone}}))
       ->type_name("folder|stem|none")
       ->option_text("folder|stem|none");
-  app->add_option("--jobs,-j", options->job.jobs, "threads, one picture each; 0 = one a core")
+  app->add_option("--jobs,-j", options->job.threads, "threads, one picture each; 0 = one a core")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,

@@ -5,8 +5,6 @@
 #include <memory>
 #include <optional>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/evaluation/dataset.h"
 #include "descriptor/evaluation/match_drawing.h"
 #include "descriptor/evaluation/metrics.h"
@@ -22,8 +20,6 @@ namespace {
 
 using evaluation::TruthScene;
 using evaluation::Verdict;
-using Json = nlohmann::ordered_json;
-
 struct Options {
   EngineOptions engine;  // only what concerns extraction
   std::filesystem::path first, second;
@@ -190,7 +186,11 @@ ExitStatus Run(const Options& options) {
   if (!options.draw.empty()) CheckPictureName(options.draw);
   const Result result = MatchPictures(options);
   if (!options.draw.empty()) Draw(options, result);
-  Print(options.json ? ToJson(result).dump() : Summary(result));
+  if (options.json) {
+    PrintJson(ToJson(result));
+  } else {
+    Print(Summary(result));
+  }
   return ExitStatus::kDone;
 }
 

@@ -8,14 +8,12 @@
 #include <ctime>
 #include <iostream>
 
-#include <nlohmann/json.hpp>
-
+#include "index/cli/flag_names.h"
 #include "index/files/text.h"
+#include "index/json/record_json.h"
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 std::size_t Width(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
@@ -31,6 +29,8 @@ bool IsNumber(const std::string& text) {
 
 void Print(std::string_view text) { std::cout << text << '\n'; }
 
+void PrintJson(const Json& document) { Print(ToText(document)); }
+
 void Message(std::string_view text) { std::cerr << text << std::endl; }
 
 void FlushOutput() {
@@ -41,10 +41,11 @@ void FlushOutput() {
 }
 
 void ReportError(const Error& error, bool json) {
-  const std::string message = ToDisplayText(error.what());
+  std::string message = ToDisplayText(WithFlagNames(error));
+  if (error.reason() == "database_not_found") message += "; `pliant index DIR --db FILE` makes one";
   Message("pliant: " + message);
   if (!json) return;
-  Print(Json{{"error", {{"code", error.reason()}, {"message", message}}}}.dump());
+  PrintJson({{"error", {{"code", error.reason()}, {"message", message}}}});
   std::cout.flush();
 }
 
@@ -100,19 +101,15 @@ std::string FormatTime(std::int64_t unix_ms) {
   return buffer.data();
 }
 
-std::string VocabularyJson(const VocabularyRecord& record) {
-  return Json{{"id", record.id},
-              {"words", record.words},
-              {"model_id", record.model_id},
-              {"active", record.active},
-              {"created_ms", record.created_ms},
-              {"origin",
-               {{"method", record.origin.method},
-                {"seed", record.origin.seed},
-                {"sampled", record.origin.sampled},
-                {"available", record.origin.available},
-                {"loss", record.origin.loss}}}}
-      .dump();
+Json VocabularyDocument(const VocabularyRecord& record) {
+  Json json = VocabularyJson(record);
+  json["created_ms"] = record.created_ms;
+  json["origin"] = {{"method", record.origin.method},
+                    {"seed", record.origin.seed},
+                    {"sampled", record.origin.sampled},
+                    {"available", record.origin.available},
+                    {"loss", record.origin.loss}};
+  return json;
 }
 
 }  // namespace pliant::cli

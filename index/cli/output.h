@@ -10,12 +10,14 @@
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
+#include "index/json/json.h"
 
 namespace pliant::cli {
 
-void Print(std::string_view text);    // a line on standard output
-void Message(std::string_view text);  // a line on standard error
-void FlushOutput();                   // throws kNoSpace when standard output cannot be written
+void Print(std::string_view text);     // a line on standard output
+void PrintJson(const Json& document);  // the same
+void Message(std::string_view text);   // a line on standard error
+void FlushOutput();                    // throws kNoSpace when standard output cannot be written
 // "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard
 // output.
 void ReportError(const Error& error, bool json);
@@ -28,7 +30,8 @@ std::string FormatBytes(std::uint64_t bytes);  // "1.5 MiB"
 std::string FormatTime(std::int64_t unix_ms);  // "2025-01-31 13:45:10" UTC
 std::string FormatFixed(double value, int decimals);
 
-// {"id", "words", "model_id", "active", "created_ms", "origin": {...}} on one line.
-std::string VocabularyJson(const VocabularyRecord& record);
+// VocabularyJson, and with the names that the command line gave first: "created_ms" and
+// "origin": {"method", "seed", "sampled", "available", "loss"}.
+Json VocabularyDocument(const VocabularyRecord& record);
 
 }  // namespace pliant::cli

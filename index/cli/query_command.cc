@@ -93,7 +93,7 @@ ExitStatus Run(Options& options) {
     for (Hit& hit : result.hits) hit.explanation.reset();
   }
   if (options.json) {
-    Print(SearchResultJson(result, took_ms));
+    PrintJson(SearchResultJson(result, took_ms));
   } else {
     PrintText(engine, options, result, took_ms);
     PrintExplanations(result);

@@ -3,8 +3,6 @@
 // pliant simulate --textures DIR --out DIR
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/simulation/simulate.h"
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
@@ -13,8 +11,6 @@
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct Options {
   SimulateOptions simulate;
@@ -30,7 +26,7 @@ void PrintReport(const Options& options, const SimulateReport& report) {
     for (const auto& [file, reason] : report.skipped) {
       skipped.push_back({{"file", file}, {"reason", reason}});
     }
-    Print(Json{{"scenes", report.scenes},
+    PrintJson({{"scenes", report.scenes},
                {"unchanged", report.unchanged},
                {"pictures", report.pictures},
                {"textures", report.textures},
@@ -38,8 +34,7 @@ void PrintReport(const Options& options, const SimulateReport& report) {
                {"mean_stretch_p95", report.mean_stretch},
                {"worst_stretch_p95", report.worst_stretch},
                {"pictures_per_second", rate},
-               {"seconds", report.seconds}}
-              .dump());
+               {"seconds", report.seconds}});
     return;
   }
   Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.pictures) +

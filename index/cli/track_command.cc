@@ -4,8 +4,6 @@
 #include <memory>
 #include <optional>
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
@@ -16,12 +14,11 @@
 #include "index/cli/write_picture.h"
 #include "index/files/picture_files.h"
 #include "index/files/text.h"
+#include "index/json/location_json.h"
 #include "index/tracking/pipeline.h"
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kFolderRate = 25;  // frames a second of a video made of a folder's pictures
 
@@ -67,7 +64,7 @@ Json FrameJson(const TrackedFrame& tracked) {
   Json json = {{"frame", tracked.frame.number}};
   if (tracked.frame.time_s) json["time_s"] = *tracked.frame.time_s;
   if (!tracked.frame.file.empty()) json["file"] = tracked.frame.file;
-  json.update(Json::parse(LocationJson(tracked.location)));
+  json.update(LocationJson(tracked.location));
   json["describe_ms"] = tracked.describe_ms;
   json["verify_ms"] = tracked.verify_ms;
   return json;
@@ -75,7 +72,7 @@ Json FrameJson(const TrackedFrame& tracked) {
 
 void PrintFrame(const TrackedFrame& tracked, bool as_json) {
   if (as_json) {
-    Print(FrameJson(tracked).dump());
+    PrintJson(FrameJson(tracked));
     FlushOutput();  // a line a frame, as they come
     return;
   }
@@ -93,7 +90,7 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
       skipped.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
     }
     const TemplateBox& box = tracker.box();
-    Print(Json{{"summary",
+    PrintJson({{"summary",
                 {{"frames", summary.frames},
                  {"found", summary.found},
                  {"inlier_rate", summary.inlier_rate},
@@ -104,8 +101,7 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
                   {{"region", {box.x, box.y, box.width, box.height}},
                    {"keypoints", tracker.features().keypoints.size()}}},
                  {"interrupted", interrupted},
-                 {"skipped", std::move(skipped)}}}}
-              .dump());
+                 {"skipped", std::move(skipped)}}}});
     return;
   }
   Print("found in " + std::to_string(summary.found) + " of " + std::to_string(summary.frames) +

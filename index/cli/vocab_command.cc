@@ -3,8 +3,6 @@
 // pliant vocab train | list | use
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
@@ -13,8 +11,6 @@
 
 namespace pliant::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct Options {
   EngineOptions engine;
@@ -49,7 +45,7 @@ ExitStatus Train(Options& options) {
     record.active = true;
   }
   if (options.json) {
-    Print(VocabularyJson(record));
+    PrintJson(VocabularyDocument(record));
     return ExitStatus::kDone;
   }
   Print("vocabulary " + std::to_string(record.id) + ": " + std::to_string(record.words) +
@@ -68,9 +64,8 @@ ExitStatus List(Options& options) {
   const std::vector<VocabularyRecord> records = engine.ListVocabularies(options.train.collection);
   if (options.json) {
     Json all = Json::array();
-    for (const VocabularyRecord& record : records)
-      all.push_back(Json::parse(VocabularyJson(record)));
-    Print(Json{{"vocabularies", std::move(all)}}.dump());
+    for (const VocabularyRecord& record : records) all.push_back(VocabularyDocument(record));
+    PrintJson({{"vocabularies", std::move(all)}});
     return ExitStatus::kDone;
   }
   if (records.empty()) {
@@ -92,7 +87,7 @@ ExitStatus Use(Options& options) {
   Engine engine = OpenEngine(options, false);
   engine.UseVocabulary(options.train.collection, options.id);
   if (options.json) {
-    Print(Json{{"vocabulary", options.id}}.dump());
+    PrintJson({{"vocabulary", options.id}});
   } else {
     Print("vocabulary " + std::to_string(options.id) + " is in use");
   }

@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The facade of the index: one database file, many threads. The command line and the HTTP server
-// use nothing else.
+// The facade of the index: one database, many threads. All access to pictures, vocabularies and
+// searches goes through it; API keys and jobs of a server have a facade of their own
+// (index/store/service_store.h), and verification can be used without a database
+// (index/verify/verification.h).
 //
 // Thread safety: every method may be called from any thread. Searches run on an immutable
-// snapshot; writes go through one writer and are durable when the call returns (SQLite WAL,
-// synchronous = FULL), so that kill -9 or power loss loses nothing that was acknowledged.
+// snapshot; writes go through one writer and are durable when the call returns, so that kill -9 or
+// power loss loses nothing that was acknowledged.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +20,8 @@
 #include <vector>
 
 #include "descriptor/features/descriptor.h"
+#include "index/records/records.h"
 #include "index/records/search.h"
-#include "index/verify/location.h"
-#include "vocab/vocabulary.h"
 
 namespace pliant {
 
@@ -66,137 +67,6 @@ inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string&
   if (text.empty()) return std::nullopt;
   return text == "database" ? std::filesystem::path() : std::filesystem::path(text);
 }
-
-struct ImageRecord {
-  std::string collection;
-  std::string id;      // unique in the collection
-  std::string object;  // what the picture shows; may be empty
-  std::string sha256;  // of the uploaded bytes, hex
-  std::string media_type;
-  std::string metadata = "{}";  // a JSON object
-  std::string source;           // file name as given, for people; may be empty
-  int width = 0;                // original, upright
-  int height = 0;
-  std::uint32_t keypoints = 0;
-  std::uint64_t bytes = 0;    // of the upload
-  std::int64_t added_ms = 0;  // Unix time
-};
-
-struct AddRequest {
-  std::string collection = kDefaultCollection;
-  // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged,
-  // and Error kConflict "same_bytes" when it is given another object or other metadata than it
-  // has), a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.
-  std::optional<std::string> id;
-  std::string object;
-  std::string metadata = "{}";
-  std::string source;
-  Bytes bytes;
-  int threads = 1;  // for the description of this picture
-};
-
-enum class AddOutcome {
-  kCreated,
-  kReplaced,
-  kUnchanged,  // same bytes, object and metadata were there already: no work was done
-};
-
-struct AddTimings {
-  ExtractionTimings extraction;  // 0 when stored features were used again
-  double quantize_ms = 0;
-  double database_ms = 0;  // until the write was durable
-};
-
-struct AddResult {
-  AddOutcome outcome = AddOutcome::kCreated;
-  ImageRecord image;
-  AddTimings timings;
-};
-
-struct ListOptions {
-  std::string collection = kDefaultCollection;
-  std::optional<std::string> object;
-  std::string after_id;  // exclusive; pictures come in order of id
-  int limit = 100;       // 1..1000
-};
-
-struct ObjectRecord {
-  std::string object;
-  std::uint64_t images = 0;
-};
-
-// Where one object is in a picture.
-struct ObjectLocation {
-  std::string object;
-  std::string image_id;  // the object's picture that agrees best; its pixels are what the mesh maps
-  Location location;
-  std::size_t compared = 0;  // pictures of the object that were looked at
-  int query_width = 0;       // of the original upright picture that was sent
-  int query_height = 0;
-  ExtractionTimings timings;
-  double locate_ms = 0;
-};
-
-struct VocabularyRecord {
-  std::int64_t id = 0;
-  std::string collection;
-  std::string model_id;
-  std::size_t words = 0;
-  VocabularyOrigin origin;
-  std::int64_t created_ms = 0;
-  bool active = false;
-};
-
-struct TrainOptions {
-  std::string collection = kDefaultCollection;
-  int words = 0;   // 0 = a tenth of the sample
-  int sample = 0;  // descriptors drawn at random; 0 = 40 000, or ten a given word (10 000 at least)
-  std::uint64_t seed = 1;
-  int threads = 0;
-  std::function<void(double done, double loss)> progress;
-  std::stop_token stop;
-};
-
-struct UseOptions {
-  int threads = 0;  // 0 = all cores
-  std::function<void(double done)> progress;
-  std::stop_token stop;
-};
-
-struct EngineStats {
-  std::uint64_t images = 0;
-  std::uint64_t objects = 0;
-  std::uint64_t descriptors = 0;
-  std::uint64_t database_bytes = 0;
-  std::uint64_t index_bytes = 0;  // of the inverted index in memory
-  std::string descriptor;
-  std::string model_id;
-  std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
-};
-
-// A directory of uploaded files (EngineOptions::originals_dir).
-struct OriginalsRecord {
-  std::filesystem::path directory;
-  std::uint64_t files = 0;  // that pictures refer to
-  bool owned = false;       // false: it is another database's, as that of a copy is
-};
-
-struct MoveOriginalsResult {
-  std::uint64_t moved = 0;  // pictures whose bytes are now in the place that was named
-  std::uint64_t left = 0;   // whose file is missing or damaged: `Check` names them
-};
-
-struct CollectionRecord {
-  std::string name;
-  std::uint64_t images = 0;
-  std::uint64_t objects = 0;
-  std::uint64_t descriptors = 0;
-  std::int64_t created_ms = 0;                 // Unix time
-  std::optional<VocabularyRecord> vocabulary;  // the active one
-};
-
-// Fewer key points than this are refused: nothing could be recognised by them.
-inline constexpr std::uint32_t kMinKeypoints = 5;
 
 class Engine {
  public:

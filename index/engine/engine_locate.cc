@@ -8,6 +8,7 @@
 #include "descriptor/base/parallel.h"
 #include "index/engine/engine_impl.h"
 #include "index/store/blob_codec.h"
+#include "index/verify/location.h"
 
 namespace pliant {
 namespace {
@@ -17,36 +18,45 @@ constexpr int kMostCompared = 24;
 
 }  // namespace
 
-// The ids of those of the object's pictures that have most in common with the query by their words;
-// `some` where there is no vocabulary.
-std::vector<std::string> Engine::Impl::MostSimilar(const Features& query,
-                                                   const std::string& collection,
-                                                   const std::string& object, int threads,
-                                                   std::vector<std::string> some) {
-  if (!CurrentView(collection).quantizer || query.keypoints.size() < kMinKeypoints) return some;
-  SearchOptions search;
-  search.collection = collection;
-  search.object = object;
-  search.group_by = GroupBy::kImage;
-  search.verify = Verification::kNone;
-  search.limit = kMostCompared;
-  search.threads = threads;
-  const SearchResult ranked = Answer(query, search, {});
-  if (ranked.hits.empty()) return some;
+// All of the object's pictures, or one more than are compared.
+std::vector<PictureRef> Engine::Impl::PicturesOf(const std::string& collection,
+                                                 const std::string& object) {
+  ListOptions list;
+  list.collection = collection;
+  list.object = object;
+  list.limit = kMostCompared + 1;
+  const Key key = catalogue().RequireCollection(collection).key;
+  std::vector<PictureRef> refs;
+  for (const ImageRecord& image : catalogue().ListPictures(list)) refs.push_back({key, image.id});
+  return refs;
+}
+
+// Those of the object's pictures that have most in common with the query by their words; `some`
+// where there is no vocabulary.
+std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
+                                                  const std::string& collection,
+                                                  const std::string& object, int threads,
+                                                  std::vector<PictureRef> some) {
+  const CollectionView view = ranker_->View(collection);
+  if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
+  const Descriptors& descriptors = query.descriptors;
+  const Bow bow =
+      view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, threads));
+  RankOptions options;
+  options.keep = kMostCompared;
+  options.threads = threads;
+  options.admission = ranker_->Admit(view, object, {});
+  const Ranking ranking = ranker_->Rank(view, {bow, query}, options);
+  if (ranking.best.empty()) return some;
   some.clear();
-  for (const Hit& hit : ranked.hits) some.push_back(hit.image_id);
+  for (const RankedPicture& picture : ranking.best) some.push_back(picture.ref);
   return some;
 }
 
 ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection,
                                     const std::string& object, int threads) {
-  ListOptions list;
-  list.collection = collection;
-  list.object = object;
-  list.limit = kMostCompared + 1;
-  std::vector<std::string> ids;
-  for (const ImageRecord& image : List(list)) ids.push_back(image.id);
-  if (ids.empty()) {
+  std::vector<PictureRef> refs = PicturesOf(collection, object);
+  if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
                 "There is no picture of an object '" + object + "'.");
   }
@@ -57,30 +67,30 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
   result.query_height = query.height;
 
   const auto start = std::chrono::steady_clock::now();
-  if (ids.size() > static_cast<std::size_t>(kMostCompared)) {
-    ids.pop_back();
-    ids = MostSimilar(query, collection, object, threads, std::move(ids));
+  if (refs.size() > static_cast<std::size_t>(kMostCompared)) {
+    refs.pop_back();
+    refs = MostSimilar(query, collection, object, threads, std::move(refs));
   }
+  std::vector<std::optional<StoredPicture>> pictures =
+      catalogue().LoadPictures(refs, Load::kRecordsAndFeatures);
+  std::erase_if(pictures, [](const auto& picture) { return !picture; });  // removed just now
   const LocateOptions options;
   const Verifier verifier(query, options.verification);
-  std::vector<Location> locations(ids.size());
-  ParallelFor(ids.size(), threads, [&](std::size_t i) {
-    try {
-      locations[i] = pliant::Locate(verifier, query, GetFeatures(collection, ids[i]), options);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kNotFound) throw;  // removed just now
-    }
+  std::vector<Location> locations(pictures.size());
+  ParallelFor(pictures.size(), threads, [&](std::size_t i) {
+    Features features = DecodeFeatures(pictures[i]->features);
+    features.model_id = query.model_id;
+    locations[i] = pliant::Locate(verifier, query, features, options);
   });
   const auto better = [](const Location& a, const Location& b) {
     return a.found != b.found ? a.found : a.inliers.size() > b.inliers.size();
   };
-  std::size_t best = 0;
-  for (std::size_t i = 1; i < ids.size(); ++i) {
-    if (better(locations[i], locations[best])) best = i;
+  result.compared = pictures.size();
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    if (i > 0 && !better(locations[i], result.location)) continue;
+    result.image_id = pictures[i]->record.id;
+    result.location = std::move(locations[i]);
   }
-  result.compared = ids.size();
-  result.image_id = ids[best];
-  result.location = std::move(locations[best]);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   result.locate_ms = took.count();
   return result;

@@ -87,7 +87,7 @@ class Reader {
         "layout_unknown",
         DisplayPath() + (files_.empty() ? " holds no pictures" : " has pictures but no folders") +
             "; expected one folder an object, ukbenchNNNNN.jpg files, query/ and gallery/, or "
-            "query/ and ref/ (--layout objects, ukbench, pairs, labels)");
+            "query/ and ref/ (layout objects, ukbench, pairs, labels)");
   }
 
   void ReadObjects() {

@@ -9,19 +9,30 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
-#include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
 
 namespace fs = std::filesystem;
 
+std::string DisplayPath(const fs::path& path) { return path.string(); }
+
 void ThrowErrno(const std::string& doing, const fs::path& path) {
   const int code = errno;
-  const bool space =
-      code == ENOSPC || code == EDQUOT || code == EROFS || code == EFBIG || code == EACCES;
-  throw Error(space ? ErrorCode::kNoSpace : ErrorCode::kInternal,
-              space ? "write_failed" : "io_error",
-              doing + " " + DisplayPath(path) + ": " + std::generic_category().message(code));
+  const std::string message =
+      doing + " " + DisplayPath(path) + ": " + std::generic_category().message(code);
+  switch (code) {
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      throw Error(ErrorCode::kNoSpace, "write_failed", message);
+    case EACCES:
+    case EPERM:
+      throw Error(ErrorCode::kReadOnly, "permission_denied", message);
+    case EROFS:
+      throw Error(ErrorCode::kReadOnly, "read_only_file_system", message);
+    default:
+      throw Error(ErrorCode::kInternal, "io_error", message);
+  }
 }
 
 void SyncPath(const fs::path& path, int flags) {

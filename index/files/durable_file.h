@@ -8,8 +8,12 @@
 
 namespace pliant {
 
-// Throws the Error for `errno`: kNoSpace "write_failed" when there is no room or no permission to
-// write, else kInternal "io_error". `doing` begins the sentence: "cannot make".
+// A path as text for messages.
+std::string DisplayPath(const std::filesystem::path& path);
+
+// Throws the Error for `errno`: kNoSpace "write_failed" when there is no room (on the disk, in a
+// quota, under a limit of size), kReadOnly "permission_denied" or "read_only_file_system", else
+// kInternal "io_error". `doing` begins the sentence: "cannot make".
 [[noreturn]] void ThrowErrno(const std::string& doing, const std::filesystem::path& path);
 
 // fsync of a file or, with O_DIRECTORY among `flags`, of a directory's entries.

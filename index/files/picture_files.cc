@@ -133,6 +133,11 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
   return files;
 }
 
+bool IsInside(const fs::path& directory, const fs::path& path) {
+  return std::mismatch(directory.begin(), directory.end(), path.begin(), path.end()).first ==
+         directory.end();
+}
+
 std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes) {
   const auto fail = [&](const std::string& why) {
     throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read: " + why);

@@ -42,6 +42,9 @@ struct PictureFiles {
 // Throws kNotFound for an input that does not exist.
 PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
+// Whether `path` is `directory` or below it. Both as fs::canonical gives them.
+bool IsInside(const std::filesystem::path& directory, const std::filesystem::path& path);
+
 // Whether a regular file has a picture's name (of any type, also one that Pliant does not read:
 // such a file is then refused with a reason instead of being overlooked) or a picture's content.
 bool LooksLikePicture(const std::filesystem::path& path);

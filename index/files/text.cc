@@ -82,6 +82,20 @@ std::string ToDisplayText(std::string_view text) {
   return out;
 }
 
+std::string PercentEncode(std::string_view text, std::string_view kept) {
+  static constexpr char kDigits[] = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (IsNameOf({&c, 1}, kept)) {
+      out += c;
+    } else {
+      out += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+    }
+  }
+  return out;
+}
+
 void CheckImageId(std::string_view id) {
   if (id.empty() || id.size() > 128 || id == "." || id == ".." || !IsNameOf(id, "._~:@-")) {
     ThrowInvalid("id_invalid",

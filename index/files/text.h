@@ -14,6 +14,9 @@ bool IsValidUtf8(std::string_view text);
 // names derived from file names.
 std::string ToDisplayText(std::string_view text);
 
+// RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
+std::string PercentEncode(std::string_view text, std::string_view kept);
+
 // Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,
 // not "." or "..", so that it can be a part of a URL; a collection name 1..64 of letters, digits,
 // . _ -; an object is at most 512 bytes of UTF-8 without control characters; a source 4096.

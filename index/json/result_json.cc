@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/json/result_json.h"
 
-#include <cmath>
+#include <utility>
 
-#include <nlohmann/json.hpp>
+#include "index/json/location_json.h"
+#include "index/json/record_json.h"
+#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 Json PolygonJson(const std::vector<Point>& polygon) {
   if (polygon.empty()) return nullptr;
@@ -18,26 +18,22 @@ Json PolygonJson(const std::vector<Point>& polygon) {
   return points;
 }
 
-double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
-
 Json ExplanationJson(const Explanation& e) {
   Json pairs = Json::array();
   for (const PointPair& pair : e.inliers) {
-    pairs.push_back({Hundredths(pair.query.x), Hundredths(pair.query.y),
-                     Hundredths(pair.reference.x), Hundredths(pair.reference.y)});
+    Json ends = PointJson(pair.query);
+    for (const Json& coordinate : PointJson(pair.reference)) ends.push_back(coordinate);
+    pairs.push_back(std::move(ends));
   }
   Json reference;  // null
   if (e.reference_width > 0) {
     reference = {{"width", e.reference_width}, {"height", e.reference_height}};
   }
-  return {{"ranking_score", e.ranking_score},
-          {"verified", e.verified},
-          {"failure", e.failure.empty() ? Json(nullptr) : Json(e.failure)},
-          {"matches", e.matches},
-          {"inlier_fraction", e.inlier_fraction},
-          {"pairs", std::move(pairs)},
-          {"reference", std::move(reference)},
-          {"mesh", e.mesh ? Json::parse(MeshJson(*e.mesh)) : Json(nullptr)}};
+  return {
+      {"ranking_score", e.ranking_score},     {"verified", e.verified},
+      {"failure", TextOrNull(e.failure)},     {"matches", e.matches},
+      {"inlier_fraction", e.inlier_fraction}, {"pairs", std::move(pairs)},
+      {"reference", std::move(reference)},    {"mesh", e.mesh ? MeshJson(*e.mesh) : Json(nullptr)}};
 }
 
 Json InstancesJson(const std::vector<Instance>& instances) {
@@ -50,40 +46,39 @@ Json InstancesJson(const std::vector<Instance>& instances) {
 
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
-               {"object", hit.object.empty() ? Json(nullptr) : Json(hit.object)},
+               {"object", TextOrNull(hit.object)},
                {"score", hit.score},
                {"image_id", hit.image_id},
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
                {"instances", InstancesJson(hit.instances)},
-               {"via", hit.via.empty() ? Json(nullptr) : Json(hit.via)},
-               {"metadata", Json::parse(hit.metadata)}};
+               {"via", TextOrNull(hit.via)},
+               {"metadata", MetadataJson(hit.metadata)}};
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
   return json;
 }
 
 }  // namespace
 
-std::string SearchResultJson(const SearchResult& result, double took_ms, int indent) {
+Json SearchResultJson(const SearchResult& result, double took_ms) {
   Json hits = Json::array();
   for (const Hit& hit : result.hits) hits.push_back(HitJson(hit));
   const SearchTimings& t = result.timings;
-  const Json json = {{"took_ms", took_ms},
-                     {"vocabulary", result.vocabulary},
-                     {"words", result.words},
-                     {"keypoints", result.keypoints},
-                     {"query", {{"width", result.query_width}, {"height", result.query_height}}},
-                     {"total", result.total},
-                     {"hits", std::move(hits)},
-                     {"timings",
-                      {{"decode_ms", t.extraction.decode_ms},
-                       {"detect_ms", t.extraction.detect_ms},
-                       {"describe_ms", t.extraction.describe_ms},
-                       {"quantize_ms", t.quantize_ms},
-                       {"rank_ms", t.rank_ms},
-                       {"verify_ms", t.verify_ms},
-                       {"database_ms", t.database_ms}}}};
-  return json.dump(indent);
+  return {{"took_ms", took_ms},
+          {"vocabulary", result.vocabulary},
+          {"words", result.words},
+          {"keypoints", result.keypoints},
+          {"query", {{"width", result.query_width}, {"height", result.query_height}}},
+          {"total", result.total},
+          {"hits", std::move(hits)},
+          {"timings",
+           {{"decode_ms", t.extraction.decode_ms},
+            {"detect_ms", t.extraction.detect_ms},
+            {"describe_ms", t.extraction.describe_ms},
+            {"quantize_ms", t.quantize_ms},
+            {"rank_ms", t.rank_ms},
+            {"verify_ms", t.verify_ms},
+            {"database_ms", t.database_ms}}}};
 }
 
 }  // namespace pliant

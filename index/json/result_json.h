@@ -3,9 +3,8 @@
 // The JSON form of a search result, for the command line and the HTTP server.
 #pragma once
 
-#include <string>
-
-#include "index/engine/engine.h"
+#include "index/json/json.h"
+#include "index/records/records.h"
 
 namespace pliant {
 
@@ -16,7 +15,6 @@ namespace pliant {
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction", "pairs":
 // [[query x, query y, reference x, reference y], ...], "reference": {"width", "height"} or null,
 // "mesh": MeshJson's or null}.
-// `indent` -1 = on one line.
-std::string SearchResultJson(const SearchResult& result, double took_ms, int indent = -1);
+Json SearchResultJson(const SearchResult& result, double took_ms);
 
 }  // namespace pliant

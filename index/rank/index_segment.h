@@ -13,18 +13,11 @@
 #include <string_view>
 #include <vector>
 
+#include "index/records/indexed_picture.h"
 #include "vocab/quantizer.h"
 #include "vocab/signature.h"
 
 namespace pliant {
-
-// What the index knows of a picture.
-struct IndexedPicture {
-  std::int64_t key = 0;     // unique, never used twice
-  std::int64_t object = 0;  // 0 = no object
-  std::string id;           // breaks ties of the score
-  Bow bow;
-};
 
 struct Posting {
   std::uint32_t picture = 0;  // position in the segment

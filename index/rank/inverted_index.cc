@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace pliant {
 namespace {
@@ -127,8 +128,9 @@ void InvertedIndex::Publish(std::shared_ptr<const IndexSnapshot> next) {
 
 void InvertedIndex::Apply(std::vector<IndexedPicture> added,
                           std::span<const std::int64_t> removed) {
-  if (added.empty() && removed.empty()) return;
-  auto next = std::make_shared<IndexSnapshot>(*snapshot());
+  if (added.empty() && removed.empty() && !staged_) return;
+  auto next =
+      staged_ ? std::exchange(staged_, nullptr) : std::make_shared<IndexSnapshot>(*snapshot());
   for (const std::int64_t key : removed) Remove(*next, key);
   AddParts(*next, std::move(added));
   const bool renew = changes_ * kEpochShare > next->pictures;
@@ -140,6 +142,11 @@ void InvertedIndex::Apply(std::vector<IndexedPicture> added,
   MergeParts(*next);
   if (renew) RenewStatistics(*next);
   Publish(std::move(next));
+}
+
+void InvertedIndex::Stage(std::vector<IndexedPicture> added) {
+  if (!staged_) staged_ = std::make_shared<IndexSnapshot>(*snapshot());
+  AddParts(*staged_, std::move(added));
 }
 
 void InvertedIndex::Append(std::vector<IndexedPicture> added) {

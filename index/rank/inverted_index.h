@@ -66,6 +66,9 @@ class InvertedIndex {
   // publishes ONE new snapshot. The cost depends on the size of the change, not of the index,
   // except for occasional merges.
   void Apply(std::vector<IndexedPicture> added, std::span<const std::int64_t> removed);
+  // Adds pictures that the next Apply publishes together with its own: a change of any size is one
+  // snapshot without being in memory as one list.
+  void Stage(std::vector<IndexedPicture> added);
   // For loading: adds without merges and statistics. Refresh() must follow before any search.
   void Append(std::vector<IndexedPicture> added);
   void Refresh();
@@ -84,6 +87,7 @@ class InvertedIndex {
   std::uint64_t changes_ = 0;             // since the epoch's statistics
   mutable std::mutex mutex_;              // guards snapshot_
   std::shared_ptr<const IndexSnapshot> snapshot_;
+  std::shared_ptr<IndexSnapshot> staged_;  // nullptr: nothing is
 };
 
 }  // namespace pliant

@@ -113,9 +113,10 @@ void ScorePart(const Part& part, const QueryWeights& query, const RankOptions& o
   }
   const std::vector<float>& norms = is_signed ? *part.inverse_alike_norms : *part.inverse_norms;
   const bool tf_idf = options.method == RankMethod::kTfIdf;
+  const bool all = options.admission.everything();
   for (std::uint32_t p = 0; p < segment.size(); ++p) {
     if ((tf_idf && sums[p] <= 0) || part.IsDead(p)) continue;
-    if (options.accept && !options.accept(segment.key(p), segment.object(p))) continue;
+    if (!all && !options.admission.Admits(segment.key(p), segment.object(p))) continue;
     const double score = tf_idf
                              ? std::min(1.0, static_cast<double>(sums[p]) * norms[p] / query.norm)
                              : HistogramScore(query, segment, p, sums[p]);
@@ -179,8 +180,9 @@ std::vector<RankedPicture> Named(std::span<const Candidate> candidates) {
   std::vector<RankedPicture> named;
   named.reserve(candidates.size());
   for (const Candidate& c : candidates) {
-    named.push_back({c.segment->key(c.picture), c.segment->object(c.picture),
-                     std::string(c.segment->id(c.picture)), c.score});
+    named.push_back({{0, std::string(c.segment->id(c.picture)), c.segment->key(c.picture)},
+                     c.segment->object(c.picture),
+                     c.score});
   }
   return named;
 }
@@ -197,10 +199,11 @@ Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions&
   const std::size_t apart = std::min(options.candidates, all.size());
   SortBest(all, apart);
   auto others = all.begin() + static_cast<std::ptrdiff_t>(apart);
-  if (options.also != nullptr) {
+  if (!options.also.empty()) {
     const auto first = others;
     others = std::partition(first, all.end(), [&](const Candidate& c) {
-      return options.also->contains(c.segment->key(c.picture));
+      return std::binary_search(options.also.begin(), options.also.end(),
+                                c.segment->key(c.picture));
     });
     std::sort(first, others, IsBetter);
   }

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <compare>
+#include <limits>
+#include <type_traits>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -27,21 +30,71 @@ constexpr std::size_t kMaxFilterBytes = 64 * 1024;
 std::optional<FilterValue> ValueOf(const Json& json) {
   if (json.is_null()) return FilterValue(std::monostate{});
   if (json.is_boolean()) return FilterValue(json.get<bool>());
+  if (json.is_number_unsigned()) return FilterValue(json.get<std::uint64_t>());
+  if (json.is_number_integer()) return FilterValue(json.get<std::int64_t>());
   if (json.is_number()) return FilterValue(json.get<double>());
   if (json.is_string()) return FilterValue(json.get_ref<const std::string&>());
   return std::nullopt;
 }
 
+bool IsNumber(const FilterValue& value) {
+  return std::holds_alternative<double>(value) || std::holds_alternative<std::int64_t>(value) ||
+         std::holds_alternative<std::uint64_t>(value);
+}
+
+// Exact, where a conversion to double would round: the whole part is compared as an integer, and
+// only where that is equal the fraction decides.
+template <typename Integer>
+std::partial_ordering CompareInteger(Integer a, double b) {
+  if (std::isnan(b)) return std::partial_ordering::unordered;
+  // Both bounds are powers of two (or 0) and so doubles without rounding.
+  constexpr auto kLowest = static_cast<double>(std::numeric_limits<Integer>::min());
+  const double above = std::ldexp(1.0, std::numeric_limits<Integer>::digits);
+  if (b < kLowest) return std::partial_ordering::greater;
+  if (b >= above) return std::partial_ordering::less;
+  const double whole = std::trunc(b);
+  const auto integer = static_cast<Integer>(whole);
+  if (a != integer) return a <=> integer;
+  return 0.0 <=> (b - whole);
+}
+
+std::partial_ordering Flipped(std::partial_ordering order) { return 0 <=> order; }
+
+std::partial_ordering CompareNumbers(const FilterValue& a, const FilterValue& b) {
+  return std::visit(
+      [](const auto& x, const auto& y) -> std::partial_ordering {
+        using X = std::decay_t<decltype(x)>;
+        using Y = std::decay_t<decltype(y)>;
+        if constexpr (!std::is_arithmetic_v<X> || !std::is_arithmetic_v<Y>) {
+          return std::partial_ordering::unordered;
+        } else if constexpr (std::is_same_v<X, bool> || std::is_same_v<Y, bool>) {
+          return std::partial_ordering::unordered;
+        } else if constexpr (std::is_same_v<X, double> && std::is_same_v<Y, double>) {
+          return x <=> y;
+        } else if constexpr (std::is_same_v<Y, double>) {
+          return CompareInteger(x, y);
+        } else if constexpr (std::is_same_v<X, double>) {
+          return Flipped(CompareInteger(y, x));
+        } else {
+          if (std::cmp_less(x, y)) return std::partial_ordering::less;
+          return std::cmp_equal(x, y) ? std::partial_ordering::equivalent
+                                      : std::partial_ordering::greater;
+        }
+      },
+      a, b);
+}
+
 std::partial_ordering Compare(const FilterValue& a, const FilterValue& b) {
+  if (IsNumber(a) && IsNumber(b)) return CompareNumbers(a, b);
   if (a.index() != b.index()) return std::partial_ordering::unordered;
-  if (const auto* number = std::get_if<double>(&a)) return *number <=> std::get<double>(b);
   if (const auto* text = std::get_if<std::string>(&a)) return *text <=> std::get<std::string>(b);
   return a == b ? std::partial_ordering::equivalent : std::partial_ordering::unordered;
 }
 
 bool PassesValue(const FilterCondition& condition, const FilterValue& value) {
-  if (condition.any_of && std::find(condition.any_of->begin(), condition.any_of->end(), value) ==
-                              condition.any_of->end()) {
+  if (condition.any_of &&
+      std::none_of(condition.any_of->begin(), condition.any_of->end(),
+                   [&](const FilterValue& wanted) { return Compare(value, wanted) == 0; })) {
     return false;
   }
   if (condition.from) {
@@ -69,8 +122,8 @@ bool PassesJson(const FilterCondition& condition, const Json& value) {
 void CheckBound(const std::string& key, const std::optional<FilterBound>& bound) {
   if (!bound) return;
   const auto* number = std::get_if<double>(&bound->value);
-  if ((number != nullptr && std::isfinite(*number)) ||
-      std::holds_alternative<std::string>(bound->value)) {
+  const bool finite = number == nullptr || std::isfinite(*number);
+  if ((IsNumber(bound->value) && finite) || std::holds_alternative<std::string>(bound->value)) {
     return;
   }
   ThrowInvalid("key \"" + key + "\": a bound must be a number or text");

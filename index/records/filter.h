@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -13,8 +14,10 @@
 namespace pliant {
 
 // null, true or false, a number, text. Values of different kinds are never equal, and neither is
-// before the other.
-using FilterValue = std::variant<std::monostate, bool, double, std::string>;
+// before the other. Numbers are one kind and are compared exactly, also a whole number with one
+// that is not: 9007199254740993 differs from 9007199254740992, although both are the same double.
+using FilterValue =
+    std::variant<std::monostate, bool, double, std::string, std::int64_t, std::uint64_t>;
 
 struct FilterBound {
   FilterValue value;  // a number or text

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "descriptor/features/descriptor.h"
+#include "index/records/explanation.h"
 #include "index/records/filter.h"
-#include "index/verify/explanation.h"
 
 namespace pliant {
 
@@ -99,7 +99,7 @@ struct SearchTimings {
   double quantize_ms = 0;
   double rank_ms = 0;
   double verify_ms = 0;
-  double database_ms = 0;  // reading the records of the hits
+  double database_ms = 0;  // reading the pictures that are verified or shown
 };
 
 struct SearchResult {

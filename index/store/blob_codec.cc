@@ -92,16 +92,21 @@ std::size_t RowBytes(DescriptorEncoding encoding, std::size_t dim) {
   return encoding == DescriptorEncoding::kScaledInt8 ? dim + sizeof(float) : dim;
 }
 
-void PutScaledRow(std::vector<std::uint8_t>& out, std::span<const float> row) {
+float ScaleOf(std::span<const float> row) {
   float largest = 0;
   for (const float value : row) largest = std::max(largest, std::abs(value));
-  const float scale = largest / 127.0F;
+  return largest / 127.0F;
+}
+
+std::int8_t StepOf(float value, float scale) {
+  const float step = scale > 0 ? std::nearbyint(value / scale) : 0.0F;
+  return static_cast<std::int8_t>(std::clamp(step, -127.0F, 127.0F));
+}
+
+void PutScaledRow(std::vector<std::uint8_t>& out, std::span<const float> row) {
+  const float scale = ScaleOf(row);
   Put(out, scale);
-  for (const float value : row) {
-    const float step = scale > 0 ? std::nearbyint(value / scale) : 0.0F;
-    out.push_back(
-        static_cast<std::uint8_t>(static_cast<std::int8_t>(std::clamp(step, -127.0F, 127.0F))));
-  }
+  for (const float value : row) out.push_back(static_cast<std::uint8_t>(StepOf(value, scale)));
 }
 
 void PutDescriptors(std::vector<std::uint8_t>& out, const Descriptors& descriptors,
@@ -224,10 +229,27 @@ Features DecodeFeatures(Bytes blob) {
   return features;
 }
 
-Features InStoredPrecision(const Features& features) {
-  Features result = DecodeFeatures(EncodeFeatures(features));
-  result.model_id = features.model_id;
-  return result;
+// The same sums as in PutDescriptors and GetDescriptors, so that the result is the same to the bit.
+Features InStoredPrecision(Features features) {
+  CheckShape(features);
+  Descriptors& descriptors = features.descriptors;
+  switch (ChooseEncoding(descriptors)) {
+    case DescriptorEncoding::kBits:
+      break;
+    case DescriptorEncoding::kUint8:  // makes -0 a 0
+      for (float& value : descriptors.floats) value = static_cast<std::uint8_t>(value);
+      break;
+    case DescriptorEncoding::kScaledInt8: {
+      const auto dim = static_cast<std::size_t>(descriptors.dim);
+      for (std::size_t i = 0; i < descriptors.rows; ++i) {
+        const std::span<float> row = std::span(descriptors.floats).subspan(i * dim, dim);
+        const float scale = ScaleOf(row);
+        for (float& value : row) value = scale * static_cast<float>(StepOf(value, scale));
+      }
+      break;
+    }
+  }
+  return features;
 }
 
 std::vector<std::uint8_t> EncodeBow(const Bow& bow) {

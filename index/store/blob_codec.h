@@ -29,7 +29,8 @@ Features DecodeFeatures(Bytes blob);
 
 // `features` as they will be once stored and read again. Queries and new pictures are quantised in
 // this precision, so that a picture gets the same words when it is asked for as when it was stored.
-Features InStoredPrecision(const Features& features);
+// Throws what EncodeFeatures throws.
+Features InStoredPrecision(Features features);
 
 std::vector<std::uint8_t> EncodeBow(const Bow& bow);
 

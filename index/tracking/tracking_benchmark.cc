@@ -220,7 +220,7 @@ std::vector<TrackingSequence> OpenTrackingSequences(const fs::path& folder) {
     if (dataset.layout != evaluation::Layout::kFolders &&
         dataset.layout != evaluation::Layout::kTensors) {
       throw Error(ErrorCode::kInvalidArgument, "not_simulated",
-                  place.string() + " is no set of pliant simulate --preset sequence");
+                  place.string() + " is no set of simulated sequences");
     }
     for (const evaluation::SceneEntry& scene : dataset.scenes) sequences.push_back({group, scene});
   }

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "descriptor/base/parallel.h"
+#include "index/records/records.h"
 #include "index/verify/features_subset.h"
 #include "index/verify/outline.h"
 #include "index/verify/verification.h"
@@ -32,55 +33,57 @@ Features ObjectsPart(const Features& features, const std::vector<Vec2>& seen) {
   return Subset(features, [&](const Keypoint& k) { return IsInside({k.x, k.y}, part); });
 }
 
-std::vector<const VerifiedPicture*> SourcesOf(const std::vector<VerifiedPicture>& pictures,
-                                              int most) {
+}  // namespace
+
+std::vector<const VerifiedPicture*> ExpansionSources(const std::vector<VerifiedPicture>& pictures,
+                                                     int most) {
   std::vector<const VerifiedPicture*> sources;
   for (const VerifiedPicture& picture : pictures) {
     if (picture.evidence >= kTrusted) sources.push_back(&picture);
   }
   std::sort(sources.begin(), sources.end(), [](const auto* a, const auto* b) {
     if (a->inliers() != b->inliers()) return a->inliers() > b->inliers();
-    return a->picture.id < b->picture.id;
+    return a->picture.ref.id < b->picture.ref.id;
   });
   if (sources.size() > static_cast<std::size_t>(most))
     sources.resize(static_cast<std::size_t>(most));
   return sources;
 }
 
-}  // namespace
-
 std::unordered_map<std::int64_t, Support> Expand(
     const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
-    const std::function<std::optional<Features>(std::int64_t key)>& load,
+    const std::function<std::optional<Features>(std::int64_t version)>& load,
     const std::function<std::vector<RankedPicture>(const Features&, std::size_t depth)>& nearest) {
   std::unordered_map<std::int64_t, double> known;  // evidence so far
-  for (const VerifiedPicture& picture : pictures) known[picture.picture.key] = picture.evidence;
+  for (const VerifiedPicture& picture : pictures)
+    known[picture.picture.ref.version] = picture.evidence;
   std::unordered_map<std::int64_t, Support> supports;
-  for (const VerifiedPicture* source : SourcesOf(pictures, options.sources)) {
-    const auto whole = load(source->picture.key);
+  for (const VerifiedPicture* source : ExpansionSources(pictures, options.sources)) {
+    const auto whole = load(source->picture.ref.version);
     if (!whole) continue;
     const Features part = ObjectsPart(*whole, source->seen);
     if (part.keypoints.size() < kMinKeypoints) continue;
     const double most = kDecay * source->evidence;
     std::vector<RankedPicture> found = nearest(part, options.depth);
     std::erase_if(found, [&](const RankedPicture& picture) {
-      const auto at = known.find(picture.key);
-      return picture.key == source->picture.key || (at != known.end() && at->second >= most);
+      const auto at = known.find(picture.ref.version);
+      return picture.ref.version == source->picture.ref.version ||
+             (at != known.end() && at->second >= most);
     });
     const Verifier verifier(part, {});
     std::vector<double> evidence(found.size(), 0);
     ParallelFor(found.size(), options.threads, [&](std::size_t i) {
-      const auto features = load(found[i].key);
+      const auto features = load(found[i].ref.version);
       if (!features) return;
       const VerificationResult result = verifier.Verify(*features);
       evidence[i] = Evidence(static_cast<int>(result.inliers.size()), result.inlier_fraction);
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       const double chained = kDecay * std::min(source->evidence, evidence[i]);
-      double& so_far = known[found[i].key];
+      double& so_far = known[found[i].ref.version];
       if (chained < kSupported || chained <= so_far) continue;
       so_far = chained;
-      supports[found[i].key] = {chained, source->picture.id};
+      supports[found[i].ref.version] = {chained, source->picture.ref.id};
     }
   }
   return supports;

@@ -29,12 +29,16 @@ struct ExpansionOptions {
   int threads = 1;         // pictures in parallel; 0 = all cores
 };
 
-// By key: the pictures that have more evidence through others than by themselves. `pictures` are
-// verified already. `load` is as in Rerank; `nearest` ranks the pictures most like some features by
-// their words, best first, `depth` of them. Deterministic.
+// Those that ask in turn, the surest first.
+std::vector<const VerifiedPicture*> ExpansionSources(const std::vector<VerifiedPicture>& pictures,
+                                                     int most);
+
+// By version: the pictures that have more evidence through others than by themselves. `pictures`
+// are verified already. `load` is as in Rerank; `nearest` ranks the pictures most like some
+// features by their words, best first, `depth` of them. Deterministic.
 std::unordered_map<std::int64_t, Support> Expand(
     const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
-    const std::function<std::optional<Features>(std::int64_t key)>& load,
+    const std::function<std::optional<Features>(std::int64_t version)>& load,
     const std::function<std::vector<RankedPicture>(const Features&, std::size_t depth)>& nearest);
 
 }  // namespace pliant

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/verify/explanation.h"
 
+#include "index/verify/warp_mesh.h"
+
 namespace pliant {
 namespace {
 

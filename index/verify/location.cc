@@ -6,8 +6,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/base/error.h"
 #include "index/verify/outline.h"
 
@@ -78,8 +76,6 @@ LostReason Judge(const Features& object, const VerificationResult& result, const
   if (FoldedShare(mesh, inliers) > options.max_folded) return LostReason::kFolded;
   return LostReason::kNone;
 }
-
-double Hundredths(double value) { return std::round(value * 100) / 100; }
 
 }  // namespace
 
@@ -158,26 +154,6 @@ Location Locate(const Verifier& picture, const Features& picture_features, const
   location.outline = std::move(result.outline);
   location.mesh = std::move(mesh);
   return location;
-}
-
-std::string LocationJson(const Location& location) {
-  using Json = nlohmann::ordered_json;
-  Json json = {{"found", location.found},
-               {"reason", location.found ? Json(nullptr) : Json(ToString(location.reason))},
-               {"keypoints", location.keypoints},
-               {"matches", location.matches},
-               {"inliers", location.inliers.size()},
-               {"inlier_rate", std::round(location.inlier_rate() * 1e4) / 1e4},
-               {"outline", nullptr},
-               {"mesh", nullptr}};
-  if (location.found) {
-    json["outline"] = Json::array();
-    for (const Vec2 p : location.outline) {
-      json["outline"].push_back({Hundredths(p.x), Hundredths(p.y)});
-    }
-    json["mesh"] = Json::parse(MeshJson(*location.mesh));
-  }
-  return json.dump();
 }
 
 }  // namespace pliant

@@ -4,28 +4,15 @@
 // picture: the verification of retrieval, and a judgement of whether its warp may be believed.
 #pragma once
 
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "descriptor/features/features.h"
-#include "descriptor/warp/tps.h"
+#include "index/records/location.h"
 #include "index/verify/verification.h"
 #include "index/verify/warp_mesh.h"
 
 namespace pliant {
 
-// Why an object counts as lost.
-enum class LostReason {
-  kNone,          // it is found
-  kFewKeypoints,  // the picture has hardly any
-  kFewMatches,    // too few descriptors found a partner
-  kNoAgreement,   // the matches agree on no smooth warp
-  kDegenerate,    // those that agree lie on a line
-  kFolded,        // the warp folds over, or tears, where it should hold
-  kFewInliers,    // so few agree that it may be chance
-  kSmallPatch,    // all that agree lie in one small spot of the object
-};
 // A stable word for programs: "few_matches".
 const char* ToString(LostReason reason);
 // A sentence for people.
@@ -43,22 +30,6 @@ struct LocateOptions {
   int mesh_points = 17;  // on the object's longer side
 };
 
-struct Location {
-  bool found = false;
-  LostReason reason = LostReason::kFewKeypoints;
-  int keypoints = 0;                 // of the picture
-  int matches = 0;                   // mutual nearest neighbours within the ratio
-  std::vector<MatchedPair> inliers;  // what RANSAC says, also when the object counts as lost
-  // The rest only when found. The warp maps pixels of the object's own picture.
-  std::optional<ThinPlateSpline> warp;
-  std::vector<Vec2> outline;  // in the picture, in order, not closed
-  std::optional<Mesh> mesh;
-
-  double inlier_rate() const {  // inliers / matches; 0 without matches
-    return matches > 0 ? static_cast<double>(inliers.size()) / matches : 0;
-  }
-};
-
 // `picture` must be made from `picture_features` with options.verification. Nothing found is no
 // error. Throws what Verifier::Verify throws. Thread-safe.
 Location Locate(const Verifier& picture, const Features& picture_features, const Features& object,
@@ -66,10 +37,5 @@ Location Locate(const Verifier& picture, const Features& picture_features, const
 
 // Throws kInvalidArgument naming the field.
 void Validate(const LocateOptions& options);
-
-// The one form for the command line and the server, members of an object:
-// {"found", "reason": word or null, "keypoints", "matches", "inliers", "inlier_rate",
-// "outline": [[x, y], ...] or null, "mesh": see MeshJson, or null}.
-std::string LocationJson(const Location& location);
 
 }  // namespace pliant

@@ -45,7 +45,7 @@ std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPa
 
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
-    const std::function<std::optional<Features>(std::int64_t key)>& load) {
+    const std::function<std::optional<Features>(std::int64_t version)>& load) {
   std::vector<VerifiedPicture> pictures;
   pictures.reserve(ranking.size());
   for (RankedPicture& picture : ranking) {
@@ -55,7 +55,7 @@ std::vector<VerifiedPicture> Rerank(
   const Verifier verifier(query, {.max_instances = options.max_instances});
   ParallelFor(pictures.size(), options.threads, [&](std::size_t i) {
     VerifiedPicture& candidate = pictures[i];
-    const auto features = load(candidate.picture.key);
+    const auto features = load(candidate.picture.ref.version);
     if (!features) return;
     const VerificationResult result = verifier.Verify(*features);
     if (options.explain) {
@@ -74,7 +74,7 @@ void SortByScore(std::vector<VerifiedPicture>* pictures) {
   std::sort(pictures->begin(), pictures->end(),
             [](const VerifiedPicture& a, const VerifiedPicture& b) {
               if (a.picture.score != b.picture.score) return a.picture.score > b.picture.score;
-              return a.picture.id < b.picture.id;
+              return a.picture.ref.id < b.picture.ref.id;
             });
 }
 

@@ -10,7 +10,8 @@
 #include <vector>
 
 #include "descriptor/features/features.h"
-#include "index/rank/ranking.h"
+#include "index/rank/ranker.h"
+#include "index/records/search.h"
 #include "index/verify/explanation.h"
 #include "index/verify/verification.h"
 
@@ -38,12 +39,12 @@ struct RerankOptions {
   int threads = 1;  // pictures at a time; 0 = all cores
 };
 
-// Verifies the pictures of `ranking`, in its order. `load` gives a
-// picture's features, or nothing for one that was removed meanwhile, which is left unverified; it
+// Verifies the pictures of `ranking`, in its order. `load` gives a picture's features by its
+// PictureRef::version, or nothing for one that was removed meanwhile, which is left unverified; it
 // is called from several threads. Deterministic.
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
-    const std::function<std::optional<Features>(std::int64_t key)>& load);
+    const std::function<std::optional<Features>(std::int64_t version)>& load);
 
 // By score, then id.
 void SortByScore(std::vector<VerifiedPicture>* pictures);

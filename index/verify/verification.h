@@ -4,7 +4,6 @@
 // nearest neighbours that pass the ratio test must agree with one smooth warp.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "descriptor/match/matching.h"
 #include "descriptor/warp/tps.h"
 #include "descriptor/warp/tps_ransac.h"
+#include "index/records/location.h"
 
 namespace pliant {
 
@@ -25,11 +25,6 @@ struct VerificationOptions {
   TpsRansacOptions ransac = {};  // tolerance_px is set from `tolerance`
   int max_instances = 1;         // of the object that are looked for in the query; at least 1
   int threads = 1;               // for the matching of one pair; 0 = all cores
-};
-
-struct MatchedPair {
-  std::uint32_t query = 0;  // key-point numbers
-  std::uint32_t reference = 0;
 };
 
 // The object once more, elsewhere in the query picture.

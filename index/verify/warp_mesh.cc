@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <nlohmann/json.hpp>
-
 #include "descriptor/base/error.h"
 
 namespace pliant {
@@ -30,8 +28,6 @@ double MedianOfPositive(std::vector<double> scales) {
   std::nth_element(scales.begin(), middle, scales.end());
   return *middle;
 }
-
-double Hundredths(double value) { return std::round(value * 100) / 100; }
 
 }  // namespace
 
@@ -72,17 +68,6 @@ Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
                            scale * kMaxScaleFactor >= median);
   }
   return mesh;
-}
-
-std::string MeshJson(const Mesh& mesh) {
-  nlohmann::ordered_json json = {{"columns", mesh.columns},
-                                 {"rows", mesh.rows},
-                                 {"reference_width", mesh.reference_width},
-                                 {"reference_height", mesh.reference_height},
-                                 {"points", nlohmann::ordered_json::array()},
-                                 {"trusted", mesh.trusted}};
-  for (const Vec2 p : mesh.points) json["points"].push_back({Hundredths(p.x), Hundredths(p.y)});
-  return json.dump();
 }
 
 }  // namespace pliant

@@ -118,6 +118,8 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
   AddText(app, "--tls-key", options.tls_key, "PEM file with the certificate's private key");
   AddText(app, "--cors-origins", options.cors_origins,
           "Origins whose pages may ask, with commas between, or *; empty = only the own page");
+  AddText(app, "--allowed-hosts", options.allowed_hosts,
+          "Names that clients may call the server by, with commas between, or *; empty = its own");
 }
 
 void Define(CLI::App& app, ServerOptions& options) {

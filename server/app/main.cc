@@ -4,7 +4,7 @@
 
 #include "descriptor/image/quiet_decoders.h"
 #include "server/app/command_line.h"
-#include "server/app/service.h"
+#include "server/app/run_server.h"
 #include "server/auth/keys_command.h"
 
 int main(int argc, char** argv) {

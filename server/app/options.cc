@@ -57,6 +57,20 @@ bool AllLoopback(const std::string& host) {
   return all;
 }
 
+EngineOptions MakeEngineOptions(const ServerOptions& options) {
+  EngineOptions engine;
+  engine.database = options.database;
+  engine.descriptor = options.descriptor;
+  engine.descriptor_options.model_path = options.model;
+  engine.keep_originals = options.keep_originals;
+  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
+  engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
+  engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
+  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
+  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
+  return engine;
+}
+
 }  // namespace
 
 void CheckOptions(const ServerOptions& options) {
@@ -73,6 +87,15 @@ void CheckOptions(const ServerOptions& options) {
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
   }
+  const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
+  for (const std::string& one : SplitAtCommas(options.allowed_hosts)) {
+    if (!std::regex_match(one, host)) {
+      fail("allowed-hosts",
+           "must be names like pictures.example without scheme and port, with "
+           "commas between, or *, not '" +
+               one + "'");
+    }
+  }
   const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
   for (const std::string& one : SplitAtCommas(options.cors_origins)) {
     if (!std::regex_match(one, origin)) {
@@ -87,6 +110,7 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   http.tls_certificate = options.tls_cert;
   http.tls_key = options.tls_key;
   http.allowed_origins = SplitAtCommas(options.cors_origins);
+  http.allowed_hosts = SplitAtCommas(options.allowed_hosts);
   const std::size_t colon = options.listen.rfind(':');
   const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);
@@ -112,24 +136,14 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   return http;
 }
 
-EngineOptions MakeEngineOptions(const ServerOptions& options) {
-  EngineOptions engine;
-  engine.database = options.database;
-  engine.descriptor = options.descriptor;
-  engine.descriptor_options.model_path = options.model;
-  engine.keep_originals = options.keep_originals;
-  engine.originals_dir = ParseOriginalsDir(options.originals_dir);
-  engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
-  engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
-  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
-  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
-  return engine;
-}
-
-WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options) {
-  return {.cores = options.cores,
-          .queue_length = options.queue_length,
-          .queue_timeout = std::chrono::seconds(options.queue_timeout_s)};
+ServiceOptions MakeServiceOptions(const ServerOptions& options) {
+  return {.engine = MakeEngineOptions(options),
+          .pool = {.cores = options.cores,
+                   .queue_length = options.queue_length,
+                   .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
+          .auto_train = options.auto_train,
+          .import_dir = options.import_dir,
+          .backup_dir = options.backup_dir};
 }
 
 bool OpenWithoutKeys(const ServerOptions& options) {

@@ -7,9 +7,8 @@
 #include <cstdint>
 #include <string>
 
-#include "index/engine/engine.h"
 #include "server/http/http_server.h"
-#include "server/jobs/worker_pool.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 
@@ -47,11 +46,12 @@ struct ServerOptions {
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
 
-  std::string import_dir;    // pictures may be imported from below it; empty = off
-  std::string backup_dir;    // backups over HTTP go there; empty = off
-  std::string tls_cert;      // PEM file; empty = no TLS
-  std::string tls_key;       // PEM file
-  std::string cors_origins;  // "https://a.example,https://b.example", "*"; empty = none
+  std::string import_dir;     // pictures may be imported from below it; empty = off
+  std::string backup_dir;     // backups over HTTP go there; empty = off
+  std::string tls_cert;       // PEM file; empty = no TLS
+  std::string tls_key;        // PEM file
+  std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
+  std::string allowed_hosts;  // "pictures.example,shop.example", "*"; empty = own names only
 };
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate
@@ -60,8 +60,7 @@ void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);
-EngineOptions MakeEngineOptions(const ServerOptions& options);
-WorkerPoolOptions MakeWorkerPoolOptions(const ServerOptions& options);
+ServiceOptions MakeServiceOptions(const ServerOptions& options);
 
 // Whether all requests are allowed as long as there are no API keys: on loopback, or with
 // --allow-anonymous.

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Start, serve, stop.
+#include "server/app/run_server.h"
+
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -11,10 +12,11 @@
 #include <pthread.h>
 #include <spdlog/spdlog.h>
 
+#include "index/cli/flag_names.h"
 #include "server/app/logging.h"
-#include "server/app/service.h"
 #include "server/auth/gate.h"
 #include "server/http/http_server.h"
+#include "server/routes/routes.h"
 
 namespace pliant::server {
 
@@ -99,7 +101,7 @@ int RunServer(const ServerOptions& options) {
     KeyRing keys(options.database);
     CheckExposure(options, keys.InUse());
     Gate gate(keys, options.rate_limit, options.rate_burst, OpenWithoutKeys(options));
-    Service service(options);
+    Service service(MakeServiceOptions(options));
     const Router router(MakeRoutes(service));
     HttpServer http(
         router, http_options,
@@ -117,6 +119,9 @@ int RunServer(const ServerOptions& options) {
     int signal = 0;
     sigwait(&signals, &signal);
     return StopServing(http, options, signals);
+  } catch (const Error& error) {
+    spdlog::error("{}", cli::WithFlagNames(error));
+    return 1;
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
     return 1;

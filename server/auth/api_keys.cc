@@ -14,6 +14,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
+#include "index/store/open_store.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
 
@@ -90,12 +91,12 @@ std::optional<Scope> ScopeFromName(const std::string& name) {
 KeyRing::KeyRing(std::filesystem::path database) : database_(std::move(database)) {
   std::error_code absent;
   if (std::filesystem::file_size(database_, absent) == 0 || absent) return;
-  in_use_at_start_ = !ServiceStore(database_).Keys().empty();
+  in_use_at_start_ = !OpenServiceStore(database_)->Keys().empty();
 }
 
 void KeyRing::Open() {
   const std::lock_guard lock(mutex_);
-  if (!store_) store_ = std::make_unique<ServiceStore>(database_);
+  if (!store_) store_ = OpenServiceStore(database_);
 }
 
 void KeyRing::Refresh() {

@@ -13,7 +13,7 @@
 #include <optional>
 #include <string>
 
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/http/message.h"
 #include "server/http/router.h"
 

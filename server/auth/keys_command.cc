@@ -11,6 +11,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
+#include "index/store/open_store.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
 
@@ -42,9 +43,9 @@ void MakeDatabase(const Options& options) {
 int Create(const Options& options) {
   CheckName(options.name);
   MakeDatabase(options);
-  ServiceStore store(options.engine.database);
+  const auto store = OpenServiceStore(options.engine.database);
   const NewKey made = MakeApiKey(options.name, ScopeFromName(options.scope).value());
-  store.AddKey(made.record);
+  store->AddKey(made.record);
   if (options.json) {
     fmt::print("{}\n", ToText(Json{{"id", made.record.id},
                                    {"name", made.record.name},
@@ -59,15 +60,15 @@ int Create(const Options& options) {
 }
 
 int List(const Options& options) {
-  const std::vector<ApiKeyRecord> keys = ServiceStore(options.engine.database).Keys();
+  const std::vector<ApiKeyRecord> keys = OpenServiceStore(options.engine.database)->Keys();
   Json list = Json::array();
   for (const ApiKeyRecord& key : keys) {
     list.push_back(
         {{"id", key.id},
          {"name", key.name},
          {"scope", key.scope},
-         {"created_at", FormatTime(key.created_ms)},
-         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(FormatTime(key.revoked_ms))}});
+         {"created_at", IsoTime(key.created_ms)},
+         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(IsoTime(key.revoked_ms))}});
   }
   if (options.json) {
     fmt::print("{}\n", ToText(Json{{"keys", list}}));
@@ -75,17 +76,17 @@ int List(const Options& options) {
   }
   if (keys.empty()) fmt::print("no keys\n");
   for (const ApiKeyRecord& key : keys) {
-    fmt::print("{}  {:<5}  {}  {}{}\n", key.id, key.scope, FormatTime(key.created_ms), key.name,
-               key.revoked_ms == 0 ? "" : "  (revoked " + FormatTime(key.revoked_ms) + ")");
+    fmt::print("{}  {:<5}  {}  {}{}\n", key.id, key.scope, IsoTime(key.created_ms), key.name,
+               key.revoked_ms == 0 ? "" : "  (revoked " + IsoTime(key.revoked_ms) + ")");
   }
   return 0;
 }
 
 int Revoke(const Options& options) {
-  ServiceStore store(options.engine.database);
+  const auto store = OpenServiceStore(options.engine.database);
   int status = 0;
   for (const std::string& key : options.keys) {
-    if (store.RevokeKey(key)) {
+    if (store->RevokeKey(key)) {
       fmt::print("revoked {}\n", key);
     } else {
       fmt::print(stderr, "no working key has the id or the name \"{}\"\n", ToDisplayText(key));
@@ -96,7 +97,7 @@ int Revoke(const Options& options) {
 }
 
 int Purge(const Options& options) {
-  const std::uint64_t forgotten = ServiceStore(options.engine.database).ForgetRevokedKeys();
+  const std::uint64_t forgotten = OpenServiceStore(options.engine.database)->ForgetRevokedKeys();
   fmt::print("forgot {} revoked keys\n", forgotten);
   return 0;
 }

@@ -19,19 +19,20 @@ ConnectionQueue::ConnectionQueue(int threads, int limit, std::atomic<int>& waiti
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Run(); });
 }
 
-void ConnectionQueue::enqueue(std::function<void()> serve) {
+Enqueued ConnectionQueue::enqueue(std::function<void()> serve) {
   {
     const std::lock_guard lock(mutex_);
     if (queue_.size() < limit_) {
       queue_.push_back(std::move(serve));
       waiting_ = static_cast<int>(queue_.size());
       wake_.notify_one();
-      return;
+      return Enqueued(true);
     }
   }
   rejecting = true;
   serve();
   rejecting = false;
+  return Enqueued(true);
 }
 
 void ConnectionQueue::Run() {

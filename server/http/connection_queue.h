@@ -5,13 +5,14 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <functional>
 #include <mutex>
 #include <thread>
 #include <vector>
 
-#include <httplib.h>
+#include "server/http/library.h"
 
 namespace pliant::server {
 
@@ -24,7 +25,7 @@ class ConnectionQueue final : public httplib::TaskQueue {
 
   static bool Rejecting();
 
-  void enqueue(std::function<void()> serve) override;
+  Enqueued enqueue(std::function<void()> serve) override;
   void shutdown() override;  // serves what waits, then joins
 
  private:

@@ -106,6 +106,15 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
   }
 }
 
+// HTTP/1.0, which no browser speaks, does without the header.
+void Exchange::CheckHost() const {
+  const auto host = request_.headers.find("Host");
+  if (host == request_.headers.end() || shared_.allowed_hosts.Allows(host->second)) return;
+  throw ProblemError("host_not_allowed",
+                     "The server is not called by the name in the Host header; its operator can "
+                     "allow it with --allowed-hosts.");
+}
+
 bool Exchange::IsAllowedOrigin(const std::string& origin) const {
   const auto& allowed = shared_.allowed_origins;
   return !origin.empty() && std::any_of(allowed.begin(), allowed.end(), [&](const auto& one) {
@@ -150,6 +159,7 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
   ReadHead(raw);
   try {
     CheckFraming(raw);
+    CheckHost();
     if (request_.path.size() > kMaxPathBytes) {
       throw ProblemError("uri_too_long", "The path is too long.");
     }

@@ -10,6 +10,7 @@
 
 #include <httplib.h>
 
+#include "server/http/allowed_hosts.h"
 #include "server/http/connection.h"
 #include "server/http/http_server.h"
 #include "server/http/message.h"
@@ -23,6 +24,7 @@ struct ExchangeShared {
   const Router& router;
   const AdmitRequest admit;
   const std::vector<std::string> allowed_origins;
+  const AllowedHosts allowed_hosts;
   const bool encrypted = false;
   std::size_t max_body_bytes = 0;
   std::size_t max_inflight_bytes = 0;
@@ -59,6 +61,7 @@ class Exchange {
  private:
   void ReadHead(const httplib::Request& raw);
   void CheckFraming(const httplib::Request& raw);
+  void CheckHost() const;
   bool IsAllowedOrigin(const std::string& origin) const;
   bool IsPreflight() const;
   void AnswerPreflight(httplib::Response& answer);

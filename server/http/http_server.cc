@@ -3,8 +3,10 @@
 #include "server/http/http_server.h"
 
 #include <condition_variable>
+#include <cstdint>
 #include <mutex>
 #include <set>
+#include <utility>
 
 #include <httplib.h>
 #include <sys/eventfd.h>
@@ -14,6 +16,7 @@
 #include "descriptor/base/error.h"
 #include "server/http/connection_queue.h"
 #include "server/http/exchange.h"
+#include "server/http/library.h"
 
 namespace pliant::server {
 
@@ -37,7 +40,7 @@ void SetListenOptions(socket_t listener) {
 
 }  // namespace
 
-class HttpServer::Impl final : public httplib::Server {
+class HttpServer::Impl final : public LibraryServer {
  public:
   Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
@@ -46,6 +49,7 @@ class HttpServer::Impl final : public httplib::Server {
         shared_{router,
                 std::move(admit),
                 options_.allowed_origins,
+                AllowedHosts(options_.host, options_.allowed_hosts),
                 !options_.tls_certificate.empty(),
                 options_.limits.max_body_bytes,
                 options_.max_inflight_bytes},
@@ -53,7 +57,10 @@ class HttpServer::Impl final : public httplib::Server {
     new_task_queue = [this] {
       return new ConnectionQueue(options_.threads, options_.connection_queue, waiting_);
     };
-    set_socket_options(SetListenOptions);
+    set_socket_options([this](socket_t listener) {
+      SetListenOptions(listener);
+      listener_ = listener;  // of several addresses, the last tried is the one that is bound
+    });
     set_tcp_nodelay(true);
     set_keep_alive_timeout(
         std::chrono::ceil<std::chrono::seconds>(options_.limits.idle_timeout).count());
@@ -155,10 +162,10 @@ class HttpServer::Impl final : public httplib::Server {
                       ": the port is taken, or the address is none of this machine's");
     }
     port_ = port;
-    ::listen(svr_sock_, kListenBacklog);  // the library's own backlog is 5
+    ::listen(listener_, kListenBacklog);  // the library's own backlog is 5
   }
 
-  bool process_and_close_socket(socket_t socket_fd) override {
+  void ServeSocket(socket_t socket_fd) override {
     std::unique_ptr<TlsSession> tls;
     if (tls_) tls = std::make_unique<TlsSession>(*tls_, socket_fd);
     Connection connection(socket_fd, wake_fd_, options_.limits, std::move(tls));
@@ -169,8 +176,6 @@ class HttpServer::Impl final : public httplib::Server {
       if (connection.Handshake()) Serve(connection);
       Track(socket_fd, false);
     }
-    close(socket_fd);
-    return true;
   }
 
   void Serve(Connection& connection) {
@@ -192,7 +197,7 @@ class HttpServer::Impl final : public httplib::Server {
     connection.BeginHeaders();
     bool client_closes = false;
     const bool written =
-        process_request(connection, last, client_closes, [&](httplib::Request& request) {
+        ProcessRequest(connection, last, client_closes, [&](httplib::Request& request) {
           connection.BeginBody();
           // Answers are whole and plain: ranges and on-the-fly compression cost more than they
           // give for pictures and short JSON.
@@ -260,6 +265,7 @@ class HttpServer::Impl final : public httplib::Server {
   ExchangeShared shared_;
   int wake_fd_;
   int port_ = 0;
+  socket_t listener_ = INVALID_SOCKET;  // owned by the library
   std::atomic<int> waiting_{0};
   std::thread accepting_;
   std::mutex mutex_;  // guards finished_ and open_sockets_

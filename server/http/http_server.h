@@ -28,6 +28,8 @@ struct HttpOptions {
   std::string tls_key;
   // Pages of these origins ("https://shop.example") may ask (CORS); "*" = any.
   std::vector<std::string> allowed_origins;
+  // Names that requests may call the server by, beside those that AllowedHosts knows; "*" = any.
+  std::vector<std::string> allowed_hosts;
 };
 
 // One answered request, for logs and metrics.

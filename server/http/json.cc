@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <ctime>
 
 #include <fmt/format.h>
 
@@ -66,10 +65,6 @@ Json ParseJsonArray(const std::string& text, const std::string& name) {
   return Parse(text, name, Json::value_t::array, "array");
 }
 
-std::string ToText(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 std::string Base64(const void* data, std::size_t bytes) {
   return Encode64(static_cast<const std::uint8_t*>(data), bytes, kBase64, true);
 }
@@ -96,20 +91,6 @@ bool Base64UrlDecode(const std::string& text, std::string* bytes) {
   }
   // One form for each value: no left-over character, no stray bits.
   return text.size() % 4 != 1 && (group & ((1U << bits) - 1)) == 0;
-}
-
-std::string FormatTime(std::int64_t unix_ms) {
-  std::int64_t seconds = unix_ms / 1000;
-  std::int64_t ms = unix_ms % 1000;
-  if (ms < 0) {
-    ms += 1000;
-    --seconds;
-  }
-  const std::time_t time = seconds;
-  std::tm utc{};
-  gmtime_r(&time, &utc);
-  return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", utc.tm_year + 1900,
-                     utc.tm_mon + 1, utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec, ms);
 }
 
 }  // namespace pliant::server

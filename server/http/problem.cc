@@ -55,6 +55,8 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"unsupported_content_encoding", 415, "compressed bodies are not taken"},
     {"range_not_satisfiable", 416, "the Range header cannot be understood"},
     {"expectation_failed", 417, "the Expect header asks for what the server does not do"},
+    {"host_not_allowed", 421,
+     "the Host header has a name that is none of the server's (--allowed-hosts)"},
     {"rate_limited", 429, "more requests than --rate-limit allows; Retry-After says when to go on"},
     {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
     {"internal", 500, "a defect or damaged data; the server's log has the request id"},
@@ -62,6 +64,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"busy", 503, "too much to do at the moment; Retry-After says when to come again"},
     {"starting", 503, "the index is still loading"},
     {"stopping", 503, "the server is being stopped"},
+    {"read_only", 500, "the server may not write where it keeps this"},
     {"no_space", 507, "the server's disk is full"},
 });
 
@@ -102,6 +105,7 @@ Problem MakeProblem(const std::string& code, const std::string& detail) {
 // What a client may know of a failure on this side.
 std::string PublicDetail(const std::string& code) {
   if (code == "busy") return "The server is busy. Try again shortly.";
+  if (code == "read_only") return "The server may not write where it keeps this.";
   if (code == "no_space") return "The server has no space left to store this.";
   return "Something went wrong on the server. Its log has more under the request id.";
 }
@@ -119,7 +123,10 @@ Problem FromError(const Error& error) {
     }
     return problem;
   }
-  problem.code = problem.status == 503 ? "busy" : problem.status == 507 ? "no_space" : "internal";
+  problem.code = problem.status == 503                  ? "busy"
+                 : problem.status == 507                ? "no_space"
+                 : error.code() == ErrorCode::kReadOnly ? "read_only"
+                                                        : "internal";
   problem.detail = PublicDetail(problem.code);
   problem.internal = error.reason() + ": " + error.what();
   if (problem.status == 503) problem.retry_after_s = kDefaultRetryAfterS;
@@ -179,6 +186,7 @@ int StatusOf(ErrorCode code) {
       return 503;
     case ErrorCode::kNoSpace:
       return 507;
+    case ErrorCode::kReadOnly:
     case ErrorCode::kCorrupt:
     case ErrorCode::kInternal:
       return 500;
@@ -283,6 +291,7 @@ std::string StatusTitle(int status) {
       {415, "Unsupported Media Type"},
       {416, "Range Not Satisfiable"},
       {417, "Expectation Failed"},
+      {421, "Misdirected Request"},
       {422, "Unprocessable Content"},
       {429, "Too Many Requests"},
       {431, "Request Header Fields Too Large"},

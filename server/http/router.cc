@@ -120,20 +120,7 @@ std::vector<std::string> SplitPattern(const std::string& pattern) {
   return segments;
 }
 
-std::string EncodeSegment(std::string_view text) {
-  std::string encoded;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    const bool unreserved = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
-                            (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '_' || c == '~';
-    if (unreserved) {
-      encoded += c;
-    } else {
-      encoded += fmt::format("%{:02X}", byte);
-    }
-  }
-  return encoded;
-}
+std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
 
 void CheckContentType(const Route& route, const Request& request) {
   if (!request.has_body) return;

@@ -37,7 +37,7 @@ class TlsSession {
 
   // The socket is not owned; it is made non-blocking.
   TlsSession(const TlsContext& context, int socket_fd);
-  ~TlsSession();
+  ~TlsSession();  // as Close()
   TlsSession(const TlsSession&) = delete;
   TlsSession& operator=(const TlsSession&) = delete;
 
@@ -47,7 +47,8 @@ class TlsSession {
   // > 0 bytes; 0 the other side has ended; -1 failed; -2 the deadline passed.
   ssize_t Read(char* data, std::size_t size, Clock::time_point deadline);
   ssize_t Write(const char* data, std::size_t size, Clock::time_point deadline);
-  void Close();  // says that nothing more comes
+  // Says that nothing more comes, unless it was said already. Does not wait.
+  void Close();
 
  private:
   class Impl;

@@ -84,8 +84,8 @@ std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) 
   if (record.descriptors == 0) return std::nullopt;
   if (record.vocabulary) {
     const VocabularyOrigin& origin = record.vocabulary->origin;
-    const bool ours = origin.seed == kSeed;
-    if (!ours || origin.sampled >= kFullSample || record.descriptors < kGrowth * origin.available) {
+    if (!record.automatic || origin.sampled >= kFullSample ||
+        record.descriptors < kGrowth * origin.available) {
       return std::nullopt;
     }
   }
@@ -93,6 +93,7 @@ std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) 
   options.collection = collection;
   options.seed = kSeed;
   options.sample = static_cast<int>(kFullSample);
+  options.automatic = true;
   return AddTrainingJob(jobs_, options, /*activate=*/true);
 }
 

@@ -25,7 +25,8 @@ namespace pliant::server {
 //   kLongestWait after the first), or at once when a search comes;
 // - the active vocabulary is one of ours, was chosen from less than kFullSample descriptors, and
 //   there are now kGrowth times as many: train again and switch.
-// A vocabulary that somebody trained or chose by hand is left alone: ours are known by their seed.
+// A vocabulary that somebody trained or chose by hand is left alone: the database remembers which
+// (CollectionRecord::automatic).
 class AutoTrainer {
  public:
   static constexpr std::uint64_t kSeed = 0x50'4c'49'41'4e'54;  // "PLIANT"

@@ -10,7 +10,7 @@
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
-#include "server/http/json.h"
+#include "descriptor/base/error.h"
 
 namespace pliant::server {
 
@@ -89,15 +89,22 @@ JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
   if (fs::exists(fs::symlink_status(directory_ / name))) {
     throw ProblemError("backup_exists", "There is a backup of this name. Give another.");
   }
-  return jobs.Add("backup", "", ToText(Json{{"name", name}}));
+  return jobs.Add("backup", "", Json{{"name", name}});
 }
 
 void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
   JobKind kind;
   kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
-    const std::string name = Json::parse(job.parameters).at("name");
+    const std::string name = job.parameters.at("name");
     if (directory.empty()) throw ProblemError("backups_off", "Backups are off now (--backup-dir).");
-    engine.Backup(directory / name);
+    try {
+      engine.Backup(directory / name);
+    } catch (const Error& error) {
+      // A directory that is gone or cannot be written is the operator's business; the text would
+      // tell clients where it lies.
+      if (error.code() != ErrorCode::kNotFound) throw;
+      throw Error(ErrorCode::kInternal, error.reason(), error.what());
+    }
     spdlog::info("backup {} written", name);
     return "/v1/backups/" + name;
   };

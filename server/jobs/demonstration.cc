@@ -77,7 +77,7 @@ std::shared_ptr<const std::string> CrumpledPictures::Get(std::size_t number) {
 
 JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection) {
   engine.GetCollection(collection);  // before the job: the caller gets the error
-  return jobs.Add("demo", collection, "{}");
+  return jobs.Add("demo", collection, Json::object());
 }
 
 void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,

@@ -3,12 +3,10 @@
 #include "server/jobs/import_job.h"
 
 #include <algorithm>
-#include <atomic>
 #include <thread>
+#include <utility>
 
-#include "descriptor/base/parallel.h"
-#include "index/files/text.h"
-#include "server/http/json.h"
+#include "index/import/folder_import.h"
 
 namespace pliant::server {
 
@@ -23,109 +21,63 @@ constexpr std::chrono::seconds kPauseWhenBusy{1};
   throw ProblemError("invalid_parameter", "folder " + why).Parameter("folder");
 }
 
-bool IsInside(const fs::path& directory, const fs::path& path) {
-  return std::mismatch(directory.begin(), directory.end(), path.begin(), path.end()).first ==
-         directory.end();
-}
-
 ObjectFrom ObjectFromName(const std::string& name) {
   if (name == "folder") return ObjectFrom::kFolder;
   if (name == "stem") return ObjectFrom::kStem;
   return name == "none" ? ObjectFrom::kNone : ObjectFrom::kAuto;
 }
 
-class Import {
- public:
-  Import(Engine& engine, WorkerPool& pool, const ImportOptions& options, const JobStatus& job,
-         const JobContext& context)
-      : engine_(engine), pool_(pool), options_(options), job_(job), context_(context) {}
-
-  std::string Run() {
-    const Json parameters = Json::parse(job_.parameters);
-    root_ = fs::canonical(options_.directory);
-    const fs::path folder =
-        ResolveImportFolder(options_.directory, parameters.at("folder").get<std::string>());
-    PictureFiles found =
-        FindPictures({folder}, ObjectFromName(parameters.at("object_from").get<std::string>()));
-    for (const SkippedFile& skipped : found.skipped) {
-      context_.Skipped({NameOf(skipped.file), skipped.code, skipped.reason});
-    }
-    files_ = std::move(found.pictures);
-    context_.Progress(0, static_cast<double>(files_.size()));
-    ParallelFor(files_.size(), std::max(1, pool_.cores() / 2), [this](std::size_t i) {
-      if (context_.stop().stop_requested()) return;
-      AddOne(files_[i]);
-      context_.Progress(static_cast<double>(++done_), static_cast<double>(files_.size()));
-    });
-    if (done_ < files_.size()) {
-      throw Error(ErrorCode::kCancelled, "import_cancelled",
-                  "the import was stopped; what it has added stays");
-    }
-    return "/v1/collections/" + job_.collection;
-  }
-
- private:
-  // For people: below the import directory.
-  std::string NameOf(const fs::path& path) const {
-    return ToDisplayText(path.lexically_relative(root_).string());
-  }
-
-  void AddOne(const PictureFile& file) {
+// In the background lane. Another process may hold the database for a while: an import waits.
+AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
+                       const std::stop_token& stop) {
+  for (int attempt = 1;; ++attempt) {
     try {
-      std::error_code error;
-      if (!IsInside(root_, fs::canonical(file.path, error)) || error) {
-        context_.Skipped({NameOf(file.path), "outside", "it leads out of the import directory"});
-        return;
-      }
-      std::vector<std::uint8_t> bytes;
-      try {
-        bytes = ReadFile(file.path, options_.max_bytes);
-      } catch (const Error& unread) {
-        context_.Skipped({NameOf(file.path), unread.reason(), "it cannot be read or is too large"});
-        return;
-      }
-      AddRequest request;
-      request.collection = job_.collection;
-      request.object = file.object;
-      request.source = NameOf(file.path);
-      request.bytes = bytes;
-      if (AddPatiently(request)) options_.on_added(job_.collection);
+      AddResult result;
+      pool.Run(WorkerPool::Lane::kBackground, [&](int cores) {
+        AddRequest with_cores = request;
+        with_cores.threads = cores;
+        result = engine.Add(with_cores);
+      });
+      return result;
     } catch (const Error& error) {
-      if (!ConcernsOnePicture(error)) throw;
-      context_.Skipped({NameOf(file.path), error.reason(), ToDisplayText(error.what())});
-    }
-  }
-
-  // True when something was stored.
-  bool AddPatiently(const AddRequest& request) {
-    for (int attempt = 1;; ++attempt) {
-      try {
-        AddResult result;
-        pool_.Run(WorkerPool::Lane::kBackground, [&](int cores) {
-          AddRequest with_cores = request;
-          with_cores.threads = cores;
-          result = engine_.Add(with_cores);
-        });
-        return result.outcome != AddOutcome::kUnchanged;
-      } catch (const Error& error) {
-        if (error.code() != ErrorCode::kUnavailable || attempt == kTriesWhenBusy ||
-            context_.stop().stop_requested()) {
-          throw;
-        }
-        std::this_thread::sleep_for(kPauseWhenBusy);
+      if (error.code() != ErrorCode::kUnavailable || attempt == kTriesWhenBusy ||
+          stop.stop_requested()) {
+        throw;
       }
+      std::this_thread::sleep_for(kPauseWhenBusy);
     }
   }
+}
 
-  Engine& engine_;
-  WorkerPool& pool_;
-  const ImportOptions& options_;
-  const JobStatus& job_;
-  const JobContext& context_;
-  fs::path root_;
-  std::vector<PictureFile> files_;
-  std::atomic<std::size_t> done_{0};
-};
+std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& options,
+                   const JobStatus& job, const JobContext& context) {
+  const fs::path folder =
+      ResolveImportFolder(options.directory, job.parameters.at("folder").get<std::string>());
+  const PictureFiles files =
+      FindPictures({folder}, ObjectFromName(job.parameters.at("object_from").get<std::string>()));
+  FolderImportOptions how;
+  how.collection = job.collection;
+  how.threads = std::max(1, pool.cores() / 2);
+  how.max_bytes = options.max_bytes;
+  how.root = fs::canonical(options.directory);
+  how.stop = context.stop();
+  how.progress = [&](std::uint64_t done, std::uint64_t total) {
+    context.Progress(static_cast<double>(done), static_cast<double>(total));
+  };
+  how.skipped = [&](const SkippedFile& file) {
+    context.Skipped({file.file, file.code, file.reason});
+  };
+  how.add = [&](const AddRequest& request) {
+    AddResult added = AddPatiently(engine, pool, request, context.stop());
+    if (added.outcome != AddOutcome::kUnchanged) options.on_added(job.collection);
+    return added;
+  };
+  if (ImportPictures(engine, files, how).interrupted) {
+    throw Error(ErrorCode::kCancelled, "import_cancelled",
+                "the import was stopped; what it has added stays");
+  }
+  return "/v1/collections/" + job.collection;
+}
 
 }  // namespace
 
@@ -155,14 +107,13 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
 
 JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
                        const std::string& object_from) {
-  return jobs.Add("import", collection,
-                  ToText(Json{{"folder", folder}, {"object_from", object_from}}));
+  return jobs.Add("import", collection, {{"folder", folder}, {"object_from", object_from}});
 }
 
 void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options) {
   jobs.Register("import", {[&engine, &pool, options = std::move(options)](
                                const JobStatus& job, const JobContext& context) {
-                  return Import(engine, pool, options, job, context).Run();
+                  return Import(engine, pool, options, job, context);
                 }});
 }
 

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/job_record.h"
 
-#include "server/http/json.h"
+#include <chrono>
+
+#include "index/json/json.h"
 
 namespace pliant::server {
 
@@ -11,7 +13,7 @@ JobRecord ToRecord(const JobStatus& status) {
   record.id = status.id;
   record.kind = status.kind;
   record.collection = status.collection;
-  record.parameters = status.parameters;
+  record.parameters = ToText(status.parameters);
   record.state = JobStateName(status.state);
   record.done = status.done;
   record.total = status.total;
@@ -39,7 +41,8 @@ JobStatus FromRecord(const JobRecord& record) {
   status.id = record.id;
   status.kind = record.kind;
   status.collection = record.collection;
-  status.parameters = record.parameters;
+  const Json parameters = Json::parse(record.parameters, nullptr, /*allow_exceptions=*/false);
+  if (parameters.is_object()) status.parameters = parameters;
   for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
                                JobState::kFailed, JobState::kCancelled}) {
     if (record.state == JobStateName(state)) status.state = state;
@@ -64,6 +67,12 @@ JobStatus FromRecord(const JobRecord& record) {
     status.skipped.push_back({item.at(0), item.at(1), item.at(2)});
   }
   return status;
+}
+
+std::int64_t UnixMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 }  // namespace pliant::server

@@ -3,12 +3,14 @@
 // A job as it is kept in the database, and back.
 #pragma once
 
-#include "index/store/sqlite/service_store.h"
+#include "index/store/service_store.h"
 #include "server/jobs/jobs.h"
 
 namespace pliant::server {
 
 JobRecord ToRecord(const JobStatus& status);
 JobStatus FromRecord(const JobRecord& record);
+
+std::int64_t UnixMs();  // now
 
 }  // namespace pliant::server

@@ -3,7 +3,6 @@
 #include "server/jobs/jobs.h"
 
 #include <algorithm>
-#include <exception>
 #include <random>
 
 #include <fmt/format.h>
@@ -15,20 +14,14 @@ namespace pliant::server {
 
 namespace {
 
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
-bool IsActive(JobState state) { return state == JobState::kQueued || state == JobState::kRunning; }
-
 std::string NewId() {
   std::random_device random;
   return fmt::format("{:08x}{:08x}", random(), random());
 }
 
 }  // namespace
+
+bool IsActive(JobState state) { return state == JobState::kQueued || state == JobState::kRunning; }
 
 std::string JobStateName(JobState state) {
   switch (state) {
@@ -61,184 +54,120 @@ void JobQueue::Register(const std::string& kind, JobKind how) {
 }
 
 void JobQueue::Start() {
-  const std::lock_guard lock(mutex_);
   Load();
+  const std::lock_guard lock(mutex_);
   for (const auto& [kind, how] : kinds_) {
     threads_.emplace_back([this, name = kind] { Run(name); });
   }
 }
 
+bool JobQueue::MayGoOn(const JobStatus& status) const {
+  const auto kind = kinds_.find(status.kind);
+  if (kind == kinds_.end()) return false;
+  return status.state == JobState::kQueued ||
+         (kind->second.resumes && status.attempts < kMaxAttempts);
+}
+
 void JobQueue::Load() {
   if (store_ == nullptr) return;
+  std::vector<std::shared_ptr<Job>> lost;
   for (const JobRecord& record : store_->Jobs()) {
     auto job = std::make_shared<Job>();
     job->status = FromRecord(record);
+    const std::lock_guard lock(mutex_);
     jobs_.push_back(job);
     if (!IsActive(job->status.state)) continue;
-    const auto kind = kinds_.find(job->status.kind);
-    const bool begun = job->status.state == JobState::kRunning;
-    const bool may_go_on =
-        kind != kinds_.end() &&
-        (!begun || (kind->second.resumes && job->status.attempts < kMaxAttempts));
-    if (may_go_on) {
-      job->status.state = JobState::kQueued;
-      if (begun) spdlog::info("job {} ({}) goes on", job->status.id, job->status.kind);
-      queue_.push_back(job);
+    if (!MayGoOn(job->status)) {
+      lost.push_back(job);
       continue;
     }
-    job->status.problem =
+    if (job->status.state == JobState::kRunning) {
+      spdlog::info("job {} ({}) goes on", job->status.id, job->status.kind);
+    }
+    job->status.state = JobState::kQueued;
+    queue_.push_back(job);
+  }
+  for (const auto& job : lost) {
+    JobStatus failed = job->status;
+    failed.state = JobState::kFailed;
+    failed.problem =
         ProblemError("interrupted",
                      "The server ended while this ran, and it cannot go on. Start it anew.")
             .problem();
-    Finish(*job, JobState::kFailed);
+    Become(*job, std::move(failed));
   }
 }
 
 JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
-                        const std::string& parameters) {
-  const std::lock_guard lock(mutex_);
-  if (queue_.size() >= kMaxQueued) {
-    throw ProblemError("busy", "Too many jobs are waiting. Try again later.").RetryAfter(10);
+                        const Json& parameters) {
+  const std::lock_guard saving(saving_);
+  {
+    const std::lock_guard lock(mutex_);
+    if (queue_.size() >= kMaxQueued) {
+      throw ProblemError("busy", "Too many jobs are waiting. Try again later.").RetryAfter(10);
+    }
   }
   auto job = std::make_shared<Job>();
   job->status.id = NewId();
   job->status.kind = kind;
   job->status.collection = collection;
   job->status.parameters = parameters;
-  job->status.created_ms = NowMs();
-  Save(*job, /*required=*/true);  // what is promised must survive
-  jobs_.push_back(job);
-  queue_.push_back(job);
-  if (jobs_.size() > kMaxJobs) {
-    const auto oldest = std::find_if(jobs_.begin(), jobs_.end(),
-                                     [](const auto& old) { return !IsActive(old->status.state); });
-    if (oldest != jobs_.end()) jobs_.erase(oldest);
-    if (store_ != nullptr) store_->KeepNewestJobs(kMaxJobs);
-  }
-  changed_.notify_all();
-  return job->status;
-}
-
-std::shared_ptr<JobQueue::Job> JobQueue::TakeNext(const std::string& kind) {
-  const auto next = std::find_if(queue_.begin(), queue_.end(),
-                                 [&](const auto& job) { return job->status.kind == kind; });
-  if (next == queue_.end()) return nullptr;
-  const std::shared_ptr<Job> job = *next;
-  queue_.erase(next);
-  return job;
-}
-
-void JobQueue::Run(const std::string& kind) {
-  while (true) {
-    std::shared_ptr<Job> job;
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return stopping_ || (job = TakeNext(kind)) != nullptr; });
-      if (stopping_) return;  // a job that was just taken stays queued in the store
-      job->status.state = JobState::kRunning;
-      ++job->status.attempts;
-      Save(*job);
-    }
-    Execute(job);
-  }
-}
-
-void JobQueue::OnProgress(Job& job, double done, double total) {
-  const std::lock_guard lock(mutex_);
-  job.status.done = done;
-  job.status.total = total;
-  const auto now = std::chrono::steady_clock::now();
-  if (now - job.saved < kSaveEvery) return;
-  job.saved = now;
-  Save(job);
-}
-
-void JobQueue::Execute(const std::shared_ptr<Job>& job) {
-  const JobContext context(
-      job->stop.get_token(),
-      [this, &job](double done, double total) { OnProgress(*job, done, total); },
-      [this, &job](const SkippedItem& item) {
-        const std::lock_guard lock(mutex_);
-        ++job->status.failed;
-        if (job->status.skipped.size() < kMaxSkipped) job->status.skipped.push_back(item);
-      });
-  JobStatus status;
+  job->status.created_ms = UnixMs();
+  const JobStatus added = job->status;
+  if (store_ != nullptr) store_->SaveJob(ToRecord(added));  // what is promised must survive
+  bool full = false;
   {
     const std::lock_guard lock(mutex_);
-    job->status.failed = 0;  // of an attempt before
-    job->status.skipped.clear();
-    status = job->status;
+    jobs_.push_back(job);
+    queue_.push_back(job);
+    full = jobs_.size() > kMaxJobs;
+    if (full) Forget();
   }
-  std::string result;
-  std::optional<Problem> problem;
-  bool stopped = false;
-  try {
-    result = kinds_.at(status.kind).run(status, context);
-  } catch (const Error& error) {
-    stopped = error.code() == ErrorCode::kCancelled;
-    problem = CurrentProblem();
-  } catch (...) {
-    problem = CurrentProblem();
-  }
-  const std::lock_guard lock(mutex_);
-  if (!problem) {
-    job->status.result = result;
-    job->status.done = job->status.total;
-    Finish(*job, JobState::kDone);
-  } else if (job->cancelled && stopped) {
-    Finish(*job, JobState::kCancelled);
-  } else if (stopping_ && (stopped || problem->code == "stopping")) {
-    --job->status.attempts;  // it was not the job's fault
-    job->status.state = JobState::kQueued;
-    Save(*job);
-  } else {
-    spdlog::error("job {} ({}) failed: {} {} {}", job->status.id, job->status.kind, problem->code,
-                  problem->detail, problem->internal);
-    job->status.problem = std::move(problem);
-    Finish(*job, JobState::kFailed);
-  }
-}
-
-void JobQueue::Finish(Job& job, JobState state) {
-  job.status.state = state;
-  job.status.finished_ms = NowMs();
-  Save(job);
   changed_.notify_all();
+  if (full && store_ != nullptr) ForgetRows();
+  return added;
 }
 
-// A job does its work whether or not its progress can be written down at the moment.
-void JobQueue::Save(const Job& job, bool required) {
-  if (store_ == nullptr) return;
+void JobQueue::ForgetRows() {
   try {
-    store_->SaveJob(ToRecord(job.status));
+    store_->KeepNewestJobs(kMaxJobs);
   } catch (const Error& error) {
-    if (required) throw;
-    spdlog::warn("job {}: its state could not be saved: {}", job.status.id, error.what());
+    spdlog::warn("old jobs could not be forgotten: {}", error.what());
   }
 }
 
-JobQueue::Job& JobQueue::Find(const std::string& id) const {
+void JobQueue::Forget() {
+  const auto oldest = std::find_if(jobs_.begin(), jobs_.end(),
+                                   [](const auto& old) { return !IsActive(old->status.state); });
+  if (oldest != jobs_.end()) jobs_.erase(oldest);
+}
+
+std::shared_ptr<JobQueue::Job> JobQueue::Find(const std::string& id) const {
   for (const auto& job : jobs_) {
-    if (job->status.id == id) return *job;
+    if (job->status.id == id) return job;
   }
   throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
 }
 
 JobStatus JobQueue::Get(const std::string& id) const {
   const std::lock_guard lock(mutex_);
-  return Find(id).status;
+  return Find(id)->status;
 }
 
 JobStatus JobQueue::Cancel(const std::string& id) {
-  const std::lock_guard lock(mutex_);
-  Job& job = Find(id);
-  job.cancelled = true;
-  job.stop.request_stop();
-  if (job.status.state == JobState::kQueued) {
-    std::erase_if(queue_, [&](const auto& queued) { return queued.get() == &job; });
-    Finish(job, JobState::kCancelled);
+  std::shared_ptr<Job> job;
+  JobStatus status;
+  {
+    const std::lock_guard lock(mutex_);
+    job = Find(id);
+    job->cancelled = true;
+    job->stop.request_stop();
+    status = job->status;
+    if (std::erase(queue_, job) == 0) return status;  // it runs or has ended
   }
-  return job.status;
+  status.state = JobState::kCancelled;
+  Become(*job, std::move(status));
+  return Get(id);
 }
 
 std::vector<JobStatus> JobQueue::List() const {

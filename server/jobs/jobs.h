@@ -18,7 +18,8 @@
 #include <thread>
 #include <vector>
 
-#include "index/store/sqlite/service_store.h"
+#include "index/json/json.h"
+#include "index/store/service_store.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -26,6 +27,7 @@ namespace pliant::server {
 enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
 
 std::string JobStateName(JobState state);
+bool IsActive(JobState state);  // it has not ended
 
 // One item that a job left out, and why.
 struct SkippedItem {
@@ -38,7 +40,7 @@ struct JobStatus {
   std::string id;
   std::string kind;  // "train", "activate", "import", "backup"
   std::string collection;
-  std::string parameters = "{}";  // a JSON object
+  Json parameters = Json::object();
   JobState state = JobState::kQueued;
   double done = 0;  // of `total`
   double total = 1;
@@ -99,8 +101,7 @@ class JobQueue {
   void Start();
 
   // Throws ProblemError "busy" when too many jobs wait, and what the store throws.
-  JobStatus Add(const std::string& kind, const std::string& collection,
-                const std::string& parameters);
+  JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters);
 
   // Throw ProblemError "job_not_found".
   JobStatus Get(const std::string& id) const;
@@ -123,17 +124,25 @@ class JobQueue {
   };
 
   void Load();
+  bool MayGoOn(const JobStatus& status) const;
   void Run(const std::string& kind);
   std::shared_ptr<Job> TakeNext(const std::string& kind);  // mutex_ held; null = none waits
   void Execute(const std::shared_ptr<Job>& job);
   void OnProgress(Job& job, double done, double total);
-  Job& Find(const std::string& id) const;            // mutex_ held
-  void Finish(Job& job, JobState state);             // mutex_ held
-  void Save(const Job& job, bool required = false);  // mutex_ held
+  std::shared_ptr<Job> Find(const std::string& id) const;  // mutex_ held
+  void Forget();                                           // mutex_ held; what is too old
+  void ForgetRows();                                       // saving_ held; the same in the store
+  // Writes down what a job has become, then shows it. No mutex held.
+  void Become(Job& job, JobStatus status);
+  void Save(const JobStatus& status);  // saving_ held; a failure is logged
 
   ServiceStore* store_;
   std::map<std::string, JobKind> kinds_;  // not changed after Start()
-  mutable std::mutex mutex_;              // guards all below
+  // Held while a row is written, which may take as long as another process holds the database:
+  // rows are written one after the other, each as its job was when its turn came. Taken before
+  // mutex_, and never with it held.
+  std::mutex saving_;
+  mutable std::mutex mutex_;  // guards all below; never held while something is written
   mutable std::condition_variable changed_;
   std::vector<std::shared_ptr<Job>> jobs_;  // oldest first
   std::deque<std::shared_ptr<Job>> queue_;

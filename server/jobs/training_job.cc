@@ -6,8 +6,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include "server/http/json.h"
-
 namespace pliant::server {
 
 namespace {
@@ -18,7 +16,7 @@ std::string VocabularyPath(const std::string& collection, std::int64_t id) {
 
 std::string Train(const JobStatus& job, const JobContext& context, Engine& engine,
                   WorkerPool& pool) {
-  const Json parameters = Json::parse(job.parameters);
+  const Json& parameters = job.parameters;
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
   TrainOptions options;
   options.collection = job.collection;
@@ -27,10 +25,12 @@ std::string Train(const JobStatus& job, const JobContext& context, Engine& engin
   options.seed = parameters.at("seed");
   options.threads = std::max(1, lease->cores());
   options.stop = context.stop();
+  options.automatic = parameters.value("automatic", false);
   options.progress = [&](double done, double) { context.Progress(done, 1); };
   const VocabularyRecord made = engine.TrainVocabulary(options);
   if (parameters.at("activate").get<bool>() && !made.active) {
-    engine.UseVocabulary(options.collection, made.id, {options.threads, {}, context.stop()});
+    engine.UseVocabulary(options.collection, made.id,
+                         {options.threads, {}, context.stop(), options.automatic});
   }
   spdlog::info("vocabulary {} of '{}': {} words from {} of {} descriptors", made.id, job.collection,
                made.words, made.origin.sampled, made.origin.available);
@@ -40,9 +40,10 @@ std::string Train(const JobStatus& job, const JobContext& context, Engine& engin
 std::string Activate(const JobStatus& job, const JobContext& context, Engine& engine,
                      WorkerPool& pool) {
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
-  const std::int64_t id = Json::parse(job.parameters).at("vocabulary");
+  const std::int64_t id = job.parameters.at("vocabulary");
   const UseOptions options{std::max(1, lease->cores()),
-                           [&](double done) { context.Progress(done, 1); }, context.stop()};
+                           [&](double done) { context.Progress(done, 1); }, context.stop(),
+                           /*automatic=*/false};
   engine.UseVocabulary(job.collection, id, options);
   return VocabularyPath(job.collection, id);
 }
@@ -51,14 +52,15 @@ std::string Activate(const JobStatus& job, const JobContext& context, Engine& en
 
 JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activate) {
   return jobs.Add("train", options.collection,
-                  ToText(Json{{"words", options.words},
-                              {"sample", options.sample},
-                              {"seed", options.seed},
-                              {"activate", activate}}));
+                  {{"words", options.words},
+                   {"sample", options.sample},
+                   {"seed", options.seed},
+                   {"activate", activate},
+                   {"automatic", options.automatic}});
 }
 
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary) {
-  return jobs.Add("activate", collection, ToText(Json{{"vocabulary", vocabulary}}));
+  return jobs.Add("activate", collection, Json{{"vocabulary", vocabulary}});
 }
 
 void RegisterVocabularyJobs(JobQueue& jobs, Engine& engine, WorkerPool& pool) {

@@ -43,15 +43,15 @@ void AddParameterCodes(const Route& route, Codes& codes) {
 void AddScopeCodes(const Route& route, Codes& codes) {
   if (route.scope != Scope::kPublic)
     codes.insert({"unauthorized", "forbidden", "rate_limited", "starting"});
-  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "busy"});
+  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only", "busy"});
 }
 
 }  // namespace
 
 std::set<std::string> RouteCodes(const Route& route) {
   // What any request may meet, whatever it asks for.
-  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",    "expectation_failed",
-                 "request_timeout", "internal",     "range_not_satisfiable"};
+  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",     "expectation_failed",
+                 "request_timeout", "internal",     "range_not_satisfiable", "host_not_allowed"};
   AddScopeCodes(route, codes);
   AddBodyCodes(route, codes);
   AddParameterCodes(route, codes);

@@ -3,7 +3,7 @@
 // Adding a picture, shared by several routes.
 #pragma once
 
-#include "server/app/service.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 

@@ -10,7 +10,7 @@ namespace pliant::server {
 namespace {
 
 Json BackupJson(const BackupFile& file) {
-  return {{"name", file.name}, {"bytes", file.bytes}, {"created_at", FormatTime(file.created_ms)}};
+  return {{"name", file.name}, {"bytes", file.bytes}, {"created_at", IsoTime(file.created_ms)}};
 }
 
 Response List(Service& service) {

@@ -9,15 +9,6 @@ namespace pliant::server {
 
 namespace {
 
-Json CollectionJson(const CollectionRecord& record) {
-  return {{"name", record.name},
-          {"images", record.images},
-          {"objects", record.objects},
-          {"descriptors", record.descriptors},
-          {"vocabulary", record.vocabulary ? VocabularyJson(*record.vocabulary) : Json(nullptr)},
-          {"created_at", FormatTime(record.created_ms)}};
-}
-
 Response List(Service& service) {
   Json items = Json::array();
   for (const std::string& name : service.engine().ListCollections()) items.push_back(name);

@@ -30,7 +30,7 @@ Bytes AsBytes(const std::string& text) {
 }
 
 Json TimeOrNull(std::int64_t unix_ms) {
-  return unix_ms == 0 ? Json(nullptr) : Json(FormatTime(unix_ms));
+  return unix_ms == 0 ? Json(nullptr) : Json(IsoTime(unix_ms));
 }
 
 }  // namespace
@@ -96,50 +96,17 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
       .Parameter("cursor");
 }
 
-Json MetadataJson(const std::string& metadata) {
-  Json json = Json::parse(metadata, nullptr, /*allow_exceptions=*/false);
-  return json.is_object() ? json : Json::object();
-}
-
-Json ImageJson(const ImageRecord& image) {
-  return {{"id", image.id},
-          {"collection", image.collection},
-          {"object", image.object},
-          {"metadata", MetadataJson(image.metadata)},
-          {"source", image.source},
-          {"sha256", image.sha256},
-          {"media_type", image.media_type},
-          {"bytes", image.bytes},
-          {"width", image.width},
-          {"height", image.height},
-          {"keypoints", image.keypoints},
-          {"added_at", FormatTime(image.added_ms)}};
-}
-
-Json VocabularyJson(const VocabularyRecord& vocabulary) {
-  return {{"id", vocabulary.id},
-          {"words", vocabulary.words},
-          {"active", vocabulary.active},
-          {"model_id", vocabulary.model_id},
-          {"method", vocabulary.origin.method},
-          {"seed", vocabulary.origin.seed},
-          {"sampled", vocabulary.origin.sampled},
-          {"available", vocabulary.origin.available},
-          {"loss", vocabulary.origin.loss},
-          {"created_at", FormatTime(vocabulary.created_ms)}};
-}
-
 Json JobJson(const JobStatus& job) {
   Json json = {{"id", job.id},
                {"kind", job.kind},
                {"collection", job.collection},
-               {"parameters", Json::parse(job.parameters, nullptr, /*allow_exceptions=*/false)},
+               {"parameters", job.parameters},
                {"state", JobStateName(job.state)},
                {"done", job.done},
                {"total", job.total},
                {"failed", job.failed},
                {"attempts", job.attempts},
-               {"created_at", FormatTime(job.created_ms)},
+               {"created_at", IsoTime(job.created_ms)},
                {"finished_at", TimeOrNull(job.finished_ms)}};
   if (!job.result.empty()) json["result"] = job.result;
   for (const SkippedItem& item : job.skipped) {

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What several routes share: uploads, cursors, and the JSON forms of the engine's records.
+// What several routes share: uploads, cursors, answers.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "index/engine/engine.h"
+#include "index/json/record_json.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/parameters.h"
@@ -43,8 +43,6 @@ std::string MakeCursor(const std::string& list, const std::string& after);
 // Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
 
-Json ImageJson(const ImageRecord& image);
-Json VocabularyJson(const VocabularyRecord& vocabulary);
 Json JobJson(const JobStatus& job);
 Json ProblemSummary(const Problem& problem);  // code, detail, parameter
 
@@ -55,9 +53,6 @@ std::string ImagePath(const ImageRecord& image);
 
 Response JsonResponse(const Json& json, int status = 200);
 Response JsonTextResponse(std::string json, int status = 200);
-
-// Metadata as stored: a JSON object in text.
-Json MetadataJson(const std::string& metadata);
 
 // RFC 9110, section 13.1.2. `etag` with its quotes.
 bool IfNoneMatch(const Request& request, const std::string& etag);

@@ -3,6 +3,7 @@
 // Objects: what pictures show, and where one is in a picture.
 #include <chrono>
 
+#include "index/json/location_json.h"
 #include "index/verify/location.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
@@ -71,7 +72,7 @@ Response Locate(Service& service, const Request& request) {
   Json json = {{"object", found.object},       {"image_id", found.image_id},
                {"took_ms", took.count()},      {"width", found.query_width},
                {"height", found.query_height}, {"compared", found.compared}};
-  json.update(Json::parse(LocationJson(found.location)));
+  json.update(LocationJson(found.location));
   return JsonResponse(json);
 }
 

@@ -1,15 +1,19 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The handlers, by what they serve. Each function adds its routes to the table.
+// The route table, and the handlers by what they serve.
 #pragma once
 
 #include <vector>
 
-#include "server/app/service.h"
 #include "server/http/router.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 
+// All routes. `service` must outlive them.
+std::vector<Route> MakeRoutes(Service& service);
+
+// Each adds its routes to the table.
 void AddPageRoutes(std::vector<Route>& routes);
 void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);

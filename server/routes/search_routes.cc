@@ -127,7 +127,7 @@ Response Search(Service& service, const Request& request, const Parameters& para
   }
   service.metrics.OnSearch(result.timings);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  return JsonTextResponse(SearchResultJson(result, took.count()));
+  return JsonResponse(SearchResultJson(result, took.count()));
 }
 
 std::vector<Parameter> SearchParameters() {

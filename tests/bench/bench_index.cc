@@ -15,10 +15,11 @@
 #include <unistd.h>
 
 #include "descriptor/base/hex.h"
+#include "index/rank/memory_ranker.h"
 #include "index/rank/ranking.h"
+#include "index/store/open_store.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
-#include "index/store/sqlite/index_state.h"
 
 namespace pliant {
 namespace {
@@ -159,9 +160,11 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
 void BM_Load(benchmark::State& state) {
   const auto path = MakeDatabase(state.range(0), static_cast<std::size_t>(state.range(1)));
   for (auto _ : state) {
-    IndexState index(std::make_unique<Connection>(path, Connection::Mode::kReadOnly, 1000));
-    index.CatchUp();
-    benchmark::DoNotOptimize(index.memory_bytes());
+    const std::unique_ptr<Store> store =
+        OpenStore({.database = path, .create = false, .read_only = true, .model_of_new = {}});
+    MemoryRanker ranker(store->OpenFeed(), &store->catalogue());
+    ranker.Load();
+    benchmark::DoNotOptimize(ranker.memory_bytes());
   }
   state.counters["database_bytes_per_picture"] =
       static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(state.range(0));

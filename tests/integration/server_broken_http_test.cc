@@ -13,7 +13,7 @@ namespace pliant::testing {
 namespace {
 
 TEST_F(ServerErrorsTest, BrokenHttp) {
-  const std::string host = "Host: x\r\n";
+  const std::string host = "Host: localhost\r\n";
   const std::string post =
       "POST " + std::string(kImages) + " HTTP/1.1\r\n" + host + "Content-Type: image/png\r\n";
   struct Case {
@@ -83,7 +83,7 @@ TEST_F(ServerErrorsTest, BrokenHttp) {
 
 TEST_F(ServerErrorsTest, ChunkedBodiesAndContinueWork) {
   const std::string head = "PUT " + std::string(kImages) +
-                           "/one?object=o HTTP/1.1\r\nHost: x\r\nConnection: close\r\n"
+                           "/one?object=o HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
                            "Content-Type: image/png\r\n";
   std::ostringstream chunked;
   chunked << head << "Transfer-Encoding: chunked\r\n\r\n"
@@ -101,7 +101,7 @@ TEST_F(ServerErrorsTest, ChunkedBodiesAndContinueWork) {
 // A client that sends byte by byte holds a thread no longer than the deadline allows, although each
 // byte comes in good time.
 TEST_F(ServerErrorsTest, SlowClientsAreCutOff) {
-  const std::string post = "POST " + std::string(kImages) + " HTTP/1.1\r\nHost: x\r\n";
+  const std::string post = "POST " + std::string(kImages) + " HTTP/1.1\r\nHost: localhost\r\n";
   const std::chrono::milliseconds patience(20'000);
   for (const std::string& head :
        {post + "Content-Type: image/png\r\nContent-Length: 1000\r\n\r\n", post + "X-Long: "}) {

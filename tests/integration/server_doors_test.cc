@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // TLS, pages of other sites, security headers, and what the log says.
+#include <array>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -11,6 +12,7 @@
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
 #include "tests/integration/server_process.h"
@@ -85,12 +87,49 @@ TEST_F(DoorsTest, SpeaksTls) {
   EXPECT_EQ(client.Post(kImages, std::string(1000, 'x'), "image/png")->status, 415);
 
   // Somebody who does not speak it, and somebody who says nothing, are let go.
-  EXPECT_THAT(server.Talk("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n"), Not(HasSubstr("200")));
+  EXPECT_THAT(server.Talk("GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n"), Not(HasSubstr("200")));
   const auto start = std::chrono::steady_clock::now();
   server.Talk("", std::chrono::milliseconds(10'000));
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
   EXPECT_EQ(client.Get("/livez")->status, 200);
   EXPECT_EQ(server.Stop(), 0) << server.Log();
+}
+
+// What SSL_get_error() says of the end of a connection that asked `request`: SSL_ERROR_ZERO_RETURN
+// after close_notify, an error when the connection was merely cut off.
+int EndOfTls(int port, const std::string& request) {
+  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(SSL_CTX_new(TLS_client_method()),
+                                                                  SSL_CTX_free);
+  const std::unique_ptr<BIO, decltype(&BIO_free_all)> connection(BIO_new_ssl_connect(context.get()),
+                                                                 BIO_free_all);
+  BIO_set_conn_hostname(connection.get(), ("127.0.0.1:" + std::to_string(port)).c_str());
+  SSL* ssl = nullptr;
+  BIO_get_ssl(connection.get(), &ssl);
+  if (ssl == nullptr || BIO_do_connect(connection.get()) <= 0) return -1;
+  if (SSL_write(ssl, request.data(), static_cast<int>(request.size())) <= 0) return -1;
+  std::array<char, 4096> buffer{};
+  std::string answer;
+  int got = 0;
+  while ((got = SSL_read(ssl, buffer.data(), static_cast<int>(buffer.size()))) > 0) {
+    answer.append(buffer.data(), static_cast<std::size_t>(got));
+  }
+  EXPECT_THAT(answer, HasSubstr("HTTP/1.1 "));
+  return SSL_get_error(ssl, got);
+}
+
+TEST_F(DoorsTest, TlsConnectionsEndWithCloseNotify) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  const ServerProcess server(
+      database(), {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
+                   (folder_ / "key.pem").string(), "--idle-timeout", "1", "--auto-train", "false"});
+  const std::string head = " HTTP/1.1\r\nHost: localhost\r\n";
+  const std::string refused = "POST " + std::string(kImages) + head + "Content-Length: 9999999999";
+  for (const auto& [end, request] :
+       {std::pair{"asked for", "GET /livez" + head + "Connection: close\r\n\r\n"},
+        std::pair{"idle", "GET /livez" + head + "\r\n"},
+        std::pair{"lingering", refused + "\r\n\r\n"}}) {
+    EXPECT_EQ(EndOfTls(server.port(), request), SSL_ERROR_ZERO_RETURN) << end;
+  }
 }
 
 TEST_F(DoorsTest, TlsFilesThatDoNotFitAreNamed) {
@@ -135,6 +174,19 @@ TEST_F(DoorsTest, PagesOfAllowedOriginsMayAsk) {
   EXPECT_EQ(added->get_header_value("Vary"), "Origin");
   const auto other = client.Get(kImages, {{"Origin", "https://evil.example"}});
   EXPECT_FALSE(other->has_header("Access-Control-Allow-Origin"));
+}
+
+TEST_F(DoorsTest, NamesThatTheOperatorAllowsAreTaken) {
+  const ServerProcess server(
+      database(), {"--allowed-hosts", "pictures.example,other.example", "--auto-train", "false"});
+  auto client = server.Client();
+  const auto add = [&](const std::string& name) {
+    const httplib::Headers headers = {{"Host", name}, {"Origin", "https://" + name}};
+    return client.Put(std::string(kImages) + "/one", headers, TestPicture(1), "image/png")->status;
+  };
+  EXPECT_EQ(add("pictures.example"), 201);
+  EXPECT_EQ(add("other.example:8443"), 200);
+  EXPECT_EQ(add("evil.example"), 421);
 }
 
 TEST_F(DoorsTest, CorsIsOffUnlessToldAndHeadersAreSafe) {

@@ -87,6 +87,24 @@ TEST_F(ServerErrorsTest, PagesOfOtherSitesCannotChangeAnything) {
   EXPECT_EQ(client.Post(kImages, own, picture_, "image/png")->status, 200);
 }
 
+// DNS rebinding: the browser takes the server for evil.example, so Origin and Host agree.
+TEST_F(ServerErrorsTest, NamesOfOtherSitesAreRefused) {
+  auto client = server_->Client();
+  const std::string port = ":" + std::to_string(server_->port());
+  const httplib::Headers rebound = {{"Host", "evil.example" + port},
+                                    {"Origin", "http://evil.example" + port},
+                                    {"Sec-Fetch-Site", "same-origin"}};
+  const std::string target = std::string(kImages) + "/rebound";
+  ExpectProblem(*client.Put(target, rebound, picture_, "image/png"), 421, "host_not_allowed");
+  ExpectProblem(*client.Delete(target, rebound), 421, "host_not_allowed");
+  ExpectProblem(*client.Get(kImages, rebound), 421, "host_not_allowed");
+  EXPECT_EQ(client.Get(target)->status, 404);
+  for (const std::string host : {"localhost", "LOCALHOST.", "127.0.0.1", "[::1]"}) {
+    const httplib::Headers own = {{"Host", host + port}, {"Origin", "http://" + host + port}};
+    EXPECT_EQ(client.Post(kImages, own, picture_, "image/png")->status, 200) << host;
+  }
+}
+
 TEST_F(ServerErrorsTest, CommandLine) {
   const auto run = [](const std::vector<std::string>& arguments) {
     return Program(arguments, {}, ServerPath()).Wait();

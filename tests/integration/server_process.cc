@@ -108,6 +108,15 @@ std::string ServerProcess::Talk(const std::string& bytes, std::chrono::milliseco
   return answer;
 }
 
+double Metric(httplib::Client& client, const std::string& name) {
+  const auto answer = client.Get("/metrics");
+  if (!answer || answer->status != 200) throw std::runtime_error("/metrics has no answer");
+  const std::string& text = answer->body;
+  const std::size_t at = text.find("\n" + name + " ");
+  if (at == std::string::npos) throw std::runtime_error("there is no metric " + name);
+  return std::stod(text.substr(at + name.size() + 2));
+}
+
 std::string TestPicture(std::uint64_t object_seed, int view, int width, int height) {
   Image image{width, height, 1,
               std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height, 128)};

@@ -48,6 +48,10 @@ class ServerProcess {
   int port_ = 0;
 };
 
+// The number behind "name " in the server's metrics; `name` with its labels. Throws
+// std::runtime_error when there is no such metric: no number may stand for one that is missing.
+double Metric(httplib::Client& client, const std::string& name);
+
 // Encoded PNG of an imaginary object: blobs placed by the seed. `view` turns, scales and shifts
 // it, so that two views of one object are different bytes with the same texture.
 std::string TestPicture(std::uint64_t object_seed, int view = 0, int width = 320, int height = 240);

@@ -25,12 +25,6 @@ int FromEnvironment(const char* name, int otherwise) {
   return text == nullptr ? otherwise : std::atoi(text);
 }
 
-double Metric(httplib::Client& client, const std::string& name) {
-  const std::string text = client.Get("/metrics")->body;
-  const std::size_t at = text.find("\n" + name + " ");
-  return at == std::string::npos ? -1 : std::stod(text.substr(at + name.size() + 2));
-}
-
 // Trains a vocabulary that depends on nothing but the pictures, and asks about each of them.
 Json SearchAll(const ServerProcess& server) {
   auto client = server.Client();
@@ -94,6 +88,7 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
     for (std::thread& thread : threads) thread.join();
     for (const std::string& what : wrong) EXPECT_EQ(what, "");
     EXPECT_GT(counts.done, clients);
+    EXPECT_GT(early, 0) << "the memory is not known";
     EXPECT_LT(late, 1.3 * early + 64e6) << "memory grows";
     RecordProperty("requests", counts.done);
     RecordProperty("refused", counts.refused);

@@ -102,9 +102,9 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   EXPECT_EQ(content->get_header_value("Content-Type"), "image/png");
   EXPECT_EQ(content->get_header_value("X-Content-Type-Options"), "nosniff");
   // By hand: the client library waits for a body of a 304, which has none.
-  const std::string unchanged =
-      server_->Talk("GET " + path + "/content HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" +
-                    "If-None-Match: " + content->get_header_value("ETag") + "\r\n\r\n");
+  const std::string unchanged = server_->Talk(
+      "GET " + path + "/content HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
+      "If-None-Match: " + content->get_header_value("ETag") + "\r\n\r\n");
   EXPECT_THAT(unchanged, ::testing::StartsWith("HTTP/1.1 304 "));
   EXPECT_THAT(unchanged, ::testing::EndsWith("\r\n\r\n"));
   EXPECT_THAT(unchanged, ::testing::Not(::testing::HasSubstr("Content-Length")));
@@ -213,6 +213,8 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   EXPECT_THAT(metrics, ::testing::HasSubstr(R"(route="livez")"));
   EXPECT_THAT(metrics, ::testing::HasSubstr("pliant_http_request_seconds_bucket"));
   EXPECT_THAT(metrics, ::testing::Not(::testing::HasSubstr("nothing")));  // no series by clients
+  EXPECT_EQ(Metric(client, "pliant_images"), 0);
+  EXPECT_THROW(Metric(client, "pliant_nothing"), std::runtime_error);
 }
 
 TEST_F(ServerTest, RequestIdsAndLog) {

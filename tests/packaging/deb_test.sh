@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# Makes the Debian packages, installs `pliant` in a clean Debian 12 and runs its service's command there.
+# Makes the Debian packages, installs `pliant` in a clean Debian and runs its service's command there.
 #   deb_test.sh BUILD_DIR SOURCE_DIR WORK_DIR    needs root, mmdebstrap, curl, opencv-doc
 set -euo pipefail
 build=$(realpath "$1")
@@ -15,10 +15,10 @@ port=18438
 (cd "$build" && rm -f ./pliant*.deb && cpack -G DEB >"$work/cpack.log") || { cat "$work/cpack.log"; exit 1; }
 ls -l "$build"/*.deb
 
-bash "$here/base_image.sh" "$work/debian-12.tar"
+bash "$here/base_image.sh" "$work/debian.tar"
 rm -rf "$root"
 mkdir -p "$root"
-tar -C "$root" -xf "$work/debian-12.tar"
+tar -C "$root" -xf "$work/debian.tar"
 cp /etc/resolv.conf "$root/etc/"
 cp "$build"/pliant_*.deb "$root/tmp/pliant.deb"
 mount -t proc proc "$root/proc"

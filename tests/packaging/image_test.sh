@@ -15,10 +15,10 @@ limit_mb=300
 port=18437
 export BUILDAH_ISOLATION=chroot STORAGE_DRIVER=vfs
 
-bash "$here/base_image.sh" "$work/debian-12.tar"
+bash "$here/base_image.sh" "$work/debian.tar"
 if ! buildah images -q "$base" >/dev/null 2>&1; then
   container=$(buildah from scratch)
-  buildah add -q "$container" "$work/debian-12.tar" /
+  buildah add -q "$container" "$work/debian.tar" /
   buildah commit -q "$container" "$base"
   buildah rm "$container" >/dev/null
 fi

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/blob_codec.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -44,6 +45,24 @@ Features RandomFeatures(std::size_t rows, Values values, std::uint64_t seed) {
 class EveryKind : public ::testing::TestWithParam<Values> {};
 INSTANTIATE_TEST_SUITE_P(BlobCodec, EveryKind,
                          ::testing::Values(Values::kUnit, Values::kWhole, Values::kBits));
+
+TEST_P(EveryKind, StoredPrecisionIsThatOfABlob) {
+  Features features = RandomFeatures(41, GetParam(), 5);
+  features.model_id = "m";
+  if (GetParam() != Values::kBits) {
+    std::fill_n(features.descriptors.floats.begin(), 128, 0.0F);  // a row of nothing
+    features.descriptors.floats[3] = -0.0F;
+  }
+  const Features rounded = InStoredPrecision(features);
+  const Features back = DecodeFeatures(EncodeFeatures(features));
+  EXPECT_EQ(rounded.model_id, "m");
+  EXPECT_EQ(rounded.keypoints, back.keypoints);
+  EXPECT_EQ(rounded.descriptors.bytes, back.descriptors.bytes);
+  ASSERT_EQ(rounded.descriptors.floats.size(), back.descriptors.floats.size());
+  EXPECT_EQ(std::memcmp(rounded.descriptors.floats.data(), back.descriptors.floats.data(),
+                        4 * back.descriptors.floats.size()),
+            0);
+}
 
 TEST_P(EveryKind, ComesBackAsItWas) {
   for (const std::size_t rows : {std::size_t{0}, std::size_t{1}, std::size_t{37}}) {

@@ -41,7 +41,7 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   { Engine engine(Options()); }
   options.read_only = true;
   Engine engine(options);
-  ExpectError(ErrorCode::kNoSpace, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
+  ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
 }
 
 TEST_F(EngineTest, ABackupIsADatabase) {

@@ -91,6 +91,13 @@ void Age(const std::filesystem::path& file) {
   for (const char* table : {"original_files", "originals_directory", "dropped_originals"}) {
     db.exec(std::string("DROP TABLE ") + table);
   }
+  for (const char* trigger : {"picture_counted", "picture_uncounted", "object_counted",
+                              "object_uncounted", "original_dropped"}) {
+    db.exec(std::string("DROP TRIGGER IF EXISTS ") + trigger);
+  }
+  for (const char* column : {"automatic", "images", "objects", "descriptors"}) {
+    db.exec(std::string("ALTER TABLE collections DROP COLUMN ") + column);
+  }
   db.exec("PRAGMA user_version = 1");
 }
 

@@ -8,6 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
+#include "index/verify/verification.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant {

@@ -60,7 +60,7 @@ class ExpansionTest : public ::testing::Test {
 
   VerifiedPicture Verified(std::int64_t key, double evidence) const {
     VerifiedPicture picture;
-    picture.picture = {key, 0, "p" + std::to_string(key), 0.1};
+    picture.picture = {{1, "p" + std::to_string(key), key}, 0, 0.1};
     picture.ranking_score = 0.1;
     picture.evidence = evidence;
     picture.seen = {{0, 0}, {639, 0}, {639, 479}, {0, 479}};
@@ -81,7 +81,7 @@ class ExpansionTest : public ::testing::Test {
           part_ = part.keypoints.size();
           std::vector<RankedPicture> ranked;
           for (const std::int64_t key : {kNear, kFar, kOther, std::int64_t{44}}) {
-            ranked.push_back({key, 0, "p" + std::to_string(key), 0.1});
+            ranked.push_back({{1, "p" + std::to_string(key), key}, 0, 0.1});
           }
           ranked.resize(std::min(depth, ranked.size()));
           return ranked;

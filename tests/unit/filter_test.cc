@@ -34,6 +34,31 @@ TEST(Filter, EqualValuesOfTheSameKindPass) {
   EXPECT_TRUE(Pass(R"({"größe": "ß"})", R"({"größe": "ß"})"));
 }
 
+TEST(Filter, NumbersAreComparedExactly) {
+  // Two to the power of 53, and the next number: the same double.
+  EXPECT_FALSE(Pass(R"({"n": 9007199254740992})", R"({"n": 9007199254740993})"));
+  EXPECT_TRUE(Pass(R"({"n": 9007199254740993})", R"({"n": 9007199254740993})"));
+  EXPECT_FALSE(Pass(R"({"n": {"in": [9007199254740992]}})", R"({"n": 9007199254740993})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": 9007199254740992}})", R"({"n": 9007199254740993})"));
+  EXPECT_FALSE(Pass(R"({"n": {"lte": 9007199254740992}})", R"({"n": 9007199254740993})"));
+  EXPECT_FALSE(Pass(R"({"n": -9007199254740992})", R"({"n": -9007199254740993})"));
+  EXPECT_TRUE(Pass(R"({"n": {"lt": -9007199254740992}})", R"({"n": -9007199254740993})"));
+  EXPECT_FALSE(Pass(R"({"n": 18446744073709551614})", R"({"n": 18446744073709551615})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": 9223372036854775807}})", R"({"n": 18446744073709551615})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": -1}})", R"({"n": 18446744073709551615})"));
+  // Whole numbers beside others.
+  EXPECT_TRUE(Pass(R"({"n": 9007199254740992.0})", R"({"n": 9007199254740992})"));
+  EXPECT_FALSE(Pass(R"({"n": 9007199254740992.0})", R"({"n": 9007199254740993})"));
+  EXPECT_TRUE(Pass(R"({"n": {"lt": 2.5}})", R"({"n": 2})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": -2.5}})", R"({"n": -2})"));
+  EXPECT_FALSE(Pass(R"({"n": {"gt": -2.5}})", R"({"n": -3})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": 2}})", R"({"n": 2.5})"));
+  EXPECT_TRUE(Pass(R"({"n": {"lt": 1e300}})", R"({"n": 18446744073709551615})"));
+  EXPECT_TRUE(Pass(R"({"n": {"gt": -1e300}})", R"({"n": -9223372036854775808})"));
+  EXPECT_FALSE(Pass(R"({"n": 18446744073709551616.0})", R"({"n": 18446744073709551615})"));
+  EXPECT_FALSE(Pass(R"({"n": 1})", R"({"n": true})"));
+}
+
 TEST(Filter, InAndBounds) {
   const std::string in = R"({"colour": {"in": ["red", 7, null]}})";
   EXPECT_TRUE(Pass(in, R"({"colour": "red"})"));

@@ -83,7 +83,7 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
                                                                : "id " + id;
   };
   for (const auto& [key, truth] : truths) {
-    if (options.accept && !options.accept(key, truth.object)) continue;
+    if (!options.admission.Admits(key, truth.object)) continue;
     const double score = OracleScore(query, truth, options.method, idf);
     if (options.method == RankMethod::kTfIdf && score == 0) continue;
     double& best = expected.try_emplace(name(truth.object, truth.id), -1.0).first->second;
@@ -99,16 +99,17 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
   std::set<std::string> seen;
   for (std::size_t i = 0; i < count; ++i) {
     const RankedPicture& hit = ranking.best[i];
-    ASSERT_TRUE(truths.contains(hit.key));
-    EXPECT_EQ(truths.at(hit.key).id, hit.id);
-    EXPECT_EQ(truths.at(hit.key).object, hit.object);
-    const std::string hit_name = name(hit.object, hit.id);
+    ASSERT_TRUE(truths.contains(hit.ref.version));
+    EXPECT_EQ(truths.at(hit.ref.version).id, hit.ref.id);
+    EXPECT_EQ(truths.at(hit.ref.version).object, hit.object);
+    const std::string hit_name = name(hit.object, hit.ref.id);
     EXPECT_TRUE(seen.insert(hit_name).second) << hit_name << " twice";
     EXPECT_NEAR(hit.score, expected.at(hit_name), 2e-6);
     EXPECT_NEAR(hit.score, scores[i], 2e-6) << "rank " << i;
     if (i > 0) {
       const RankedPicture& before = ranking.best[i - 1];
-      EXPECT_TRUE(before.score > hit.score || (before.score == hit.score && before.id < hit.id));
+      EXPECT_TRUE(before.score > hit.score ||
+                  (before.score == hit.score && before.ref.id < hit.ref.id));
     }
   }
 }
@@ -123,7 +124,8 @@ void ExpectAllRankings(const IndexSnapshot& snapshot, const Truths& truths, std:
                       {method, group_by, static_cast<std::size_t>(keep), 0, {}, 1});
       }
     }
-    const auto accept = [](std::int64_t, std::int64_t object) { return object == 3; };
+    Admission accept;
+    accept.object_key = 3;
     ExpectRanking(snapshot, truths, query, {method, GroupBy::kImage, 5, 0, accept, 2});
   }
 }

@@ -1,24 +1,44 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The house's walls: a folder includes only what stands below it, a third-party library stays in
-the folders that own it, and the public headers of a folder show none of them."""
+"""The house's walls: a folder includes only what stands below it, and so does each room of a folder;
+a third-party library stays in the folders that own it, the database in its room, and the public
+headers of a folder show none of them; a library's messages name options, never flags of a program."""
 import pathlib
 import re
 import sys
 
 LAYERS = ["descriptor", "vocab", "index", "server"]  # bottom to top
+# The rooms of a folder, bottom to top; those of one floor (a tuple) do not know each other. A room
+# that is not named here is a problem, too.
+ROOMS = {
+    "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
+                   "evaluation", "training"],
+    "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
+              "import", "tracking", "evaluation", "cli"],
+    "server": [("http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
+}
+FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
+                   for room in ((rooms,) if isinstance(rooms, str) else rooms)}
+          for folder, order in ROOMS.items()}
+# Rooms that nobody else includes: what is in them is made by a factory that stands below.
+CLOSED = {"index/store/sqlite"}
+# The word, in code and comments, and the one room that may say it.
+DATABASE = (re.compile(r"sqlite", re.IGNORECASE), {"index", "server"}, "index/store/sqlite")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # Library header prefix -> folders that may include it.
 OWNERS = {
     "opencv2/": {"descriptor"},
     "dnnl": {"descriptor"},
     "torch/": set(),
-    "SQLiteCpp/": {"index"},
-    "sqlite3": {"index"},
+    "SQLiteCpp/": {"index/store/sqlite"},
+    "sqlite3": {"index/store/sqlite"},
     "httplib": {"server"},
     "prometheus/": {"server"},
 }
+# Where flags may be named: the programs and what parses their command lines.
+PROGRAMS = re.compile(r"^(index/cli/|server/|descriptor/.*_main\.cc)")
+FLAG = re.compile(r'"(?:[^"\\\n]|\\.)*?(?<![\w-])--[a-z](?:[^"\\\n]|\\.)*"')
 # The simulator's core must build where there is only a compiler, Eigen and nlohmann-json (headers).
 SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/")
 SIMULATION = pathlib.Path("descriptor/simulation")
@@ -30,17 +50,49 @@ def sources(root):
                   if p.suffix in {".h", ".cc", ".inl"})
 
 
+def room_of(path):
+    """("index", "store/sqlite") of index/store/sqlite/schema.h."""
+    folder, *rest = pathlib.PurePosixPath(path).parts[:-1]
+    return folder, "/".join(rest)
+
+
+def room_problems(relative, header):
+    folder, room = room_of(relative)
+    target_folder, target = room_of(header) if "/" in header else ("", "")
+    if target_folder != folder or folder not in ROOMS or target == room:
+        return []
+    floors = FLOORS[folder]
+    if target not in floors:
+        return [f"{relative} includes {header}: there is no room {target}"]
+    if f"{folder}/{target}" in CLOSED:
+        return [f"{relative} includes {header}: {target} is closed to other rooms"]
+    if floors[target] >= floors[room]:
+        return [f"{relative} includes {header}: {target} does not stand below {room}"]
+    return []
+
+
 def problems(root):
     found = []
     for path in sources(root):
         relative = path.relative_to(root)
-        layer = relative.parts[0]
-        for header in INCLUDE.findall(path.read_text(encoding="utf-8")):
+        layer, room = room_of(relative)
+        text = path.read_text(encoding="utf-8")
+        if layer in FLOORS and room not in FLOORS[layer]:
+            found.append(f"{relative} lies in {room or 'no room'}, which is no room of {layer}")
+            continue
+        word, folders, home = DATABASE
+        if layer in folders and f"{layer}/{room}" != home and word.search(text):
+            found.append(f"{relative} names the database, which only {home} knows")
+        for line in text.splitlines():
+            if not PROGRAMS.match(relative.as_posix()) and FLAG.search(line.split("//")[0]):
+                found.append(f"{relative} names a flag of a program: {line.strip()}")
+        for header in INCLUDE.findall(text):
+            found += room_problems(relative, header)
             target = header.split("/")[0]
             if target in LAYERS and LAYERS.index(target) > LAYERS.index(layer):
                 found.append(f"{relative} includes {header}: {target} stands above {layer}")
             for prefix, owners in OWNERS.items():
-                if header.startswith(prefix) and layer not in owners:
+                if header.startswith(prefix) and not {layer, f"{layer}/{room}"} & owners:
                     found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")
     found += simulation_problems(root)
     installed = (root / "cmake" / "PliantInstall.cmake").read_text(encoding="utf-8")

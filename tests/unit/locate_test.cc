@@ -6,9 +6,9 @@
 #include <set>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include "descriptor/warp/local_affine.h"
+#include "index/json/location_json.h"
 #include "index/verify/location.h"
 #include "tests/unit/random_descriptors.h"
 
@@ -80,8 +80,7 @@ TEST(Locate, AFoldedHalfDoesNotMakeAWildWarp) {
 }
 
 TEST(Locate, JsonHasOneForm) {
-  using Json = nlohmann::json;
-  const Json found = Json::parse(LocationJson(LocatePlaced([](Vec2 p) { return p; }, Anywhere)));
+  const Json found = LocationJson(LocatePlaced([](Vec2 p) { return p; }, Anywhere));
   EXPECT_EQ(found["found"], true);
   EXPECT_TRUE(found["reason"].is_null());
   EXPECT_EQ(found["matches"], 120);
@@ -89,11 +88,7 @@ TEST(Locate, JsonHasOneForm) {
   EXPECT_EQ(found["inlier_rate"], 1.0);
   EXPECT_EQ(found["mesh"]["columns"], 17);
   EXPECT_GE(found["outline"].size(), 3U);
-  const Json lost = Json::parse(LocationJson(LocatePlaced(
-      [](Vec2) {
-        return Vec2{5, 5};
-      },
-      Anywhere)));
+  const Json lost = LocationJson(LocatePlaced([](Vec2) { return Vec2{5, 5}; }, Anywhere));
   EXPECT_EQ(lost["found"], false);
   EXPECT_TRUE(lost["reason"].is_string());
   EXPECT_TRUE(lost["mesh"].is_null());

@@ -33,7 +33,7 @@ TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
                                    {method, GroupBy::kImage, 50, 0, {}, 1});
       ASSERT_EQ(ranking.best.size(), 50u);
       for (std::size_t i = 0; i < 50; ++i) {
-        EXPECT_EQ(ranking.best[i].id, "id" + std::to_string(1000 + i));
+        EXPECT_EQ(ranking.best[i].ref.id, "id" + std::to_string(1000 + i));
         EXPECT_EQ(ranking.best[i].score, ranking.best[0].score);
       }
     }
@@ -48,7 +48,7 @@ TEST(Ranking, ItselfIsOneAndAStrangerIsNoHit) {
   for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
     const Ranking ranking = Rank(*index.snapshot(), a.bow, {method, GroupBy::kImage, 0, 0, {}, 1});
     ASSERT_FALSE(ranking.best.empty());
-    EXPECT_EQ(ranking.best[0].key, 1);
+    EXPECT_EQ(ranking.best[0].ref.version, 1);
     EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
     EXPECT_EQ(ranking.best.size(), method == RankMethod::kTfIdf ? 1u : 2u);
   }
@@ -81,7 +81,7 @@ TEST(Ranking, ThreadsChangeNothing) {
     ASSERT_EQ(one.best.size(), four.best.size());
     EXPECT_EQ(one.total, four.total);
     for (std::size_t i = 0; i < one.best.size(); ++i) {
-      EXPECT_EQ(one.best[i].key, four.best[i].key);
+      EXPECT_EQ(one.best[i].ref.version, four.best[i].ref.version);
       EXPECT_EQ(one.best[i].score, four.best[i].score);
     }
   }

@@ -11,10 +11,10 @@
 #include <gtest/gtest.h>
 
 #include "server/app/command_line.h"
-#include "server/app/service.h"
 #include "server/http/problem.h"
 #include "server/openapi/document.h"
 #include "server/openapi/route_codes.h"
+#include "server/routes/routes.h"
 
 namespace pliant::server {
 namespace {
@@ -45,7 +45,7 @@ std::set<std::string> FirstGroups(const std::string& text, const std::string& pa
 }
 
 TEST(ServerReadme, ListsEveryRouteWithItsParameters) {
-  Service service(ServerOptions{});
+  Service service(ServiceOptions{});
   std::set<std::string> routes;
   for (const Route& route : MakeRoutes(service)) {
     if (route.name == "page" && route.pattern != "/") continue;
@@ -132,7 +132,7 @@ void CollectReferences(const Json& json, std::set<std::string>* found) {
 }
 
 TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
-  Service service(ServerOptions{});
+  Service service(ServiceOptions{});
   const std::vector<Route> routes = MakeRoutes(service);
   const Json document = OpenApiDocument(routes);
   std::size_t operations = 0;

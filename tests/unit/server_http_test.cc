@@ -189,9 +189,9 @@ TEST(Json, Base64) {
 }
 
 TEST(Json, Time) {
-  EXPECT_EQ(FormatTime(0), "1970-01-01T00:00:00.000Z");
-  EXPECT_EQ(FormatTime(1769860800123), "2026-01-31T12:00:00.123Z");
-  EXPECT_EQ(FormatTime(-1), "1969-12-31T23:59:59.999Z");
+  EXPECT_EQ(IsoTime(0), "1970-01-01T00:00:00.000Z");
+  EXPECT_EQ(IsoTime(1769860800123), "2026-01-31T12:00:00.123Z");
+  EXPECT_EQ(IsoTime(-1), "1969-12-31T23:59:59.999Z");
 }
 
 TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
@@ -204,6 +204,7 @@ TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
                                                            {ErrorCode::kUnprocessable, 422},
                                                            {ErrorCode::kUnavailable, 503},
                                                            {ErrorCode::kNoSpace, 507},
+                                                           {ErrorCode::kReadOnly, 500},
                                                            {ErrorCode::kCancelled, 503},
                                                            {ErrorCode::kInternal, 500}};
   for (const auto& [code, status] : statuses) {

@@ -3,8 +3,10 @@
 // Jobs in memory and over restarts, what may be imported, names of backups, and rate limits.
 #include <atomic>
 #include <fstream>
+#include <future>
 #include <latch>
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -49,7 +51,7 @@ class JobsTest : public ::testing::Test {
     options.database = database();
     options.descriptor = "rootsift";
     const Engine made(options);
-    store_ = std::make_unique<ServiceStore>(database());
+    store_ = OpenServiceStore(database());
   }
   std::filesystem::path database() { return folder_ / "x.db"; }
 
@@ -60,13 +62,13 @@ class JobsTest : public ::testing::Test {
 TEST_F(JobsTest, RunReportAndAreRemembered) {
   JobQueue jobs(store_.get());
   jobs.Register("train", Kind([](const JobStatus& job, const JobContext& context) {
-                  EXPECT_EQ(job.parameters, R"({"words":3})");
+                  EXPECT_EQ(job.parameters, (Json{{"words", 3}}));
                   context.Progress(3, 4);
                   context.Skipped({"a.png", "image_truncated", "it ends"});
                   return std::string("/result");
                 }));
   jobs.Start();
-  const JobStatus added = jobs.Add("train", "default", R"({"words":3})");
+  const JobStatus added = jobs.Add("train", "default", Json{{"words", 3}});
   EXPECT_TRUE(jobs.WaitFor(added.id, kPatience));
   const JobStatus done = jobs.Get(added.id);
   EXPECT_EQ(done.state, JobState::kDone);
@@ -86,6 +88,7 @@ TEST_F(JobsTest, RunReportAndAreRemembered) {
   ASSERT_EQ(kept.skipped.size(), 1U);
   EXPECT_EQ(kept.skipped[0].item, "a.png");
   EXPECT_EQ(kept.finished_ms, done.finished_ms);
+  EXPECT_EQ(kept.parameters, done.parameters);
 }
 
 TEST_F(JobsTest, FailAndAreCancelled) {
@@ -95,13 +98,13 @@ TEST_F(JobsTest, FailAndAreCancelled) {
                   throw Error(ErrorCode::kConflict, "no_pictures", "none");
                 }));
   jobs.Start();
-  const JobStatus running = jobs.Add("wait", "a", "{}");
-  const JobStatus queued = jobs.Add("wait", "b", "{}");
+  const JobStatus running = jobs.Add("wait", "a", Json::object());
+  const JobStatus queued = jobs.Add("wait", "b", Json::object());
   EXPECT_EQ(jobs.Active("wait", "b")->id, queued.id);
   EXPECT_FALSE(jobs.WaitFor(running.id, milliseconds(5)));
   EXPECT_EQ(jobs.Cancel(queued.id).state, JobState::kCancelled);
   // Another kind does not wait for the one that runs.
-  const JobStatus failing = jobs.Add("fail", "a", "{}");
+  const JobStatus failing = jobs.Add("fail", "a", Json::object());
   EXPECT_TRUE(jobs.WaitFor(failing.id, kPatience));
   EXPECT_EQ(jobs.Get(failing.id).state, JobState::kFailed);
   EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_pictures");
@@ -117,8 +120,8 @@ TEST_F(JobsTest, GoOnAfterARestart) {
     JobQueue jobs(store_.get());
     jobs.Register("wait", Kind(UntilStopped));
     jobs.Start();
-    running = jobs.Add("wait", "a", "{}").id;
-    queued = jobs.Add("wait", "b", "{}").id;
+    running = jobs.Add("wait", "a", Json::object()).id;
+    queued = jobs.Add("wait", "b", Json::object()).id;
     while (jobs.Get(running).state != JobState::kRunning) {
       std::this_thread::sleep_for(milliseconds(1));
     }
@@ -135,6 +138,65 @@ TEST_F(JobsTest, GoOnAfterARestart) {
   EXPECT_EQ(order, (std::vector<std::string>{"a", "b"}));
   EXPECT_EQ(jobs.Get(running).state, JobState::kDone);
   EXPECT_EQ(jobs.Get(running).attempts, 1) << "an orderly stop is no failed attempt";
+}
+
+// Another process holds the write lock: rows wait for it, and nobody waits for the rows.
+TEST_F(JobsTest, AreShownWhileTheDatabaseIsBusy) {
+  JobQueue jobs(store_.get());
+  std::atomic<int> steps{0};
+  jobs.Register("train", Kind([&](const JobStatus&, const JobContext& context) {
+                  for (; steps < 3; ++steps) {
+                    context.Progress(steps, 3);
+                    std::this_thread::sleep_for(milliseconds(10));
+                  }
+                  return std::string("/result");
+                }));
+  jobs.Start();
+  auto lock = std::make_unique<SQLite::Database>(database().string(), SQLite::OPEN_READWRITE);
+  lock->exec("BEGIN IMMEDIATE");
+  auto adding =
+      std::async(std::launch::async, [&] { return jobs.Add("train", "default", Json::object()); });
+  EXPECT_EQ(adding.wait_for(milliseconds(200)), std::future_status::timeout)
+      << "what is promised must be on the disk";
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_TRUE(jobs.List().empty());
+  EXPECT_TRUE(jobs.Counts().empty());
+  EXPECT_FALSE(jobs.Active("train", "default"));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, milliseconds(5'000));
+  lock->exec("ROLLBACK");
+  const std::string id = adding.get().id;
+  EXPECT_TRUE(jobs.WaitFor(id, kPatience));
+  EXPECT_EQ(steps, 3);
+}
+
+// Many changes of one job at once: the last one is what a later server finds.
+TEST_F(JobsTest, AreSavedInOrder) {
+  std::vector<std::string> ids;
+  {
+    JobQueue jobs(store_.get());
+    jobs.Register("train", Kind([&](const JobStatus& job, const JobContext& context) {
+                    std::vector<std::jthread> helpers;
+                    for (int t = 0; t < 4; ++t) {
+                      helpers.emplace_back([&] {
+                        for (int i = 0; i < 50; ++i) context.Progress(i, 50);
+                      });
+                    }
+                    helpers.clear();
+                    context.Skipped({job.id, "image_truncated", "it ends"});
+                    return "/result/" + job.id;
+                  }));
+    jobs.Start();
+    for (int i = 0; i < 8; ++i) ids.push_back(jobs.Add("train", "default", Json::object()).id);
+    for (const std::string& id : ids) EXPECT_TRUE(jobs.WaitFor(id, kPatience));
+  }
+  const std::vector<JobRecord> rows = store_->Jobs();
+  ASSERT_EQ(rows.size(), ids.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].id, ids[i]);
+    EXPECT_EQ(rows[i].state, "done");
+    EXPECT_EQ(rows[i].result, "/result/" + ids[i]);
+    EXPECT_EQ(rows[i].failed, 1U);
+  }
 }
 
 // What a killed server leaves: "running".
@@ -198,6 +260,27 @@ TEST_F(JobsTest, BackupsHaveSafeNames) {
   EXPECT_EQ(CodeOf([&] { Backups({}).List(); }), "backups_off");
   EXPECT_EQ(backups.List().size(), 1U);
   EXPECT_EQ(backups.Get("x.db").bytes, std::filesystem::file_size(database()));
+}
+
+TEST_F(JobsTest, BackupsSayNothingOfTheDirectory) {
+  const std::filesystem::path directory = folder_ / "backups";
+  std::filesystem::create_directory(directory);
+  EngineOptions options;
+  options.database = database();
+  options.descriptor = "rootsift";
+  Engine engine(options);
+  const Backups backups(directory);
+  JobQueue jobs(store_.get());
+  backups.RegisterJob(jobs, engine);
+  jobs.Start();
+  std::filesystem::remove(directory);
+  const std::string id = backups.Add(jobs, "a.db").id;
+  ASSERT_TRUE(jobs.WaitFor(id, kPatience));
+  const JobStatus job = jobs.Get(id);
+  EXPECT_EQ(job.state, JobState::kFailed);
+  ASSERT_TRUE(job.problem);
+  EXPECT_EQ(job.problem->code, "internal") << "no space is another matter";
+  EXPECT_THAT(job.problem->detail, ::testing::Not(::testing::HasSubstr(folder_.path().string())));
 }
 
 TEST(ApiKeys, AreRandomAndHashed) {

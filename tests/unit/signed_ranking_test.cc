@@ -116,7 +116,7 @@ TEST_P(SignedRanking, ScoresAreThoseOfTheFormula) {
     const Ranking ranking = Rank(*snapshot, query, options);
     std::map<std::int64_t, double> found;
     for (std::size_t i = 0; i < ranking.best.size(); ++i) {
-      found[ranking.best[i].key] = ranking.best[i].score;
+      found[ranking.best[i].ref.version] = ranking.best[i].score;
       if (i > 0) {
         EXPECT_GE(ranking.best[i - 1].score, ranking.best[i].score);
       }
@@ -146,7 +146,7 @@ TEST_P(SignedRanking, ItselfIsOneAndWithoutSignaturesTheScoreIsThatOfTfIdf) {
     RankOptions options;
     options.keep = 1;
     const Ranking own = Rank(*snapshot, picture.bow, options);
-    EXPECT_EQ(own.best.at(0).key, key);
+    EXPECT_EQ(own.best.at(0).ref.version, key);
     EXPECT_NEAR(own.best.at(0).score, 1, 1e-5);
   }
   Bow unsigned_query = RandomBow(random_);
@@ -158,7 +158,7 @@ TEST_P(SignedRanking, ItselfIsOneAndWithoutSignaturesTheScoreIsThatOfTfIdf) {
   const Ranking bare = Rank(*snapshot, unsigned_query, options);
   ASSERT_EQ(told.best.size(), bare.best.size());
   for (std::size_t i = 0; i < told.best.size(); ++i) {
-    EXPECT_EQ(told.best[i].key, bare.best[i].key);
+    EXPECT_EQ(told.best[i].ref.version, bare.best[i].ref.version);
     EXPECT_EQ(told.best[i].score, bare.best[i].score);
   }
 }
@@ -182,7 +182,7 @@ TEST_P(SignedRanking, CandidatesAndTheRestAreThePlainRankingInTwo) {
         ASSERT_EQ(split.candidates.size(), apart);
         std::set<std::int64_t> shown;
         for (std::size_t i = 0; i < apart; ++i) {
-          EXPECT_EQ(split.candidates[i].key, all[i].key);
+          EXPECT_EQ(split.candidates[i].ref.version, all[i].ref.version);
           shown.insert(all[i].object);
         }
         std::vector<std::int64_t> rest;
@@ -192,12 +192,12 @@ TEST_P(SignedRanking, CandidatesAndTheRestAreThePlainRankingInTwo) {
               !shown.insert(all[i].object).second) {
             continue;
           }
-          rest.push_back(all[i].key);
+          rest.push_back(all[i].ref.version);
         }
         EXPECT_EQ(split.total, rest.size());
         if (keep != 0 && keep < rest.size()) rest.resize(keep);
         ASSERT_EQ(split.best.size(), rest.size());
-        for (std::size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(split.best[i].key, rest[i]);
+        for (std::size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(split.best[i].ref.version, rest[i]);
       }
     }
   }

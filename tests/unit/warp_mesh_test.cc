@@ -6,9 +6,9 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
+#include "index/json/location_json.h"
 
 namespace pliant {
 namespace {
@@ -67,7 +67,7 @@ TEST(WarpMesh, PointsWhereTheMapMirrorsAreNotTrusted) {
 
 TEST(WarpMesh, JsonHasEveryPointInOrder) {
   const Mesh mesh = WarpMesh(Spline(320, 240, Wave), 321, 241, 5);
-  const auto json = nlohmann::json::parse(MeshJson(mesh));
+  const auto json = MeshJson(mesh);
   EXPECT_EQ(json["columns"], 5);
   EXPECT_EQ(json["rows"], 4);
   EXPECT_EQ(json["reference_width"], 321);

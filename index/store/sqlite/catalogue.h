@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The catalogue's collections, objects and pictures: one function a statement or two. Private to
-// index/. Functions that write must run inside a transaction (WriteQueue).
+// store/sqlite. Functions that write must run inside a transaction (WriteQueue).
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "index/engine/engine.h"
+#include "index/records/records.h"
+#include "index/store/catalogue.h"
 #include "index/store/sqlite/connection.h"
 
 namespace pliant {
 
-using Key = std::int64_t;  // of a row; 0 = none
-
 struct ModelRow {
   Key key = 0;
-  DescriptorInfo info;
-  int max_keypoints = 0;  // 0 = not decided
-  int max_side_px = 0;    // 0 = not decided
+  StoredModel model;
 };
 
 struct CollectionRow {
@@ -29,10 +26,18 @@ struct CollectionRow {
   Key model = 0;
   Key active_vocabulary = 0;
   std::int64_t created_ms = 0;
+  bool automatic = false;  // see CollectionRecord
+  std::uint64_t images = 0;
+  std::uint64_t objects = 0;
+  std::uint64_t descriptors = 0;
 };
 
+inline CollectionState StateOf(const CollectionRow& row) {
+  return {row.key, row.name, row.active_vocabulary, row.created_ms};
+}
+
 struct PictureRow {
-  Key key = 0;
+  Key key = 0;  // the picture's version
   Key object = 0;
   ImageRecord record;
 };
@@ -44,16 +49,23 @@ void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name);
 CollectionRow RequireCollection(Connection& db, const std::string& name);  // or kNotFound
 std::vector<CollectionRow> AllCollections(Connection& db);
+// With all it holds.
+void DeleteCollection(Connection& db, Key collection);
 Key InsertCollection(Connection& db, const std::string& name, Key model);
-void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary);
+// `automatic`: nobody chose it.
+void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic);
 
 // objects (catalogue_collections.cc)
 Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 = none
 Key FindOrInsertObject(Connection& db, Key collection, const std::string& name);
+std::uint64_t CountPicturesOf(Connection& db, Key object);
+std::uint64_t CountPicturesIn(Connection& db, Key collection);
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
                                         int limit);
 
 // pictures (catalogue_pictures.cc)
+PictureRow RequirePicture(Connection& db, const std::string& collection,
+                          const std::string& id);  // or kNotFound
 std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std::string& id);
 std::optional<PictureRow> FindPictureByKey(Connection& db, Key key);
 std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
@@ -69,6 +81,8 @@ Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);
 Key InsertPicture(Connection& db, Key collection, const PictureRow& picture);
 // Also removes an object that has no picture left.
 void DeletePicture(Connection& db, const PictureRow& picture);
+// How many. Also removes the object.
+std::uint64_t DeletePicturesOf(Connection& db, Key object);
 void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob);
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture);  // or kCorrupt
 

@@ -8,10 +8,19 @@ namespace pliant {
 namespace {
 
 constexpr const char* kSelectCollection =
-    "SELECT key, name, model, active_vocabulary, created_ms FROM collections ";
+    "SELECT key, name, model, active_vocabulary, created_ms, automatic, images, objects, "
+    "descriptors FROM collections ";
 
 CollectionRow ToCollection(const Cursor& row) {
-  return {row.Int(0), row.Text(1), row.Int(2), row.IsNull(3) ? 0 : row.Int(3), row.Int(4)};
+  return {row.Int(0),
+          row.Text(1),
+          row.Int(2),
+          row.IsNull(3) ? 0 : row.Int(3),
+          row.Int(4),
+          row.Int(5) != 0,
+          static_cast<std::uint64_t>(row.Int(6)),
+          static_cast<std::uint64_t>(row.Int(7)),
+          static_cast<std::uint64_t>(row.Int(8))};
 }
 
 }  // namespace
@@ -22,10 +31,10 @@ ModelRow ReadModel(Connection& db) {
       "FROM models ORDER BY key LIMIT 1");
   row.One();
   return {row.Int(0),
-          {row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
-           row.Text(2)},
-          static_cast<int>(row.Int(5)),
-          static_cast<int>(row.Int(6))};
+          {{row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
+            row.Text(2)},
+           static_cast<int>(row.Int(5)),
+           static_cast<int>(row.Int(6))}};
 }
 
 void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px) {
@@ -62,9 +71,13 @@ Key InsertCollection(Connection& db, const std::string& name, Key model) {
   return db.last_insert_key();
 }
 
-void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary) {
-  db.Prepare("UPDATE collections SET active_vocabulary = ? WHERE key = ?")
-      .Bind(vocabulary, collection)
+void DeleteCollection(Connection& db, Key collection) {
+  db.Prepare("DELETE FROM collections WHERE key = ?").Bind(collection).Run();
+}
+
+void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic) {
+  db.Prepare("UPDATE collections SET active_vocabulary = ?, automatic = ? WHERE key = ?")
+      .Bind(vocabulary, automatic ? 1 : 0, collection)
       .Run();
 }
 
@@ -79,6 +92,16 @@ Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) 
   if (const Key found = FindObject(db, collection, name)) return found;
   db.Prepare("INSERT INTO objects (collection, name) VALUES (?, ?)").Bind(collection, name).Run();
   return db.last_insert_key();
+}
+
+std::uint64_t CountPicturesOf(Connection& db, Key object) {
+  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE object = ?");
+  return static_cast<std::uint64_t>(images.Bind(object).One().Int(0));
+}
+
+std::uint64_t CountPicturesIn(Connection& db, Key collection) {
+  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE collection = ?");
+  return static_cast<std::uint64_t>(images.Bind(collection).One().Int(0));
 }
 
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
+#include "index/files/text.h"
 #include "index/store/sqlite/catalogue.h"
 
 namespace pliant {
@@ -49,6 +50,16 @@ std::vector<std::uint8_t> Copy(Bytes bytes) { return {bytes.begin(), bytes.end()
 std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std::string& id) {
   Cursor row = db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.collection = ? AND p.id = ?");
   return FirstPicture(row.Bind(collection, id));
+}
+
+PictureRow RequirePicture(Connection& db, const std::string& collection, const std::string& id) {
+  auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
+  if (!picture) {
+    throw Error(
+        ErrorCode::kNotFound, "image_not_found",
+        "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
+  }
+  return *std::move(picture);
 }
 
 std::optional<PictureRow> FindPictureByKey(Connection& db, Key key) {
@@ -137,6 +148,13 @@ void DeletePicture(Connection& db, const PictureRow& picture) {
         "?1)")
       .Bind(picture.object)
       .Run();
+}
+
+std::uint64_t DeletePicturesOf(Connection& db, Key object) {
+  db.Prepare("DELETE FROM pictures WHERE object = ?").Bind(object).Run();
+  const auto removed = static_cast<std::uint64_t>(db.changes());
+  db.Prepare("DELETE FROM objects WHERE key = ?").Bind(object).Run();
+  return removed;
 }
 
 void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob) {

@@ -4,6 +4,8 @@
 
 #include <sqlite3.h>
 
+#include "index/files/text.h"
+
 namespace pliant {
 namespace {
 
@@ -14,20 +16,6 @@ std::string FileName(const std::filesystem::path& path) {
   return std::filesystem::absolute(path).string();
 }
 
-std::string PercentEncoded(const std::string& path) {
-  static constexpr char kHex[] = "0123456789ABCDEF";
-  std::string out;
-  for (const char c : path) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (std::isalnum(byte) || c == '/' || c == '.' || c == '-' || c == '_') {
-      out += c;
-    } else {
-      out += {'%', kHex[byte >> 4], kHex[byte & 15]};
-    }
-  }
-  return out;
-}
-
 SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeout_ms) {
   const std::string name = FileName(path);
   SQLite::Database database(name, SQLite::OPEN_READONLY, busy_timeout_ms);
@@ -36,7 +24,7 @@ SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeou
   const int code = database.tryExec("SELECT 1 FROM sqlite_schema") & 0xff;
   if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) &&
       !std::filesystem::exists(name + "-wal")) {
-    return {"file:" + PercentEncoded(name) + "?immutable=1",
+    return {"file:" + PercentEncode(name, "/.-_") + "?immutable=1",
             SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};
   }
   return database;

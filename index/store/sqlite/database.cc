@@ -16,8 +16,8 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
-#include "index/engine/engine.h"
 #include "index/files/durable_file.h"
+#include "index/records/records.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/sqlite_error.h"
 

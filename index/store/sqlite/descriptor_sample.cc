@@ -54,13 +54,12 @@ void AppendRow(Descriptors& to, const Descriptors& from, std::size_t row) {
 
 }  // namespace
 
-DescriptorSample SampleDescriptors(Connection& db, const CollectionRow& collection,
-                                   const DescriptorInfo& model, std::size_t count,
-                                   std::uint64_t seed) {
+DescriptorSample SampleDescriptors(Connection& db, Key collection, const DescriptorInfo& model,
+                                   std::size_t count, std::uint64_t seed) {
   DescriptorSample sample;
   std::vector<StoredCount> pictures;
   Cursor row = db.Prepare("SELECT key, keypoints FROM pictures WHERE collection = ? ORDER BY id");
-  row.Bind(collection.key);
+  row.Bind(collection);
   while (row.Next()) {
     pictures.push_back({row.Int(0), static_cast<std::uint64_t>(row.Int(1))});
     sample.available += pictures.back().descriptors;

@@ -141,6 +141,18 @@ void CheckObjects(Connection& db, Problems& problems) {
   }
 }
 
+// The triggers keep what Stats reads.
+void CheckCounts(Connection& db, Problems& problems) {
+  Cursor row = db.Prepare(
+      "SELECT name FROM collections c WHERE "
+      "images <> (SELECT count(*) FROM pictures p WHERE p.collection = c.key) OR "
+      "objects <> (SELECT count(*) FROM objects o WHERE o.collection = c.key) OR descriptors <> "
+      "(SELECT coalesce(sum(keypoints), 0) FROM pictures p WHERE p.collection = c.key)");
+  while (row.Next()) {
+    problems.push_back("collection \"" + row.Text(0) + "\": its counts are not what it holds");
+  }
+}
+
 // Names and metadata that no program of ours would have stored.
 void CheckNames(Connection& db, Problems& problems) {
   const auto check = [&](const std::string& whose, const auto& rule, const std::string& text) {
@@ -193,7 +205,7 @@ void CheckKeys(Connection& db, Problems& problems) {
 std::vector<std::string> CheckDatabase(Connection& db) {
   Problems problems;
   for (const auto check : {CheckFile, CheckFeatures, CheckVocabularies, CheckWords, CheckOriginals,
-                           CheckObjects, CheckNames, CheckKeys}) {
+                           CheckObjects, CheckCounts, CheckNames, CheckKeys}) {
     try {
       check(db, problems);
     } catch (const SQLite::Exception& error) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: originals that are stored already, from the database into files and back.
+// Originals that are stored already, from the database into files and back.
 #include "descriptor/base/error.h"
-#include "index/engine/engine_impl.h"
+#include "index/store/sqlite/catalogue.h"
+#include "index/store/sqlite/originals_keeper.h"
 
 namespace pliant {
 namespace {
@@ -30,22 +31,22 @@ std::optional<std::vector<std::uint8_t>> BytesOf(Connection& db, const Originals
 
 }  // namespace
 
-MoveOriginalsResult Engine::Impl::MoveOriginals(const std::filesystem::path& directory,
-                                                const std::function<void(double)>& progress) {
+MoveOriginalsResult OriginalsKeeper::Move(const std::filesystem::path& directory,
+                                          const std::function<void(double)>& progress) {
   Originals target;
-  Write([&](Connection& db) {
-    target = Originals(db, path(), std::nullopt);
+  access_.Write([&](Connection& db) {
+    target = Originals(db, access_.path(), std::nullopt);
     target.Claim(db, directory);
   });
   MoveOriginalsResult result;
   if (target.store() == nullptr) return result;  // there never was a directory
   const bool from_files = !target.takes_new();
-  const auto total =
-      Read([&](Connection& db) { return static_cast<double>(CountOriginals(db, from_files)); });
+  const auto total = access_.Read(
+      [&](Connection& db) { return static_cast<double>(CountOriginals(db, from_files)); });
   Key after = 0;
   while (true) {
     std::vector<Moving> batch;
-    const std::vector<Key> keys = Read([&](Connection& db) {
+    const std::vector<Key> keys = access_.Read([&](Connection& db) {
       const std::vector<Key> next = SelectOriginals(db, from_files, after, kBatch);
       for (const Key key : next) {
         const auto picture = FindPictureByKey(db, key);
@@ -62,7 +63,7 @@ MoveOriginalsResult Engine::Impl::MoveOriginals(const std::filesystem::path& dir
     after = keys.back();
     result.left += keys.size() - batch.size();
     std::uint64_t moved = 0;
-    Write(
+    access_.Write(
         [&](Connection& db) {
           moved = 0;
           for (const Moving& moving : batch) {
@@ -73,7 +74,7 @@ MoveOriginalsResult Engine::Impl::MoveOriginals(const std::filesystem::path& dir
         },
         !from_files);
     result.moved += moved;
-    if (from_files) Write([&](Connection& db) { target.RemoveDropped(db); });
+    if (from_files) access_.Write([&](Connection& db) { target.RemoveDropped(db); });
     if (progress) progress(static_cast<double>(result.moved + result.left) / total);
   }
   return result;

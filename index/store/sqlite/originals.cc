@@ -77,7 +77,7 @@ void Originals::TakeOver(Connection& db, const OriginalsDirectoryRow& row) {
         ErrorCode::kNotFound, "originals_missing",
         name + " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
             " pictures; mount it, move the files there, or name the directory that has them "
-            "with --originals-dir (it was " +
+            "with originals_dir (it was " +
             row.path + ")");
   }
   if (!owner) store_->Claim(self_);

@@ -162,8 +162,41 @@ CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
 END;
 )sql";
 
+// Who chose the active vocabulary, and how much a collection holds, so that nobody has to count.
+// Until now automatic training was known by its seed (0x504c49414e54), and an older vocabulary that
+// is active again was chosen by hand.
+constexpr const char* kVersion5 = R"sql(
+ALTER TABLE collections ADD COLUMN automatic INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE collections ADD COLUMN images INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE collections ADD COLUMN objects INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE collections ADD COLUMN descriptors INTEGER NOT NULL DEFAULT 0;
+UPDATE collections SET
+  automatic = EXISTS (SELECT 1 FROM vocabularies v WHERE v.key = active_vocabulary
+    AND v.seed = 88288576753236 AND v.key = (SELECT max(w.key) FROM vocabularies w
+    WHERE w.collection = v.collection AND w.ready = 1)),
+  images = (SELECT count(*) FROM pictures p WHERE p.collection = collections.key),
+  objects = (SELECT count(*) FROM objects o WHERE o.collection = collections.key),
+  descriptors = (SELECT coalesce(sum(p.keypoints), 0) FROM pictures p
+                 WHERE p.collection = collections.key);
+CREATE TRIGGER picture_counted AFTER INSERT ON pictures BEGIN
+  UPDATE collections SET images = images + 1, descriptors = descriptors + new.keypoints
+  WHERE key = new.collection;
+END;
+CREATE TRIGGER picture_uncounted AFTER DELETE ON pictures BEGIN
+  UPDATE collections SET images = images - 1, descriptors = descriptors - old.keypoints
+  WHERE key = old.collection;
+END;
+CREATE TRIGGER object_counted AFTER INSERT ON objects BEGIN
+  UPDATE collections SET objects = objects + 1 WHERE key = new.collection;
+END;
+CREATE TRIGGER object_uncounted AFTER DELETE ON objects BEGIN
+  UPDATE collections SET objects = objects - 1 WHERE key = old.collection;
+END;
+)sql";
+
 constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
-                                    Migration{kVersion3}, Migration{kVersion4}};
+                                    Migration{kVersion3}, Migration{kVersion4},
+                                    Migration{kVersion5}};
 
 }  // namespace
 

@@ -5,10 +5,9 @@
 #include <sqlite3.h>
 
 #include "descriptor/base/error.h"
+#include "index/files/durable_file.h"
 
 namespace pliant {
-
-std::string DisplayPath(const std::filesystem::path& path) { return path.string(); }
 
 void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& database) {
   const std::string name = "the database " + DisplayPath(database);
@@ -23,7 +22,8 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
       throw Error(ErrorCode::kNoSpace, "disk_full",
                   "no space is left for " + name + "; free some and run again" + detail);
     case SQLITE_READONLY:
-      throw Error(ErrorCode::kNoSpace, "read_only",
+    case SQLITE_PERM:
+      throw Error(ErrorCode::kReadOnly, "read_only",
                   name + " cannot be written; check its permissions and file system" + detail);
     case SQLITE_CORRUPT:
       throw Error(ErrorCode::kCorrupt, "database_corrupt",

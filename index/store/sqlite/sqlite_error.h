@@ -4,14 +4,10 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 
 #include <SQLiteCpp/Exception.h>
 
 namespace pliant {
-
-// A path as text for messages.
-std::string DisplayPath(const std::filesystem::path& path);
 
 // Throws the Error that stands for `error`; the message names the database file.
 [[noreturn]] void ThrowAsError(const SQLite::Exception& error,

@@ -3,6 +3,7 @@
 #include "index/store/sqlite/write_queue.h"
 
 #include <algorithm>
+#include <array>
 
 #include <sqlite3.h>
 
@@ -20,11 +21,14 @@ void WriteQueue::Run(Work work, bool reclaim) {
   while (!job.done) {
     changed_.wait(lock, [&] { return job.done || !busy_; });
     if (job.done) break;
+    // From here to the end of the loop nothing throws: the array needs no memory, and Execute keeps
+    // what it catches. Whatever left busy_ set would block every writer for ever.
     busy_ = true;
-    const std::size_t count = std::min(jobs_.size(), kMaxBatch);
-    const std::vector<Job*> batch(jobs_.begin(),
-                                  jobs_.begin() + static_cast<std::ptrdiff_t>(count));
+    std::array<Job*, kMaxBatch> jobs;
+    const std::size_t count = std::min(jobs_.size(), jobs.size());
+    std::copy_n(jobs_.begin(), count, jobs.begin());
     jobs_.erase(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(count));
+    const std::span<Job* const> batch = std::span(jobs).first(count);
     lock.unlock();
     Execute(batch);
     lock.lock();
@@ -36,7 +40,7 @@ void WriteQueue::Run(Work work, bool reclaim) {
   if (job.failure) std::rethrow_exception(job.failure);
 }
 
-void WriteQueue::Execute(const std::vector<Job*>& batch) {
+void WriteQueue::Execute(std::span<Job* const> batch) noexcept {
   try {
     SQLite::Transaction transaction(connection_->database(),
                                     SQLite::TransactionBehavior::IMMEDIATE);
@@ -54,7 +58,7 @@ void WriteQueue::Execute(const std::vector<Job*>& batch) {
       ReclaimSpace();
     }
     after_commit_();
-  } catch (const std::exception&) {
+  } catch (...) {
     // What was written is durable and must be reported so. The index in memory stays marked as out
     // of date: the next search brings it up to date or throws what is wrong.
   }

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One writer for many threads, with group commit: whoever finds nobody writing takes everything
-// that waits, runs it in ONE transaction (a savepoint each) and commits once. Private to index/.
+// that waits, runs it in ONE transaction (a savepoint each) and commits once. Private to
+// store/sqlite.
 #pragma once
 
 #include <condition_variable>
@@ -10,7 +11,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <vector>
+#include <span>
 
 #include "index/store/sqlite/connection.h"
 
@@ -38,7 +39,7 @@ class WriteQueue {
     std::exception_ptr failure;
   };
 
-  void Execute(const std::vector<Job*>& batch);
+  void Execute(std::span<Job* const> batch) noexcept;
   void RunInSavepoint(Job& job);
   void ReclaimSpace();
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "server/app/metrics.h"
+#include "server/routes/metrics.h"
 
 #include <ctime>
 #include <fstream>

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a server keeps in the database file beside the pictures: API keys and jobs. It has
-// connections of its own, so that it works before an Engine has loaded its index, and beside one.
+// What a server keeps in the database beside the pictures: API keys and jobs. It has connections of
+// its own, so that it works before an Engine has loaded its index, and beside one.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -37,33 +36,25 @@ struct JobRecord {
   std::int64_t finished_ms = 0;  // 0 = not yet
 };
 
-// Thread-safe. Every method throws what a database throws: kUnavailable, kNoSpace, kCorrupt.
+// Thread-safe. Every method throws what a database throws: kUnavailable, kNoSpace, kReadOnly,
+// kCorrupt. OpenServiceStore (open_store.h) makes one.
 class ServiceStore {
  public:
-  // The database must exist; an older one is brought to the newest schema. Throws kNotFound
-  // "database_not_found" and what Engine's constructor throws for files that are no database.
-  explicit ServiceStore(const std::filesystem::path& database);
-  ~ServiceStore();
-  ServiceStore(const ServiceStore&) = delete;
-  ServiceStore& operator=(const ServiceStore&) = delete;
+  virtual ~ServiceStore() = default;
 
   // Changes whenever any process or thread has committed anything: then lists may differ.
-  std::int64_t Version();
+  virtual std::int64_t Version() = 0;
 
-  std::vector<ApiKeyRecord> Keys();  // oldest first, with those that are revoked
-  void AddKey(const ApiKeyRecord& key);
+  virtual std::vector<ApiKeyRecord> Keys() = 0;  // oldest first, with those that are revoked
+  virtual void AddKey(const ApiKeyRecord& key) = 0;
   // By id, or by a name that one working key has; false = there is none. Throws kConflict
   // "key_ambiguous" when several have that name.
-  bool RevokeKey(const std::string& id_or_name);
-  std::uint64_t ForgetRevokedKeys();  // how many
+  virtual bool RevokeKey(const std::string& id_or_name) = 0;
+  virtual std::uint64_t ForgetRevokedKeys() = 0;  // how many
 
-  std::vector<JobRecord> Jobs();           // oldest first
-  void SaveJob(const JobRecord& job);      // new, or in place of the one with its id
-  void KeepNewestJobs(std::size_t count);  // forgets older ones that have ended
-
- private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  virtual std::vector<JobRecord> Jobs() = 0;           // oldest first
+  virtual void SaveJob(const JobRecord& job) = 0;      // new, or in place of the one with its id
+  virtual void KeepNewestJobs(std::size_t count) = 0;  // forgets older ones that have ended
 };
 
 }  // namespace pliant

@@ -1,19 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "server/app/service.h"
+#include "server/routes/service.h"
+
+#include <utility>
 
 #include <spdlog/spdlog.h>
 
 #include "server/jobs/import_job.h"
 #include "server/jobs/training_job.h"
-#include "server/routes/routes.h"
 
 namespace pliant::server {
 
-Service::Service(const ServerOptions& server_options)
-    : options(server_options),
-      pool(MakeWorkerPoolOptions(server_options)),
-      backups(server_options.backup_dir) {}
+Service::Service(ServiceOptions service_options)
+    : options(std::move(service_options)), pool(options.pool), backups(options.backup_dir) {}
 
 // Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
 // tell the trainer what they add.
@@ -25,13 +24,13 @@ Service::~Service() {
 }
 
 void Service::Open() {
-  EngineOptions engine_options = MakeEngineOptions(options);
+  EngineOptions engine_options = options.engine;
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_ = std::make_unique<Engine>(engine_options);
   if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
     spdlog::info("removed {} files of no picture from the originals' directory", swept);
   }
-  store_ = std::make_unique<ServiceStore>(options.database);
+  store_ = OpenServiceStore(options.engine.database);
   jobs = std::make_unique<JobQueue>(store_.get());
   RegisterVocabularyJobs(*jobs, *engine_, pool);
   const auto on_added = [this](const std::string& collection) {
@@ -45,24 +44,6 @@ void Service::Open() {
   jobs->Start();
   loaded_ = 1;
   ready_ = true;
-}
-
-std::vector<Route> MakeRoutes(Service& service) {
-  std::vector<Route> routes;
-  AddPageRoutes(routes);
-  AddHealthRoutes(service, routes);
-  AddCollectionRoutes(service, routes);
-  AddImageRoutes(service, routes);
-  AddImageDataRoutes(service, routes);
-  AddBatchRoutes(service, routes);
-  AddObjectRoutes(service, routes);
-  AddSearchRoutes(service, routes);
-  AddVocabularyRoutes(service, routes);
-  AddDemoRoutes(service, routes);
-  AddJobRoutes(service, routes);
-  AddBackupRoutes(service, routes);
-  AddDocumentRoute(routes);
-  return routes;
 }
 
 }  // namespace pliant::server

@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sqlite/service_store.h"
-
+// API keys and jobs in a database file.
+#include <memory>
 #include <mutex>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
+#include "index/files/durable_file.h"
+#include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/schema.h"
@@ -50,11 +52,9 @@ JobRecord ToJob(const Cursor& row) {
   return job;
 }
 
-}  // namespace
-
-class ServiceStore::Impl {
+class SqliteServiceStore : public ServiceStore {
  public:
-  explicit Impl(const std::filesystem::path& path) : path_(path) {
+  explicit SqliteServiceStore(const std::filesystem::path& path) : path_(path) {
     WithDatabaseErrors(path_, [&] {
       RequireDatabase(path_);
       RequirePliant(path_);
@@ -64,6 +64,16 @@ class ServiceStore::Impl {
     });
   }
 
+  std::int64_t Version() override;
+  std::vector<ApiKeyRecord> Keys() override;
+  void AddKey(const ApiKeyRecord& key) override;
+  bool RevokeKey(const std::string& id_or_name) override;
+  std::uint64_t ForgetRevokedKeys() override;
+  std::vector<JobRecord> Jobs() override;
+  void SaveJob(const JobRecord& job) override;
+  void KeepNewestJobs(std::size_t count) override;
+
+ private:
   template <typename Work>
   auto Read(Work&& work) {
     return WithDatabaseErrors(path_, [&] {
@@ -83,7 +93,6 @@ class ServiceStore::Impl {
     });
   }
 
- private:
   const std::filesystem::path path_;
   std::mutex reader_mutex_;  // guards reader_
   std::unique_ptr<Connection> reader_;
@@ -91,16 +100,12 @@ class ServiceStore::Impl {
   std::unique_ptr<Connection> writer_;
 };
 
-ServiceStore::ServiceStore(const std::filesystem::path& database)
-    : impl_(std::make_unique<Impl>(database)) {}
-ServiceStore::~ServiceStore() = default;
-
-std::int64_t ServiceStore::Version() {
-  return impl_->Read([](Connection& db) { return db.Scalar("PRAGMA data_version"); });
+std::int64_t SqliteServiceStore::Version() {
+  return Read([](Connection& db) { return db.Scalar("PRAGMA data_version"); });
 }
 
-std::vector<ApiKeyRecord> ServiceStore::Keys() {
-  return impl_->Read([](Connection& db) {
+std::vector<ApiKeyRecord> SqliteServiceStore::Keys() {
+  return Read([](Connection& db) {
     Cursor row = db.Prepare(
         "SELECT id, name, scope, hash, created_ms, revoked_ms FROM api_keys ORDER BY key");
     std::vector<ApiKeyRecord> keys;
@@ -112,10 +117,10 @@ std::vector<ApiKeyRecord> ServiceStore::Keys() {
   });
 }
 
-void ServiceStore::AddKey(const ApiKeyRecord& key) {
+void SqliteServiceStore::AddKey(const ApiKeyRecord& key) {
   const std::vector<std::uint8_t> hash =
       FromHex(key.hash).value_or(std::vector<std::uint8_t>{});  // the table refuses another length
-  impl_->Write([&](Connection& db) {
+  Write([&](Connection& db) {
     db.Prepare("INSERT INTO api_keys (id, name, scope, hash, created_ms) VALUES (?, ?, ?, ?, ?)")
         .Bind(key.id, key.name, key.scope, hash, key.created_ms)
         .Run();
@@ -123,8 +128,8 @@ void ServiceStore::AddKey(const ApiKeyRecord& key) {
   });
 }
 
-bool ServiceStore::RevokeKey(const std::string& id_or_name) {
-  return impl_->Write([&](Connection& db) {
+bool SqliteServiceStore::RevokeKey(const std::string& id_or_name) {
+  return Write([&](Connection& db) {
     Cursor row = db.Prepare(
         "SELECT key FROM api_keys WHERE revoked_ms IS NULL AND (id = ?1 OR name = ?1) "
         "ORDER BY id <> ?1");
@@ -142,15 +147,15 @@ bool ServiceStore::RevokeKey(const std::string& id_or_name) {
   });
 }
 
-std::uint64_t ServiceStore::ForgetRevokedKeys() {
-  return impl_->Write([](Connection& db) {
+std::uint64_t SqliteServiceStore::ForgetRevokedKeys() {
+  return Write([](Connection& db) {
     db.Prepare("DELETE FROM api_keys WHERE revoked_ms IS NOT NULL").Run();
     return static_cast<std::uint64_t>(db.changes());
   });
 }
 
-std::vector<JobRecord> ServiceStore::Jobs() {
-  return impl_->Read([](Connection& db) {
+std::vector<JobRecord> SqliteServiceStore::Jobs() {
+  return Read([](Connection& db) {
     Cursor row = db.Prepare(
         "SELECT id, kind, collection, parameters, state, done, total, failed, attempts, result, "
         "report, created_ms, finished_ms FROM jobs ORDER BY number");
@@ -160,8 +165,8 @@ std::vector<JobRecord> ServiceStore::Jobs() {
   });
 }
 
-void ServiceStore::SaveJob(const JobRecord& job) {
-  impl_->Write([&](Connection& db) {
+void SqliteServiceStore::SaveJob(const JobRecord& job) {
+  Write([&](Connection& db) {
     db.Prepare(
           "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
           "attempts, result, report, created_ms, finished_ms) "
@@ -176,8 +181,8 @@ void ServiceStore::SaveJob(const JobRecord& job) {
   });
 }
 
-void ServiceStore::KeepNewestJobs(std::size_t count) {
-  impl_->Write([&](Connection& db) {
+void SqliteServiceStore::KeepNewestJobs(std::size_t count) {
+  Write([&](Connection& db) {
     db.Prepare(
           "DELETE FROM jobs WHERE state NOT IN ('queued', 'running') AND number NOT IN "
           "(SELECT number FROM jobs ORDER BY number DESC LIMIT ?)")
@@ -185,6 +190,12 @@ void ServiceStore::KeepNewestJobs(std::size_t count) {
         .Run();
     return 0;
   });
+}
+
+}  // namespace
+
+std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database) {
+  return std::make_unique<SqliteServiceStore>(database);
 }
 
 }  // namespace pliant

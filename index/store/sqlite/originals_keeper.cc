@@ -1,45 +1,41 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: the uploaded bytes, in the database or as files.
+#include "index/store/sqlite/originals_keeper.h"
+
 #include <algorithm>
 
 #include "descriptor/base/error.h"
-#include "index/engine/engine_impl.h"
 #include "index/files/text.h"
+#include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/integrity.h"
 
 namespace pliant {
 
-// A program that adds pictures makes the directory its own; any other only reads and tidies.
-void Engine::Impl::OpenOriginals() {
-  const auto& directory = options_.originals_dir;
-  const bool settled = Read([&](Connection& db) {
-    originals_ = Originals(db, path(), directory);
+void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory, bool claim) {
+  const bool settled = access_.Read([&](Connection& db) {
+    originals_ = Originals(db, access_.path(), directory);
     return originals_.Settled(db, directory);
   });
-  if (settled || options_.read_only || !options_.load_descriptor) return;
-  Connection db(path(), Connection::Mode::kReadWrite, options_.busy_timeout_ms);
-  SQLite::Transaction transaction(db.database(), SQLite::TransactionBehavior::IMMEDIATE);
-  originals_.Claim(db, directory);
-  transaction.commit();
+  if (settled || !claim) return;
+  access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
 }
 
-std::optional<OriginalStore> Engine::Impl::PresentStore(Connection& db) {
+std::optional<OriginalStore> OriginalsKeeper::PresentStore(Connection& db) {
   if (originals_.store() != nullptr) return *originals_.store();
   const auto row = FindOriginalsDirectory(db);  // another process may have begun to use one
   if (!row) return std::nullopt;
   return OriginalStore(row->path);
 }
 
-std::vector<std::uint8_t> Engine::Impl::GetContent(const std::string& collection,
-                                                   const std::string& id) {
+std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
+                                                const std::string& id) {
   std::string directory;
   // A picture that is removed after it was looked up has lost its file when it is looked up again.
   for (int attempt = 0; attempt < 2; ++attempt) {
     ImageRecord record;
     std::optional<std::vector<std::uint8_t>> bytes;
     std::optional<OriginalStore> store;
-    Read([&](Connection& db) {
+    access_.Read([&](Connection& db) {
       const PictureRow picture = RequirePicture(db, collection, id);
       record = picture.record;
       bytes = ReadOriginal(db, picture.key);
@@ -58,49 +54,49 @@ std::vector<std::uint8_t> Engine::Impl::GetContent(const std::string& collection
                   "; add the same picture again, or restore the directory");
 }
 
-void Engine::Impl::RestoreOriginal(const ImageRecord& stored, Bytes bytes) {
+void OriginalsKeeper::Restore(const ImageRecord& stored, Bytes bytes) {
   if (!originals_.owned() || originals_.store()->SizeOf(stored.sha256) == bytes.size()) return;
-  if (!Read([&](Connection& db) { return IsOriginalFile(db, stored.sha256); })) return;
+  if (!access_.Read([&](Connection& db) { return IsOriginalFile(db, stored.sha256); })) return;
   IncomingOriginal incoming(originals_.store()->directory(), stored.sha256, bytes);
-  Write([&](Connection& db) {
+  access_.Write([&](Connection& db) {
     if (IsOriginalFile(db, stored.sha256)) originals_.store()->Publish(incoming);
   });
 }
 
-void Engine::Impl::RemoveDroppedOriginals() {
+void OriginalsKeeper::RemoveDropped() {
   if (!originals_.owned()) return;
-  if (Read([](Connection& db) { return DroppedOriginals(db).empty(); })) return;
-  Write([&](Connection& db) { originals_.RemoveDropped(db); });
+  if (access_.Read([](Connection& db) { return DroppedOriginals(db).empty(); })) return;
+  access_.Write([&](Connection& db) { originals_.RemoveDropped(db); });
 }
 
-void Engine::Impl::TidyOriginals() {
+void OriginalsKeeper::Tidy() {
   try {
-    RemoveDroppedOriginals();
+    RemoveDropped();
   } catch (const Error&) {
     // The pictures are gone, which is what was asked for. Their files stay noted in the database:
     // the next removal, sweep or check tries again, and the check reports what it cannot remove.
   }
 }
 
-void Engine::Impl::ForgetOriginal(const std::string& sha256) {
+void OriginalsKeeper::Forget(const std::string& sha256) {
   try {
-    Write([&](Connection& db) { originals_.RemoveUnreferenced(db, sha256); });
+    access_.Write([&](Connection& db) { originals_.RemoveUnreferenced(db, sha256); });
   } catch (const Error&) {
     // What failed before is what the caller must hear of; the next sweep finds the file.
   }
 }
 
-std::uint64_t Engine::Impl::SweepOriginals() {
-  if (!originals_.owned() || !writer_) return 0;
-  RemoveDroppedOriginals();
+std::uint64_t OriginalsKeeper::Sweep() {
+  if (!originals_.owned() || !access_.writes()) return 0;
+  RemoveDropped();
   const OriginalStore& store = *originals_.store();
   std::uint64_t removed = store.RemoveAbandoned();
   std::vector<std::string> orphans = store.List();
-  Read([&](Connection& db) {
+  access_.Read([&](Connection& db) {
     std::erase_if(orphans, [&](const std::string& sha256) { return IsOriginalFile(db, sha256); });
   });
   if (orphans.empty()) return removed;
-  Write([&](Connection& db) {  // nobody can begin to refer to one meanwhile
+  access_.Write([&](Connection& db) {  // nobody can begin to refer to one meanwhile
     for (const std::string& sha256 : orphans) {
       removed += originals_.RemoveUnreferenced(db, sha256) ? 1 : 0;
     }
@@ -108,24 +104,24 @@ std::uint64_t Engine::Impl::SweepOriginals() {
   return removed;
 }
 
-std::vector<std::string> Engine::Impl::CheckOriginals() {
+std::vector<std::string> OriginalsKeeper::Check() {
   const auto check = [&](Connection& db) {
     const std::optional<OriginalStore> store = PresentStore(db);
     return CheckOriginalFiles(db, store ? &*store : nullptr);
   };
-  std::vector<std::string> problems = Read(check);
+  std::vector<std::string> problems = access_.Read(check);
   if (problems.empty()) return problems;
   // Pictures that were removed while the files were read look as if they had lost theirs; they are
   // not there when looked for again.
-  const std::vector<std::string> again = Read(check);
+  const std::vector<std::string> again = access_.Read(check);
   std::erase_if(problems, [&](const std::string& problem) {
     return std::find(again.begin(), again.end(), problem) == again.end();
   });
   return problems;
 }
 
-std::optional<OriginalsRecord> Engine::Impl::DescribeOriginals() {
-  return Read([&](Connection& db) -> std::optional<OriginalsRecord> {
+std::optional<OriginalsRecord> OriginalsKeeper::Describe() {
+  return access_.Read([&](Connection& db) -> std::optional<OriginalsRecord> {
     if (originals_.store() == nullptr) return std::nullopt;
     return OriginalsRecord{originals_.store()->directory(), CountOriginalFiles(db),
                            originals_.owned()};

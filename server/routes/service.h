@@ -1,31 +1,36 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What the routes work with, and the whole server put together.
+// What the routes work with.
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <memory>
-#include <optional>
-#include <vector>
 
 #include "index/engine/engine.h"
-#include "index/store/sqlite/service_store.h"
-#include "server/app/metrics.h"
-#include "server/app/options.h"
-#include "server/http/router.h"
+#include "index/store/service_store.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/demonstration.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
+#include "server/routes/metrics.h"
 #include "server/routes/thumbnails.h"
 
 namespace pliant::server {
 
+struct ServiceOptions {
+  EngineOptions engine;
+  WorkerPoolOptions pool;
+  bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
+  std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
+  std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
+};
+
 // Everything the handlers share. Made before the index is loaded; engine() only after Open().
 class Service {
  public:
-  explicit Service(const ServerOptions& options);
+  explicit Service(ServiceOptions options);
   ~Service();
 
   // Loads the index. Throws what Engine's constructor throws.
@@ -36,7 +41,7 @@ class Service {
   double loaded() const { return loaded_; }                    // which share of the index, 0..1
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
 
-  const ServerOptions options;
+  const ServiceOptions options;
   WorkerPool pool;
   ThumbnailCache thumbnails;
   CrumpledPictures crumpled_pictures;
@@ -52,12 +57,5 @@ class Service {
   std::atomic<bool> ready_{false};
   std::atomic<double> loaded_{0};
 };
-
-// The route table. `service` must outlive it.
-std::vector<Route> MakeRoutes(Service& service);
-
-// Runs until SIGTERM or SIGINT. Returns the exit status: 0 stopped cleanly, 1 failed (also when
-// requests had to be cut off at the end).
-int RunServer(const ServerOptions& options);
 
 }  // namespace pliant::server

@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/engine/search_run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <unordered_set>
+#include <utility>
+
+#include "descriptor/base/error.h"
+#include "index/verify/expansion.h"
+
+namespace pliant {
+namespace {
+
+// Features of so many pictures are in memory at a time: of all that are verified by default.
+constexpr std::size_t kPicturesABatch = 256;
+
+// Adds the time that it lives to a sum.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double* sum_ms) : sum_ms_(*sum_ms) {}
+  ~Stopwatch() {
+    sum_ms_ += std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
+  }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  double& sum_ms_;
+  Clock::time_point start_ = Clock::now();
+};
+
+[[noreturn]] void ThrowInvalid(const std::string& field, const std::string& message) {
+  throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
+}
+
+bool Verifies(const SearchOptions& options) {
+  if (options.verify == Verification::kAuto) return options.rank == RankMethod::kTfIdf;
+  return options.verify == Verification::kTps;
+}
+
+// Another picture of an object that was found by one adds nothing where each object stands once.
+int ExpansionsOf(const SearchOptions& options) {
+  constexpr int kByPicture = 3;
+  return options.expand.value_or(options.group_by == GroupBy::kImage ? kByPicture : 0);
+}
+
+// Why there is nothing to say about a hit.
+Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
+  Explanation explanation;
+  explanation.ranking_score = ranking_score;
+  explanation.failure = Verifies(options)
+                            ? "The picture was not looked at: only the best of the ranking are "
+                              "verified. Raise the depth of verification to look at more."
+                            : "The search does not verify.";
+  return explanation;
+}
+
+}  // namespace
+
+void Validate(const SearchOptions& options) {
+  if (!std::isfinite(options.min_score) || options.min_score < 0 || options.min_score > 1) {
+    ThrowInvalid("min_score", "must be 0 to 1");
+  }
+  if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
+  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
+  if (options.tuning.assignments < 1 || options.tuning.assignments > 16) {
+    ThrowInvalid("tuning.assignments", "must be 1 to 16");
+  }
+  if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
+    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
+  }
+  CheckFilter(options.filter);
+  if (!options.region) return;
+  const Region& r = *options.region;
+  for (const double value : {r.x, r.y, r.width, r.height}) {
+    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers");
+  }
+  if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
+}
+
+SearchRun::SearchRun(Ranker* ranker, Catalogue* catalogue, const CollectionView& view,
+                     const Features& query, const SearchOptions& options)
+    : ranker_(*ranker),
+      view_(view),
+      query_(query),
+      options_(options),
+      bow_([&] {
+        const Stopwatch watch(&timings_.quantize_ms);
+        return Quantize(query);
+      }()),
+      rank_([&] {
+        const Stopwatch watch(&timings_.rank_ms);
+        return ToRankOptions();
+      }()),
+      shelf_(catalogue, &rank_.admission, query.model_id) {}
+
+SearchResult SearchRun::Run() {
+  Ranking ranking;
+  {
+    const Stopwatch watch(&timings_.rank_ms);
+    ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
+  }
+  Fetch(ranking);
+  std::vector<VerifiedPicture> hits;
+  if (Verifies(options_)) {
+    hits = Verify(std::move(ranking.candidates));
+    if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
+    SortByScore(&hits);
+    std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
+    if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
+  }
+  SearchResult result;
+  result.total = hits.size() + ranking.total;
+  for (RankedPicture& picture : ranking.best) hits.push_back({.picture = std::move(picture)});
+  result.hits = PageOf(std::move(hits));
+  result.timings = timings_;
+  return result;
+}
+
+Bow SearchRun::Quantize(const Features& features) const {
+  const Quantizer& quantizer = *view_.quantizer;
+  const Descriptors& descriptors = features.descriptors;
+  const int several = options_.tuning.assignments;
+  if (several == 1) {
+    return quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, options_.threads));
+  }
+  const auto words = quantizer.AssignSeveral(descriptors, several, options_.threads);
+  return quantizer.BowOf(descriptors, 0, words, static_cast<int>(words.size() / descriptors.rows));
+}
+
+RankOptions SearchRun::ToRankOptions() const {
+  RankOptions rank;
+  rank.method = options_.rank;
+  rank.group_by = options_.group_by;
+  rank.keep = options_.limit == 0 ? 0 : options_.offset + options_.limit;
+  rank.min_score = options_.min_score;
+  rank.threads = options_.threads;
+  rank.signatures = options_.tuning.signatures;
+  rank.admission = ranker_.Admit(view_, options_.object, options_.filter);
+  if (Verifies(options_)) {
+    // Does not depend on the page, so that pages fit together.
+    rank.candidates = options_.verify_depth != 0 ? options_.verify_depth
+                                                 : DefaultVerifyDepth(ranker_.Size(view_));
+  }
+  return rank;
+}
+
+// The one batch: what is verified, or else the page. Only a page that reaches behind the verified
+// pictures reads once more (PageOf).
+void SearchRun::Fetch(const Ranking& ranking) {
+  const Stopwatch watch(&timings_.database_ms);
+  const std::span<const RankedPicture> candidates = ranking.candidates;
+  if (!candidates.empty()) {
+    shelf_.Fetch(candidates.first(std::min(candidates.size(), kPicturesABatch)),
+                 Load::kRecordsAndFeatures);
+  } else {
+    const std::span<const RankedPicture> best = ranking.best;
+    shelf_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
+  }
+}
+
+std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candidates) {
+  std::vector<VerifiedPicture> verified;
+  for (std::size_t begin = 0; begin < candidates.size(); begin += kPicturesABatch) {
+    const std::size_t end = std::min(candidates.size(), begin + kPicturesABatch);
+    std::vector<RankedPicture> batch(
+        std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(begin)),
+        std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(end)));
+    {
+      const Stopwatch watch(&timings_.database_ms);
+      if (begin > 0) shelf_.DropFeatures();
+      shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
+    }
+    const Stopwatch watch(&timings_.verify_ms);
+    auto hits = Rerank(query_, std::move(batch),
+                       {.max_instances = options_.max_instances,
+                        .explain = options_.explain,
+                        .threads = options_.threads},
+                       [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
+    std::move(hits.begin(), hits.end(), std::back_inserter(verified));
+  }
+  return verified;
+}
+
+// Lifts the pictures that agree with the best verified ones, and takes those that were not looked
+// at before out of the ranking's other hits.
+void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
+  const auto nearest = [&](const Features& part, std::size_t depth) {
+    RankOptions of_part = rank_;
+    of_part.group_by = GroupBy::kImage;
+    of_part.candidates = depth;
+    of_part.keep = 1;
+    auto found = ranker_.Rank(view_, {Quantize(part), part}, of_part).candidates;
+    shelf_.Fetch(found, Load::kRecordsAndFeatures);
+    return found;
+  };
+  const auto load = [&](std::int64_t version) { return shelf_.LoadFeatures(version); };
+  const int most = ExpansionsOf(options_);
+  std::vector<RankedPicture> sources;  // still on the shelf unless there was more than one batch
+  for (const VerifiedPicture* source : ExpansionSources(*hits, most)) {
+    sources.push_back(source->picture);
+  }
+  shelf_.Fetch(sources, Load::kRecordsAndFeatures);
+  std::unordered_map<std::int64_t, Support> supports;
+  {
+    const Stopwatch watch(&timings_.verify_ms);
+    supports = pliant::Expand(*hits, {.sources = most, .threads = options_.threads}, load, nearest);
+  }
+  std::unordered_set<std::int64_t> looked_at;
+  for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
+  RankOptions again = rank_;
+  for (const auto& [version, support] : supports) {
+    if (!looked_at.contains(version)) again.also.push_back(version);
+  }
+  if (!again.also.empty()) {
+    std::sort(again.also.begin(), again.also.end());
+    *ranking = ranker_.Rank(view_, {bow_, query_}, again);
+    std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
+      return !std::binary_search(again.also.begin(), again.also.end(), picture.ref.version);
+    });
+    for (VerifiedPicture& hit : Verify(std::move(ranking->candidates))) {
+      hits->push_back(std::move(hit));
+    }
+  }
+  for (VerifiedPicture& hit : *hits) {
+    const auto support = supports.find(hit.picture.ref.version);
+    if (support == supports.end() || support->second.evidence <= hit.evidence) continue;
+    hit.evidence = support->second.evidence;
+    hit.via = support->second.via;
+    hit.picture.score = LiftScore(hit.ranking_score, hit.evidence);
+  }
+}
+
+// The page of hits that the options ask for.
+std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
+  const std::size_t begin = std::min(options_.offset, hits.size());
+  const std::size_t end =
+      options_.limit == 0 ? hits.size() : std::min(hits.size(), options_.offset + options_.limit);
+  std::vector<RankedPicture> shown;
+  for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].picture);
+  const Stopwatch watch(&timings_.database_ms);
+  shelf_.Fetch(shown, Load::kRecords);
+  std::vector<Hit> page;
+  for (std::size_t i = begin; i < end; ++i) {
+    VerifiedPicture& found = hits[i];
+    const ImageRecord* record = shelf_.Record(found.picture.ref.version);
+    if (record == nullptr) continue;  // removed since it was ranked
+    Hit hit;
+    hit.rank = i + 1;
+    hit.object = record->object;
+    hit.image_id = record->id;
+    hit.score = found.picture.score;
+    hit.inliers = found.inliers();
+    hit.instances = std::move(found.instances);
+    hit.via = found.via;
+    if (!hit.instances.empty()) hit.polygon = hit.instances.front().polygon;
+    hit.metadata = record->metadata;
+    if (options_.explain) {
+      hit.explanation = found.explanation ? std::move(found.explanation)
+                                          : NotLookedAt(options_, found.picture.score);
+    }
+    page.push_back(std::move(hit));
+  }
+  return page;
+}
+
+}  // namespace pliant

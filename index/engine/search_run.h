@@ -1,0 +1,46 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One search: rank in memory, read what was ranked best in one batch, verify in memory. Private to
+// engine/.
+#pragma once
+
+#include <vector>
+
+#include "index/engine/picture_shelf.h"
+#include "index/rank/ranker.h"
+#include "index/records/search.h"
+#include "index/store/catalogue.h"
+#include "index/verify/rerank.h"
+
+namespace pliant {
+
+// Throws kInvalidArgument that names the option.
+void Validate(const SearchOptions& options);
+
+class SearchRun {
+ public:
+  // All must outlive it. The view must have a vocabulary.
+  SearchRun(Ranker* ranker, Catalogue* catalogue, const CollectionView& view, const Features& query,
+            const SearchOptions& options);
+
+  SearchResult Run();
+
+ private:
+  Bow Quantize(const Features& features) const;
+  RankOptions ToRankOptions() const;
+  void Fetch(const Ranking& ranking);
+  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+  void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
+  std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
+
+  Ranker& ranker_;
+  const CollectionView& view_;
+  const Features& query_;
+  const SearchOptions& options_;
+  SearchTimings timings_;  // before what is timed while it is made
+  const Bow bow_;
+  const RankOptions rank_;
+  PictureShelf shelf_;
+};
+
+}  // namespace pliant

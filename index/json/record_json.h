@@ -1,0 +1,27 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The JSON forms of what is stored: pictures, vocabularies, collections.
+#pragma once
+
+#include <string>
+
+#include "index/engine/engine.h"
+#include "index/json/json.h"
+
+namespace pliant {
+
+// {"id", "collection", "object", "metadata", "source", "sha256", "media_type", "bytes", "width",
+// "height", "keypoints", "added_at"}
+Json ImageJson(const ImageRecord& image);
+
+// {"id", "words", "active", "model_id", "method", "seed", "sampled", "available", "loss",
+// "created_at"}
+Json VocabularyJson(const VocabularyRecord& vocabulary);
+
+// {"name", "images", "objects", "descriptors", "vocabulary": VocabularyJson or null, "created_at"}
+Json CollectionJson(const CollectionRecord& collection);
+
+// Metadata as stored, a JSON object in text; {} where it is none.
+Json MetadataJson(const std::string& metadata);
+
+}  // namespace pliant

@@ -1,0 +1,296 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/rank/memory_ranker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "descriptor/base/error.h"
+#include "index/rank/ranking.h"
+
+namespace pliant {
+namespace {
+
+struct MemoryState : RankerState {
+  explicit MemoryState(std::shared_ptr<const IndexSnapshot> s) : snapshot(std::move(s)) {}
+  std::shared_ptr<const IndexSnapshot> snapshot;
+};
+
+const IndexSnapshot& SnapshotOf(const CollectionView& view) {
+  return *static_cast<const MemoryState&>(*view.state).snapshot;
+}
+
+}  // namespace
+
+MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
+                           std::function<void(double)> loading)
+    : feed_(std::move(feed)), catalogue_(*catalogue), loading_(std::move(loading)) {}
+
+CollectionView MemoryRanker::View(const std::string& collection) {
+  Lock lock(mutex_);
+  in_use_ = true;
+  while (true) {
+    CatchUp();
+    const auto found = entries_.find(collection);
+    if (found == entries_.end()) {
+      throw Error(ErrorCode::kNotFound, "collection_not_found",
+                  "there is no collection \"" + collection + "\"");
+    }
+    const Entry& entry = found->second;
+    if (entry.is_current() || (entry.shown && entry.loading)) {
+      const Loaded& shown = *entry.shown;
+      return {shown.collection, shown.vocabulary, shown.quantizer,
+              shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
+    }
+    if (entry.loading) {
+      changed_.wait(lock);
+    } else {
+      LoadEntry(collection, lock);
+    }
+  }
+}
+
+std::size_t MemoryRanker::Size(const CollectionView& view) const {
+  return view.state ? SnapshotOf(view).pictures : 0;
+}
+
+Admission MemoryRanker::Admit(const CollectionView& view, const std::optional<std::string>& object,
+                              const Filter& filter) const {
+  return catalogue_.Admit(view.collection, object, filter);
+}
+
+Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
+                           const RankOptions& options) const {
+  Ranking ranking = pliant::Rank(SnapshotOf(view), query.bow, options);
+  for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
+  for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
+  return ranking;
+}
+
+void MemoryRanker::Load() {
+  Lock lock(mutex_);
+  in_use_ = true;
+  CatchUp();
+  LoadAll(lock);
+}
+
+void MemoryRanker::Follow() {
+  Lock lock(mutex_);
+  if (!in_use_) return;
+  CatchUp();
+  // Before a writer returns nothing may be left to an old state: a picture that it has added has
+  // words of the new vocabulary alone.
+  LoadAll(lock);
+}
+
+void MemoryRanker::LoadAll(Lock& lock) {
+  while (true) {
+    const auto stale = std::find_if(entries_.begin(), entries_.end(),
+                                    [](const auto& entry) { return !entry.second.is_current(); });
+    if (stale == entries_.end()) break;
+    if (stale->second.loading) {
+      changed_.wait(lock);
+    } else {
+      LoadEntry(std::string(stale->first), lock);
+    }
+    CatchUp();
+  }
+  const std::lock_guard progress(progress_mutex_);
+  loading_ = nullptr;
+}
+
+void MemoryRanker::CatchUp() {
+  const std::int64_t version = feed_->Version();
+  if (version == version_) return;
+  const std::unique_ptr<FeedView> view = feed_->Look();
+  CatchUpWith(*view);
+  version_ = version;
+}
+
+void MemoryRanker::CatchUpWith(FeedView& view) {
+  version_.reset();  // until the end is reached without an exception
+  std::map<std::string, Entry> next;
+  std::uint64_t to_load = 0;
+  for (const CollectionState& state : view.Collections()) {
+    const auto known = entries_.find(state.name);
+    const bool same = known != entries_.end() && known->second.collection == state.key;
+    Entry entry;
+    entry.collection = state.key;
+    if (same) entry = known->second;
+    next.emplace(state.name, Updated(std::move(entry), state, view));
+    if (entries_.empty() && state.vocabulary != 0) to_load += view.CountPictures(state.key);
+  }
+  if (entries_.empty()) {
+    const std::lock_guard progress(progress_mutex_);
+    to_load_ = to_load;
+  }
+  entries_ = std::move(next);
+  std::erase_if(prepared_, [](const auto& prepared) { return prepared.expired(); });
+}
+
+MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& state,
+                                          FeedView& view) {
+  entry.vocabulary = state.vocabulary;
+  if (entry.shown && entry.shown->index) {
+    // An index that an exception left half changed must not be shown: it goes first, and comes back
+    // when it is whole.
+    Loaded shown = *std::exchange(entry.shown, std::nullopt);
+    if (const auto known = entries_.find(state.name); known != entries_.end()) {
+      known->second.shown.reset();
+    }
+    if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
+  }
+  if (entry.is_current()) return entry;
+  if (state.vocabulary == 0) {
+    entry.shown = Loaded{state.key, 0, nullptr, nullptr, view.Position()};
+  } else if (auto prepared = TakePrepared(state.key, state.vocabulary);
+             prepared && BringUpToDate(*prepared, view)) {
+    entry.shown = std::move(prepared);
+  }
+  return entry;
+}
+
+// A replaced picture is a removal and an addition: both must come in one snapshot, or a search sees
+// neither of the two states.
+bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
+  const auto removed = view.RemovedSince(loaded.at.removal);
+  if (!removed) return false;
+  view.ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.picture,
+                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
+                        loaded.index->Stage(std::move(chunk));
+                      });
+  loaded.index->Apply({}, *removed);
+  loaded.at = view.Position();
+  return true;
+}
+
+std::optional<MemoryRanker::Loaded> MemoryRanker::TakePrepared(Key collection, Key vocabulary) {
+  for (auto at = prepared_.begin(); at != prepared_.end(); ++at) {
+    const std::shared_ptr<const Loaded> prepared = at->lock();
+    if (!prepared || prepared->collection != collection || prepared->vocabulary != vocabulary) {
+      continue;
+    }
+    prepared_.erase(at);  // once only: the index goes on living in the entry
+    return *prepared;
+  }
+  return std::nullopt;
+}
+
+void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
+  const Key collection = entries_.at(name).collection;
+  entries_.at(name).loading = true;
+  lock.unlock();
+  std::optional<Loaded> loaded;
+  std::exception_ptr failure;
+  try {
+    const std::unique_ptr<FeedView> view = feed_->Look();
+    for (const CollectionState& state : view->Collections()) {
+      if (state.key == collection) loaded = LoadAside(*view, collection, state.vocabulary);
+    }
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  lock.lock();
+  const auto entry = entries_.find(name);
+  if (entry != entries_.end() && entry->second.collection == collection) {
+    entry->second.loading = false;
+    if (loaded) entry->second.shown = std::move(loaded);
+  }
+  version_.reset();  // what has changed while it was loaded is followed before it is shown
+  changed_.notify_all();
+  if (failure) std::rethrow_exception(failure);
+}
+
+MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key vocabulary) {
+  Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position()};
+  if (vocabulary == 0) return loaded;
+  loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
+  const std::size_t words = loaded.quantizer->vocabulary().size();
+  loaded.index = std::make_shared<InvertedIndex>(words);
+  view.ForEachPicture(vocabulary, words, 0, IndexSegment::kMaxPictures,
+                      [&](std::vector<IndexedPicture> chunk) {
+                        const std::size_t pictures = chunk.size();
+                        loaded.index->Append(std::move(chunk));
+                        Progress(pictures);
+                      });
+  loaded.index->Refresh();
+  return loaded;
+}
+
+std::shared_ptr<const void> MemoryRanker::Prepare(Key collection, Key vocabulary) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!in_use_) return nullptr;  // whoever first needs it loads it
+  }
+  const std::unique_ptr<FeedView> view = feed_->Look();
+  auto prepared = std::make_shared<const Loaded>(LoadAside(*view, collection, vocabulary));
+  const std::lock_guard lock(mutex_);
+  prepared_.push_back(prepared);
+  return prepared;
+}
+
+void MemoryRanker::Progress(std::size_t pictures) {
+  const std::lock_guard lock(progress_mutex_);
+  loaded_ += pictures;
+  if (!loading_ || to_load_ == 0) return;
+  loading_(std::min(1.0, static_cast<double>(loaded_) / static_cast<double>(to_load_)));
+}
+
+std::size_t MemoryRanker::memory_bytes() const {
+  const std::lock_guard lock(mutex_);
+  std::size_t bytes = 0;
+  for (const auto& [name, entry] : entries_) {
+    if (entry.shown && entry.shown->index) bytes += entry.shown->index->snapshot()->memory_bytes();
+  }
+  return bytes;
+}
+
+std::vector<std::string> MemoryRanker::Check() {
+  struct Compared {
+    std::string name;
+    Loaded loaded;
+    std::shared_ptr<const IndexSnapshot> snapshot;
+  };
+  std::vector<Compared> compared;
+  std::unique_ptr<FeedView> view;
+  {
+    Lock lock(mutex_);
+    in_use_ = true;
+    const auto is_stale = [](const auto& entry) { return !entry.second.is_current(); };
+    do {
+      CatchUp();
+      LoadAll(lock);
+      view = feed_->Look();  // one state for memory and database
+      CatchUpWith(*view);
+    } while (std::any_of(entries_.begin(), entries_.end(), is_stale));
+    for (const auto& [name, entry] : entries_) {
+      if (entry.shown->index) {
+        compared.push_back({name, *entry.shown, entry.shown->index->snapshot()});
+      }
+    }
+  }
+  std::vector<std::string> problems;
+  for (const auto& [name, loaded, snapshot] : compared) {
+    std::size_t stored = 0;
+    const auto compare = [&, &in_memory = *snapshot](const std::vector<IndexedPicture>& chunk) {
+      stored += chunk.size();
+      for (const IndexedPicture& picture : chunk) {
+        const std::optional<Bow> bow = in_memory.Find(picture.key);
+        if (!bow || bow->words != picture.bow.words) {
+          problems.push_back("picture \"" + picture.id +
+                             "\": index and database differ in its words");
+        }
+      }
+    };
+    view->ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                         IndexSegment::kMaxPictures, compare);
+    if (stored != snapshot->pictures) {
+      problems.push_back("collection \"" + name + "\": the index holds " +
+                         std::to_string(snapshot->pictures) + " pictures, the database " +
+                         std::to_string(stored));
+    }
+  }
+  return problems;
+}
+
+}  // namespace pliant

@@ -1,0 +1,97 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The ranker in memory: an inverted index for each collection, which follows the store's change
+// feed whoever wrote it, this process or another.
+//
+// Searches wait only for each other's look at the feed and for small changes. What takes long, a
+// collection whose vocabulary was switched or whose changes the store has forgotten, is loaded
+// aside, by one thread; meanwhile others go on with the state before (removals are followed in it
+// too) or, where there is none, wait.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "index/rank/inverted_index.h"
+#include "index/rank/ranker.h"
+#include "index/store/catalogue.h"
+#include "index/store/change_feed.h"
+
+namespace pliant {
+
+class MemoryRanker : public Ranker {
+ public:
+  // `loading` hears which share of the pictures is in memory while everything is loaded for the
+  // first time; may be empty. `catalogue` must outlive the ranker.
+  MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
+               std::function<void(double)> loading = {});
+
+  CollectionView View(const std::string& collection) override;
+  std::size_t Size(const CollectionView& view) const override;
+  Admission Admit(const CollectionView& view, const std::optional<std::string>& object,
+                  const Filter& filter) const override;
+  Ranking Rank(const CollectionView& view, const RankQuery& query,
+               const RankOptions& options) const override;
+  void Load() override;
+  void Follow() override;
+  std::shared_ptr<const void> Prepare(Key collection, Key vocabulary) override;
+  std::size_t memory_bytes() const override;
+  std::vector<std::string> Check() override;
+
+ private:
+  // Words of one collection in one vocabulary, as they were at a position of the feed.
+  struct Loaded {
+    Key collection = 0;
+    Key vocabulary = 0;  // 0 = none: nothing to load
+    std::shared_ptr<const Quantizer> quantizer;
+    std::shared_ptr<InvertedIndex> index;
+    FeedPosition at;
+  };
+  struct Entry {
+    Key collection = 0;
+    Key vocabulary = 0;           // that is active in the store
+    std::optional<Loaded> shown;  // what searches see; absent before the first load
+    bool loading = false;         // by one thread, aside
+
+    bool is_current() const { return shown && shown->vocabulary == vocabulary; }
+  };
+  using Lock = std::unique_lock<std::mutex>;
+
+  // All with mutex_ held.
+  void CatchUp();
+  void CatchUpWith(FeedView& view);
+  Entry Updated(Entry entry, const CollectionState& state, FeedView& view);
+  // False: the store has forgotten some removals.
+  static bool BringUpToDate(Loaded& loaded, FeedView& view);
+  std::optional<Loaded> TakePrepared(Key collection, Key vocabulary);
+  void LoadEntry(const std::string& name, Lock& lock);  // gives the lock back while it loads
+  void LoadAll(Lock& lock);
+
+  // Without it.
+  Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
+  void Progress(std::size_t pictures);
+
+  const std::unique_ptr<ChangeFeed> feed_;
+  Catalogue& catalogue_;
+
+  mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are followed
+  std::condition_variable changed_;  // an entry is no longer loading
+  std::map<std::string, Entry> entries_;
+  std::optional<std::int64_t> version_;  // of the feed that entries_ follow; absent: unknown
+  bool in_use_ = false;                  // after the first load or view
+  std::vector<std::weak_ptr<const Loaded>> prepared_;
+
+  std::mutex progress_mutex_;            // guards the rest
+  std::function<void(double)> loading_;  // only until the first load is complete
+  std::uint64_t to_load_ = 0;
+  std::uint64_t loaded_ = 0;
+};
+
+}  // namespace pliant

@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Why a picture is a hit, or was not confirmed as one. Plain values.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "descriptor/warp/tps.h"
+
+namespace pliant {
+
+// A regular grid over the reference picture, corner to corner, and where each of its points lies in
+// the query picture. Point (column c, row r) of the grid is the reference pixel
+//   (c (reference_width - 1) / (columns - 1), r (reference_height - 1) / (rows - 1)),
+// pixel centres at integers.
+struct Mesh {
+  int columns = 0;  // points, not cells
+  int rows = 0;
+  int reference_width = 0;  // of the original upright reference picture, in pixels
+  int reference_height = 0;
+  std::vector<Vec2> points;  // rows x columns, row-major; pixels of the original query picture
+  // rows x columns: whether the map can be believed there. Where it was not seen a spline
+  // extrapolates: a point is out when the map mirrors there or its scale is far from the median.
+  std::vector<bool> trusted;
+
+  Vec2 reference_point(int column, int row) const {
+    return {column * (reference_width - 1.0) / (columns - 1),
+            row * (reference_height - 1.0) / (rows - 1)};
+  }
+};
+
+struct PointPair {
+  Vec2 query;      // pixels of the original upright query picture
+  Vec2 reference;  // pixels of the original upright picture of the hit
+};
+
+struct Explanation {
+  double ranking_score = 0;  // by words alone, before verification lifted it
+  bool verified = false;
+  std::string failure;             // a sentence that says why not; empty when verified
+  int matches = 0;                 // tentative: mutual nearest neighbours within the ratio
+  double inlier_fraction = 0;      // of the matches
+  std::vector<PointPair> inliers;  // the matches that agree with the warp
+  std::optional<Mesh> mesh;        // the warp, hit's picture -> query picture; when verified
+  int reference_width = 0;         // of the hit's original upright picture; 0 = not looked at
+  int reference_height = 0;
+};
+
+}  // namespace pliant

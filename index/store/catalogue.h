@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What is kept, read. Every method sees one consistent state. Thread-safe. Throws what a database
+// throws: kUnavailable, kCorrupt, kInternal; kNotFound "collection_not_found" for a collection that
+// there is not.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "index/records/admission.h"
+#include "index/records/picture_ref.h"
+#include "index/records/records.h"
+#include "vocab/vocabulary.h"
+
+namespace pliant {
+
+// What the pictures are described with.
+struct StoredModel {
+  DescriptorInfo info;
+  int max_keypoints = 0;  // 0 = not decided
+  int max_side_px = 0;    // 0 = not decided
+};
+
+struct CollectionState {
+  Key key = 0;
+  std::string name;
+  Key vocabulary = 0;  // the active one; 0 = none
+  std::int64_t created_ms = 0;
+};
+
+struct StoredFeatures {
+  std::int64_t version = 0;           // PictureRef::version
+  std::vector<std::uint8_t> encoded;  // as EncodeFeatures (blob_codec.h) makes it
+};
+
+struct StoredPicture {
+  std::int64_t version = 0;
+  ImageRecord record;
+  std::vector<std::uint8_t> features;  // encoded; empty when not asked for
+};
+
+struct DescriptorSample {
+  Descriptors descriptors;      // as many rows as asked for, or all there are
+  std::uint64_t available = 0;  // descriptors there are
+};
+
+enum class Load { kRecords, kRecordsAndFeatures };
+
+class Catalogue {
+ public:
+  virtual ~Catalogue() = default;
+
+  // Collections and objects.
+  virtual std::vector<std::string> ListCollections() = 0;
+  virtual CollectionState RequireCollection(const std::string& name) = 0;
+  virtual CollectionRecord DescribeCollection(const std::string& name) = 0;
+  virtual std::optional<ObjectRecord> FindObject(const std::string& collection,
+                                                 const std::string& object) = 0;
+  virtual std::vector<ObjectRecord> ListObjects(const std::string& collection,
+                                                const std::string& after, int limit) = 0;
+
+  // Pictures.
+  virtual std::optional<ImageRecord> FindPicture(const std::string& collection,
+                                                 const std::string& id) = 0;
+  virtual std::optional<ImageRecord> FindBySha256(const std::string& collection,
+                                                  const std::string& sha256) = 0;
+  virtual std::vector<ImageRecord> ListPictures(const ListOptions& options) = 0;
+  // The picture that `request` would only store once more (store/unchanged.h).
+  virtual std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
+                                                   const std::string& sha256) = 0;
+  // A picture of any collection with these bytes, with its features.
+  virtual std::optional<StoredPicture> FindDescribed(const std::string& sha256) = 0;
+  // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
+  // where there is none.
+  virtual std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
+                                                                 Load what) = 0;
+  // The uploaded bytes. kNotFound "image_not_found", "content_not_kept"; kCorrupt
+  // "original_missing", "original_corrupt".
+  virtual std::vector<std::uint8_t> ReadContent(const std::string& collection,
+                                                const std::string& id) = 0;
+  // Fills in what `object` and `filter` come to. Reads the metadata of the whole collection when
+  // there is a filter.
+  virtual Admission Admit(Key collection, const std::optional<std::string>& object,
+                          const Filter& filter) = 0;
+
+  // Vocabularies: those that are ready, oldest first.
+  virtual std::vector<VocabularyRecord> ListVocabularies(const std::string& collection) = 0;
+  virtual std::optional<VocabularyRecord> FindVocabulary(const std::string& collection,
+                                                         Key vocabulary) = 0;
+  virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
+  virtual std::uint64_t CountPictures(Key collection) = 0;
+  virtual std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary) = 0;
+  // Pictures without words of the vocabulary: at most `limit`, by version, after `after`.
+  virtual std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary,
+                                                      std::int64_t after, int limit) = 0;
+  // Each descriptor of the collection is as likely as any other, none is drawn twice. The same
+  // seed and pictures give the same sample, in whatever order the pictures were added.
+  virtual DescriptorSample SampleDescriptors(Key collection, std::size_t count,
+                                             std::uint64_t seed) = 0;
+
+  // The whole store. Count: images, objects, descriptors, bytes, and the default collection's
+  // vocabulary. Check: what is wrong, a sentence each. Backup: see Engine::Backup.
+  virtual EngineStats Count() = 0;
+  virtual std::vector<std::string> Check() = 0;
+  virtual void Backup(const std::filesystem::path& target) = 0;
+  virtual std::optional<OriginalsRecord> DescribeOriginals() = 0;
+};
+
+}  // namespace pliant

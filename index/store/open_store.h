@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Where a store comes from: the one place that knows which engine keeps it.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+#include "descriptor/features/descriptor.h"
+#include "index/store/service_store.h"
+#include "index/store/store.h"
+
+namespace pliant {
+
+struct StoreOptions {
+  std::filesystem::path database;
+  bool create = true;  // make it if it does not exist; else kNotFound "database_not_found"
+  bool read_only = false;
+  std::function<DescriptorInfo()> model_of_new;  // asked only when it is made
+  int busy_timeout_ms = 10'000;                  // wait for another process's write lock
+};
+
+// Throws kNotFound, kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict
+// "old_schema", kUnavailable.
+std::unique_ptr<Store> OpenStore(const StoreOptions& options);
+
+// The database must exist; an older one is brought to the newest schema. Throws kNotFound
+// "database_not_found" and what OpenStore throws for files that are no database.
+std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
+
+}  // namespace pliant

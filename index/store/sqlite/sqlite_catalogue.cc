@@ -1,0 +1,247 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/sqlite_catalogue.h"
+
+#include <utility>
+
+#include "index/store/sqlite/catalogue_vocabularies.h"
+#include "index/store/sqlite/database.h"
+#include "index/store/sqlite/descriptor_sample.h"
+#include "index/store/sqlite/integrity.h"
+#include "index/store/unchanged.h"
+
+namespace pliant {
+namespace {
+
+std::uint64_t SizeOf(const std::filesystem::path& path) {
+  std::error_code error;  // side files come and go
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  return error ? 0 : size;
+}
+
+std::optional<ImageRecord> RecordOf(std::optional<PictureRow> picture) {
+  if (!picture) return std::nullopt;
+  return std::move(picture->record);
+}
+
+// That state of the picture; else the one in its place.
+std::optional<PictureRow> FindState(Connection& db, const PictureRef& ref) {
+  if (ref.version != 0) {
+    if (auto found = FindPictureByKey(db, ref.version)) return found;
+  }
+  return pliant::FindPicture(db, ref.collection, ref.id);
+}
+
+}  // namespace
+
+std::vector<std::string> SqliteCatalogue::ListCollections() {
+  return access_.Read([](Connection& db) {
+    std::vector<std::string> names;
+    for (CollectionRow& row : AllCollections(db)) names.push_back(std::move(row.name));
+    return names;
+  });
+}
+
+CollectionState SqliteCatalogue::RequireCollection(const std::string& name) {
+  return access_.Read([&](Connection& db) { return StateOf(pliant::RequireCollection(db, name)); });
+}
+
+CollectionRecord SqliteCatalogue::DescribeCollection(const std::string& name) {
+  return access_.Read([&](Connection& db) {
+    const CollectionRow row = pliant::RequireCollection(db, name);
+    CollectionRecord record;
+    record.name = row.name;
+    record.images = row.images;
+    record.objects = row.objects;
+    record.descriptors = row.descriptors;
+    record.created_ms = row.created_ms;
+    record.vocabulary = pliant::FindVocabulary(db, row, row.active_vocabulary);
+    record.automatic = row.automatic;
+    return record;
+  });
+}
+
+std::optional<ObjectRecord> SqliteCatalogue::FindObject(const std::string& collection,
+                                                        const std::string& object) {
+  return access_.Read([&](Connection& db) -> std::optional<ObjectRecord> {
+    const Key key = pliant::FindObject(db, pliant::RequireCollection(db, collection).key, object);
+    if (key == 0) return std::nullopt;
+    return ObjectRecord{object, CountPicturesOf(db, key)};
+  });
+}
+
+std::vector<ObjectRecord> SqliteCatalogue::ListObjects(const std::string& collection,
+                                                       const std::string& after, int limit) {
+  return access_.Read([&](Connection& db) {
+    return SelectObjects(db, pliant::RequireCollection(db, collection).key, after, limit);
+  });
+}
+
+std::optional<ImageRecord> SqliteCatalogue::FindPicture(const std::string& collection,
+                                                        const std::string& id) {
+  return access_.Read([&](Connection& db) {
+    return RecordOf(pliant::FindPicture(db, pliant::RequireCollection(db, collection).key, id));
+  });
+}
+
+std::optional<ImageRecord> SqliteCatalogue::FindBySha256(const std::string& collection,
+                                                         const std::string& sha256) {
+  return access_.Read([&](Connection& db) {
+    return RecordOf(FindPictureBySha256(db, pliant::RequireCollection(db, collection).key, sha256));
+  });
+}
+
+std::vector<ImageRecord> SqliteCatalogue::ListPictures(const ListOptions& options) {
+  return access_.Read([&](Connection& db) {
+    return SelectPictures(db, pliant::RequireCollection(db, options.collection).key, options);
+  });
+}
+
+std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
+                                           const AddRequest& request, const std::string& sha256) {
+  if (!request.id) return FindMeant(PicturesBySha256(db, collection, sha256), request);
+  auto found = FindPicture(db, collection, *request.id);
+  if (!found || !IsUnchanged(found->record, request, sha256)) return std::nullopt;
+  return std::move(found->record);
+}
+
+std::optional<ImageRecord> SqliteCatalogue::FindUnchanged(const AddRequest& request,
+                                                          const std::string& sha256) {
+  return access_.Read([&](Connection& db) {
+    return FindUnchangedIn(db, pliant::RequireCollection(db, request.collection).key, request,
+                           sha256);
+  });
+}
+
+std::optional<StoredPicture> SqliteCatalogue::FindDescribed(const std::string& sha256) {
+  return access_.Read([&](Connection& db) -> std::optional<StoredPicture> {
+    const Key key = FindFeaturesOf(db, sha256, model_.key);
+    if (key == 0) return std::nullopt;
+    return StoredPicture{key, FindPictureByKey(db, key)->record, ReadFeaturesBlob(db, key)};
+  });
+}
+
+std::vector<std::optional<StoredPicture>> SqliteCatalogue::LoadPictures(
+    std::span<const PictureRef> refs, Load what) {
+  std::vector<std::optional<StoredPicture>> pictures(refs.size());
+  access_.Read([&](Connection& db) {
+    for (std::size_t i = 0; i < refs.size(); ++i) {
+      auto found = FindState(db, refs[i]);
+      if (!found) continue;
+      pictures[i] = StoredPicture{found->key, std::move(found->record), {}};
+      if (what == Load::kRecordsAndFeatures) {
+        pictures[i]->features = ReadFeaturesBlob(db, found->key);
+      }
+    }
+  });
+  return pictures;
+}
+
+std::vector<std::uint8_t> SqliteCatalogue::ReadContent(const std::string& collection,
+                                                       const std::string& id) {
+  return originals_.Read(collection, id);
+}
+
+Admission SqliteCatalogue::Admit(Key collection, const std::optional<std::string>& object,
+                                 const Filter& filter) {
+  Admission admission;
+  admission.object = object;
+  admission.filter = filter;
+  if (!object && filter.empty()) return admission;
+  access_.Read([&](Connection& db) {
+    if (object) {
+      admission.object_key = pliant::FindObject(db, collection, *object);
+      admission.nothing = *admission.object_key == 0 && !object->empty();
+    }
+    if (filter.empty() || admission.nothing) return;
+    admission.versions =
+        std::make_shared<const std::vector<std::int64_t>>(PicturesPassing(db, collection, filter));
+  });
+  return admission;
+}
+
+std::vector<VocabularyRecord> SqliteCatalogue::ListVocabularies(const std::string& collection) {
+  return access_.Read([&](Connection& db) {
+    return SelectVocabularies(db, pliant::RequireCollection(db, collection));
+  });
+}
+
+std::optional<VocabularyRecord> SqliteCatalogue::FindVocabulary(const std::string& collection,
+                                                                Key vocabulary) {
+  return access_.Read([&](Connection& db) {
+    return pliant::FindVocabulary(db, pliant::RequireCollection(db, collection), vocabulary);
+  });
+}
+
+std::shared_ptr<const Vocabulary> SqliteCatalogue::ReadVocabulary(Key vocabulary) {
+  return access_.Read([&](Connection& db) { return pliant::ReadVocabulary(db, vocabulary); });
+}
+
+std::uint64_t SqliteCatalogue::CountPictures(Key collection) {
+  return access_.Read([&](Connection& db) { return CountPicturesIn(db, collection); });
+}
+
+std::uint64_t SqliteCatalogue::CountUnquantized(const std::string& collection, Key vocabulary) {
+  return access_.Read([&](Connection& db) {
+    return CountPicturesWithoutWords(db, pliant::RequireCollection(db, collection).key, vocabulary);
+  });
+}
+
+std::vector<StoredFeatures> LoadUnquantizedIn(Connection& db, Key collection, Key vocabulary,
+                                              std::int64_t after, int limit) {
+  std::vector<StoredFeatures> pictures;
+  for (const Key key : PicturesWithoutWords(db, collection, vocabulary, after, limit)) {
+    pictures.push_back({key, ReadFeaturesBlob(db, key)});
+  }
+  return pictures;
+}
+
+std::vector<StoredFeatures> SqliteCatalogue::LoadUnquantized(Key collection, Key vocabulary,
+                                                             std::int64_t after, int limit) {
+  return access_.Read(
+      [&](Connection& db) { return LoadUnquantizedIn(db, collection, vocabulary, after, limit); });
+}
+
+DescriptorSample SqliteCatalogue::SampleDescriptors(Key collection, std::size_t count,
+                                                    std::uint64_t seed) {
+  return access_.Read([&](Connection& db) {
+    return pliant::SampleDescriptors(db, collection, model_.model.info, count, seed);
+  });
+}
+
+EngineStats SqliteCatalogue::Count() {
+  return access_.Read([&](Connection& db) {
+    EngineStats stats;
+    for (const CollectionRow& collection : AllCollections(db)) {
+      stats.images += collection.images;
+      stats.objects += collection.objects;
+      stats.descriptors += collection.descriptors;
+    }
+    stats.database_bytes = SizeOf(access_.path()) + SizeOf(access_.path().string() + "-wal");
+    stats.descriptor = model_.model.info.name;
+    stats.model_id = model_.model.info.model_id;
+    if (const auto collection = FindCollection(db, kDefaultCollection)) {
+      stats.vocabulary = pliant::FindVocabulary(db, *collection, collection->active_vocabulary);
+    }
+    return stats;
+  });
+}
+
+std::vector<std::string> SqliteCatalogue::Check() {
+  if (access_.writes()) originals_.RemoveDropped();
+  std::vector<std::string> problems =
+      access_.Read([](Connection& db) { return CheckDatabase(db); });
+  for (std::string& problem : originals_.Check()) problems.push_back(std::move(problem));
+  return problems;
+}
+
+void SqliteCatalogue::Backup(const std::filesystem::path& target) {
+  WithDatabaseErrors(access_.path(), [&] {
+    // A connection of its own: a backup may take long and must not see its source written by the
+    // same connection.
+    Connection source(access_.path(), Connection::Mode::kReadOnly, 10'000);
+    BackupDatabase(source, target);
+  });
+}
+
+}  // namespace pliant

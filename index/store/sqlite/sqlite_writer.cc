@@ -1,0 +1,174 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/sqlite_writer.h"
+
+#include <memory>
+#include <optional>
+
+#include "index/store/quantize_batch.h"
+#include "index/store/sqlite/catalogue_vocabularies.h"
+#include "index/store/sqlite/database.h"
+#include "index/store/sqlite/sqlite_catalogue.h"
+
+namespace pliant {
+namespace {
+
+void InsertWords(Connection& db, Key vocabulary, std::span<const PictureWords> pictures) {
+  for (const PictureWords& picture : pictures) {
+    InsertPictureWords(db, vocabulary, picture.version, picture.bow);
+  }
+}
+
+// What was added while the others were quantised; inside the writer's transaction.
+void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantizer& quantizer) {
+  while (true) {
+    const std::vector<StoredFeatures> batch =
+        LoadUnquantizedIn(db, collection, vocabulary, 0, kPicturesABatch);
+    if (batch.empty()) return;
+    InsertWords(db, vocabulary, QuantizeBatch(quantizer, batch, 0));
+  }
+}
+
+}  // namespace
+
+PutOutcome SqliteWriter::Put(const PicturePut& put) {
+  std::unique_ptr<IncomingOriginal> original;  // nullptr: into the database, or nowhere
+  if (put.keep_content) {
+    original = originals_.originals().Receive(put.record.sha256, put.request.bytes);
+  }
+  PutOutcome outcome;
+  try {
+    access_.Write([&](Connection& db) { outcome = Store(db, put, original.get()); });
+  } catch (...) {
+    if (original) originals_.Forget(put.record.sha256);
+    throw;
+  }
+  if (outcome.outcome == AddOutcome::kReplaced) originals_.Tidy();
+  return outcome;
+}
+
+PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
+                               IncomingOriginal* original) const {
+  const AddRequest& request = put.request;
+  const CollectionRow collection = RequireCollection(db, request.collection);
+  // Somebody else may have stored the same while this picture was described.
+  if (const auto unchanged = FindUnchangedIn(db, collection.key, request, put.record.sha256)) {
+    return {AddOutcome::kUnchanged, *unchanged};
+  }
+  PictureRow picture{0, 0, put.record};
+  auto replaced = FindPicture(db, collection.key, picture.record.id);
+  if (replaced && !request.id) {  // a generated id that was given to another picture by name
+    picture.record.id = picture.record.sha256;
+    replaced = FindPicture(db, collection.key, picture.record.id);
+  }
+  if (replaced) DeletePicture(db, *replaced);
+  picture.object = FindOrInsertObject(db, collection.key, request.object);
+  picture.record.added_ms = NowMs();
+  const Key key = InsertPicture(db, collection.key, picture);
+  InsertFeatures(db, key, model_.key, put.encoded);
+  if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
+  if (collection.active_vocabulary != 0) {
+    if (collection.active_vocabulary == put.vocabulary) {
+      InsertPictureWords(db, collection.active_vocabulary, key, put.bow);
+    } else {  // switched since
+      const Quantizer quantizer(ReadVocabulary(db, collection.active_vocabulary));
+      const Descriptors& descriptors = put.features.descriptors;
+      InsertPictureWords(
+          db, collection.active_vocabulary, key,
+          quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
+    }
+  }
+  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};
+}
+
+bool SqliteWriter::Remove(const std::string& collection, const std::string& id) {
+  bool removed = false;
+  access_.Write(
+      [&](Connection& db) {
+        const auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
+        removed = picture.has_value();
+        if (picture) DeletePicture(db, *picture);
+      },
+      true);
+  originals_.Tidy();
+  return removed;
+}
+
+std::uint64_t SqliteWriter::RemoveObject(const std::string& collection, const std::string& object) {
+  std::uint64_t removed = 0;
+  access_.Write(
+      [&](Connection& db) {
+        removed =
+            DeletePicturesOf(db, FindObject(db, RequireCollection(db, collection).key, object));
+      },
+      true);
+  originals_.Tidy();
+  return removed;
+}
+
+bool SqliteWriter::CreateCollection(const std::string& name) {
+  bool created = false;
+  access_.Write([&](Connection& db) {
+    created = !FindCollection(db, name).has_value();
+    if (created) InsertCollection(db, name, model_.key);
+  });
+  return created;
+}
+
+bool SqliteWriter::RemoveCollection(const std::string& name) {
+  bool removed = false;
+  access_.Write(
+      [&](Connection& db) {
+        const auto collection = FindCollection(db, name);
+        removed = collection.has_value();
+        if (collection) DeleteCollection(db, collection->key);
+      },
+      true);
+  originals_.Tidy();
+  return removed;
+}
+
+Key SqliteWriter::AddVocabulary(Key collection, const Vocabulary& vocabulary) {
+  Key key = 0;
+  access_.Write([&](Connection& db) {
+    DeleteAbandonedVocabularies(db, collection);
+    key = InsertVocabulary(db, collection, model_.key, vocabulary);
+  });
+  return key;
+}
+
+void SqliteWriter::AddWords(Key vocabulary, std::span<const PictureWords> pictures) {
+  access_.Write([&](Connection& db) { InsertWords(db, vocabulary, pictures); });
+}
+
+VocabularyRecord SqliteWriter::FinishVocabulary(const std::string& collection, Key vocabulary,
+                                                const Quantizer& quantizer, bool automatic) {
+  std::optional<VocabularyRecord> record;
+  access_.Write([&](Connection& db) {
+    CollectionRow now = RequireCollection(db, collection);
+    QuantizeRest(db, now.key, vocabulary, quantizer);
+    MarkVocabularyReady(db, vocabulary);
+    if (now.active_vocabulary == 0) {
+      pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
+      now.active_vocabulary = vocabulary;
+    }
+    record = FindVocabulary(db, now, vocabulary);
+  });
+  return record.value();
+}
+
+void SqliteWriter::SetActiveVocabulary(const std::string& collection, Key vocabulary,
+                                       const Quantizer& quantizer, bool automatic) {
+  access_.Write([&](Connection& db) {
+    const CollectionRow now = RequireCollection(db, collection);
+    if (automatic && now.active_vocabulary != 0 && !now.automatic) return;
+    QuantizeRest(db, now.key, vocabulary, quantizer);
+    pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
+  });
+}
+
+void SqliteWriter::DropVocabulary(Key vocabulary) {
+  access_.Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, true);
+}
+
+}  // namespace pliant

@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What is kept, changed. Each call is durable when it returns, whole or not at all, and the ranker
+// has heard of it (Store::BeginWriting). Thread-safe. Throws what a database throws: kUnavailable,
+// kNoSpace, kReadOnly, kCorrupt; kNotFound "collection_not_found".
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "index/records/picture_ref.h"
+#include "index/records/records.h"
+#include "vocab/quantizer.h"
+
+namespace pliant {
+
+// A picture with everything about it that takes time, worked out before the writer's turn.
+struct PicturePut {
+  const AddRequest& request;  // outlives the put
+  ImageRecord record = {};
+  std::vector<std::uint8_t> encoded = {};  // features (blob_codec.h)
+  Features features = {};                  // the same, in stored precision
+  Key vocabulary = 0;  // that made `bow`; another is active by now: quantised anew
+  Bow bow = {};
+  bool keep_content = true;  // the uploaded bytes too
+};
+
+struct PutOutcome {
+  AddOutcome outcome = AddOutcome::kCreated;
+  ImageRecord image;
+};
+
+struct PictureWords {
+  std::int64_t version = 0;  // PictureRef::version
+  Bow bow;
+};
+
+class Writer {
+ public:
+  virtual ~Writer() = default;
+
+  // Looks once more whether the same is stored already: kUnchanged.
+  virtual PutOutcome Put(const PicturePut& put) = 0;
+  // The bytes of a stored picture, where its file has been lost.
+  virtual void RestoreContent(const ImageRecord& stored, Bytes bytes) = 0;
+  virtual bool Remove(const std::string& collection, const std::string& id) = 0;
+  virtual std::uint64_t RemoveObject(const std::string& collection, const std::string& object) = 0;
+
+  virtual bool CreateCollection(const std::string& name) = 0;  // false = it was there
+  virtual bool RemoveCollection(const std::string& name) = 0;  // false = it was not
+
+  // A vocabulary comes in three steps: it is added, not ready yet; pictures get words of it; it is
+  // finished. The last two give words to what lacks them, while nobody adds pictures.
+  virtual Key AddVocabulary(Key collection, const Vocabulary& vocabulary) = 0;
+  // Does nothing for pictures that are gone.
+  virtual void AddWords(Key vocabulary, std::span<const PictureWords> pictures) = 0;
+  // Ready, and active where the collection has none. `automatic`: nobody chose it
+  // (CollectionRecord).
+  virtual VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,
+                                            const Quantizer& quantizer, bool automatic) = 0;
+  // An automatic one does not replace one that somebody has chosen.
+  virtual void SetActiveVocabulary(const std::string& collection, Key vocabulary,
+                                   const Quantizer& quantizer, bool automatic) = 0;
+  virtual void DropVocabulary(Key vocabulary) = 0;
+
+  // Originals in files: see Engine.
+  virtual std::uint64_t SweepOriginals() = 0;
+  virtual MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
+                                            const std::function<void(double)>& progress) = 0;
+};
+
+}  // namespace pliant

@@ -1,0 +1,135 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// JobQueue: taking jobs, doing them, and writing down what becomes of them.
+#include <algorithm>
+#include <exception>
+
+#include <spdlog/spdlog.h>
+
+#include "descriptor/base/error.h"
+#include "server/jobs/job_record.h"
+#include "server/jobs/jobs.h"
+
+namespace pliant::server {
+
+std::shared_ptr<JobQueue::Job> JobQueue::TakeNext(const std::string& kind) {
+  const auto next = std::find_if(queue_.begin(), queue_.end(),
+                                 [&](const auto& job) { return job->status.kind == kind; });
+  if (next == queue_.end()) return nullptr;
+  const std::shared_ptr<Job> job = *next;
+  queue_.erase(next);
+  return job;
+}
+
+void JobQueue::Run(const std::string& kind) {
+  while (true) {
+    std::shared_ptr<Job> job;
+    JobStatus begun;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return stopping_ || (job = TakeNext(kind)) != nullptr; });
+      if (stopping_) return;  // a job that was just taken stays queued in the store
+      job->status.state = JobState::kRunning;
+      ++job->status.attempts;
+      begun = job->status;
+    }
+    Become(*job, std::move(begun));
+    Execute(job);
+  }
+}
+
+// A row that cannot be written at once is left for the next time.
+void JobQueue::OnProgress(Job& job, double done, double total) {
+  const auto now = std::chrono::steady_clock::now();
+  {
+    const std::lock_guard lock(mutex_);
+    job.status.done = done;
+    job.status.total = total;
+    if (now - job.saved < kSaveEvery) return;
+  }
+  const std::unique_lock saving(saving_, std::try_to_lock);
+  if (!saving) return;
+  JobStatus status;
+  {
+    const std::lock_guard lock(mutex_);
+    job.saved = now;
+    status = job.status;
+  }
+  Save(status);
+}
+
+void JobQueue::Execute(const std::shared_ptr<Job>& job) {
+  const JobContext context(
+      job->stop.get_token(),
+      [this, &job](double done, double total) { OnProgress(*job, done, total); },
+      [this, &job](const SkippedItem& item) {
+        const std::lock_guard lock(mutex_);
+        ++job->status.failed;
+        if (job->status.skipped.size() < kMaxSkipped) job->status.skipped.push_back(item);
+      });
+  JobStatus status;
+  {
+    const std::lock_guard lock(mutex_);
+    job->status.failed = 0;  // of an attempt before
+    job->status.skipped.clear();
+    status = job->status;
+  }
+  std::string result;
+  std::optional<Problem> problem;
+  bool stopped = false;
+  try {
+    result = kinds_.at(status.kind).run(status, context);
+  } catch (const Error& error) {
+    stopped = error.code() == ErrorCode::kCancelled;
+    problem = CurrentProblem();
+  } catch (...) {
+    problem = CurrentProblem();
+  }
+  bool cancelled = false;
+  bool stopping = false;
+  {
+    const std::lock_guard lock(mutex_);
+    status = job->status;
+    cancelled = job->cancelled;
+    stopping = stopping_;
+  }
+  if (!problem) {
+    status.result = result;
+    status.done = status.total;
+    status.state = JobState::kDone;
+  } else if (cancelled && stopped) {
+    status.state = JobState::kCancelled;
+  } else if (stopping && (stopped || problem->code == "stopping")) {
+    --status.attempts;  // it was not the job's fault
+    status.state = JobState::kQueued;
+  } else {
+    spdlog::error("job {} ({}) failed: {} {} {}", status.id, status.kind, problem->code,
+                  problem->detail, problem->internal);
+    status.problem = std::move(problem);
+    status.state = JobState::kFailed;
+  }
+  Become(*job, std::move(status));
+}
+
+void JobQueue::Become(Job& job, JobStatus status) {
+  if (!IsActive(status.state)) status.finished_ms = UnixMs();
+  const std::lock_guard saving(saving_);
+  Save(status);
+  {
+    const std::lock_guard lock(mutex_);
+    job.status = std::move(status);
+  }
+  changed_.notify_all();
+}
+
+// A job does its work whether or not its progress can be written down at the moment.
+void JobQueue::Save(const JobStatus& status) {
+  if (store_ == nullptr) return;
+  try {
+    store_->SaveJob(ToRecord(status));
+  } catch (const Error& error) {
+    spdlog::warn("job {}: its state could not be saved: {}", status.id, error.what());
+  }
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+
+std::vector<Route> MakeRoutes(Service& service) {
+  std::vector<Route> routes;
+  AddPageRoutes(routes);
+  AddHealthRoutes(service, routes);
+  AddCollectionRoutes(service, routes);
+  AddImageRoutes(service, routes);
+  AddImageDataRoutes(service, routes);
+  AddBatchRoutes(service, routes);
+  AddObjectRoutes(service, routes);
+  AddSearchRoutes(service, routes);
+  AddVocabularyRoutes(service, routes);
+  AddDemoRoutes(service, routes);
+  AddJobRoutes(service, routes);
+  AddBackupRoutes(service, routes);
+  AddDocumentRoute(routes);
+  return routes;
+}
+
+}  // namespace pliant::server
