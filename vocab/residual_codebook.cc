@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Training of codebooks: optimised product quantisation.
+// Training of codebooks.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -19,7 +19,7 @@ namespace {
 
 using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr int kCentroids = 16;
+constexpr std::size_t kCentroids = 16;
 constexpr std::size_t kMostSamples = 20'000;
 
 void Check(const Descriptors& samples, std::span<const std::uint32_t> assignment,
@@ -51,8 +51,9 @@ Matrix Residuals(const Descriptors& samples, std::span<const std::uint32_t> assi
 }
 
 // Rows are the principal directions, dealt out so that the parts' products of variances are even
-// (Ge et al., section 3.2.2): the best rotation if residuals were Gaussian.
-Matrix StartRotation(const Matrix& residuals, int parts, int part_dim) {
+// (Ge et al., "parametric solution": the best rotation if residuals are Gaussian). Updating the
+// rotation by what it decodes to, their other solution, gained nothing on DEAL's and SIFT's.
+Matrix Rotation(const Matrix& residuals, int parts, int part_dim) {
   const Eigen::MatrixXf covariance = residuals.transpose() * residuals;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXf> solver(covariance);
   const Eigen::Index dim = residuals.cols();
@@ -75,49 +76,81 @@ Matrix StartRotation(const Matrix& residuals, int parts, int part_dim) {
   return rotation;
 }
 
-// k-means of one part: columns [first, first + part_dim) of `rotated`.
+// k-means of one part: its points lie side by side, part_dim components each.
 class PartClustering {
  public:
   PartClustering(const Matrix& rotated, int first, int part_dim)
-      : points_(rotated.middleCols(first, part_dim)) {}
+      : dim_(static_cast<std::size_t>(part_dim)), size_(static_cast<std::size_t>(rotated.rows())) {
+    points_.reserve(size_ * dim_);
+    for (Eigen::Index i = 0; i < rotated.rows(); ++i) {
+      const float* row = rotated.data() + i * rotated.cols() + first;
+      points_.insert(points_.end(), row, row + dim_);
+    }
+  }
+
+  std::vector<float> Centroids(int iterations, std::mt19937_64* random) const {
+    std::vector<float> centroids = Seeds(random);
+    for (int i = 0; i < iterations; ++i) Update(&centroids);
+    return centroids;
+  }
+
+ private:
+  float SquaredDistance(std::size_t i, const float* centroid) const {
+    float sum = 0;
+    for (std::size_t d = 0; d < dim_; ++d) {
+      const float difference = points_[i * dim_ + d] - centroid[d];
+      sum += difference * difference;
+    }
+    return sum;
+  }
 
   // k-means++ (Arthur and Vassilvitskii, SODA 2007).
-  Matrix Seed(std::mt19937_64* random) const {
-    Matrix centroids(kCentroids, points_.cols());
-    centroids.row(0) = points_.row(Draw(random));
-    Eigen::VectorXf least = (points_.rowwise() - centroids.row(0)).rowwise().squaredNorm();
-    for (int c = 1; c < kCentroids; ++c) {
-      double left = static_cast<double>((*random)() >> 11) * 0x1.0p-53 * least.cast<double>().sum();
-      Eigen::Index chosen = 0;
-      while (chosen + 1 < least.size() && left >= least[chosen]) left -= least[chosen++];
-      centroids.row(c) = points_.row(chosen);
-      least = least.cwiseMin((points_.rowwise() - centroids.row(c)).rowwise().squaredNorm());
+  std::vector<float> Seeds(std::mt19937_64* random) const {
+    std::vector<float> centroids;
+    std::vector<double> least(size_, std::numeric_limits<double>::infinity());
+    std::size_t chosen = (*random)() % size_;
+    for (std::size_t c = 0; c < kCentroids; ++c) {
+      const float* point = points_.data() + chosen * dim_;
+      centroids.insert(centroids.end(), point, point + dim_);
+      for (std::size_t i = 0; i < size_; ++i) {
+        least[i] = std::min<double>(least[i], SquaredDistance(i, point));
+      }
+      double left = static_cast<double>((*random)() >> 11) * 0x1.0p-53 *
+                    std::accumulate(least.begin(), least.end(), 0.0);
+      chosen = 0;
+      while (chosen + 1 < size_ && left >= least[chosen]) left -= least[chosen++];
     }
     return centroids;
   }
 
-  // One of Lloyd's iterations; `decoded` gets each point's centroid before the update.
-  void Update(Matrix* centroids, Eigen::Ref<Matrix> decoded) const {
-    Matrix sums = Matrix::Zero(kCentroids, points_.cols());
-    std::vector<float> counts(kCentroids, 0);
-    for (Eigen::Index i = 0; i < points_.rows(); ++i) {
-      Eigen::Index nearest = 0;
-      (centroids->rowwise() - points_.row(i)).rowwise().squaredNorm().minCoeff(&nearest);
-      decoded.row(i) = centroids->row(nearest);
-      sums.row(nearest) += points_.row(i);
-      ++counts[static_cast<std::size_t>(nearest)];
+  // One of Lloyd's iterations. A centroid that nothing is nearest to stays where it is.
+  void Update(std::vector<float>* centroids) const {
+    std::vector<double> sums(kCentroids * dim_, 0);
+    std::vector<double> counts(kCentroids, 0);
+    for (std::size_t i = 0; i < size_; ++i) {
+      std::size_t nearest = 0;
+      float least = std::numeric_limits<float>::infinity();
+      for (std::size_t c = 0; c < kCentroids; ++c) {
+        const float distance = SquaredDistance(i, centroids->data() + c * dim_);
+        if (distance < least) {
+          least = distance;
+          nearest = c;
+        }
+      }
+      for (std::size_t d = 0; d < dim_; ++d) sums[nearest * dim_ + d] += points_[i * dim_ + d];
+      ++counts[nearest];
     }
-    for (int c = 0; c < kCentroids; ++c) {
-      const float count = counts[static_cast<std::size_t>(c)];
-      if (count > 0) centroids->row(c) = sums.row(c) / count;
+    for (std::size_t c = 0; c < kCentroids; ++c) {
+      if (counts[c] == 0) continue;
+      for (std::size_t d = 0; d < dim_; ++d) {
+        (*centroids)[c * dim_ + d] = static_cast<float>(sums[c * dim_ + d] / counts[c]);
+      }
     }
   }
 
- private:
-  Eigen::Index Draw(std::mt19937_64* random) const {
-    return static_cast<Eigen::Index>((*random)() % static_cast<std::uint64_t>(points_.rows()));
-  }
-  Matrix points_;
+  std::size_t dim_;
+  std::size_t size_;
+  std::vector<float> points_;
 };
 
 }  // namespace
@@ -133,30 +166,16 @@ Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t
   book.part_dim = (samples.dim + parts - 1) / parts;
   const int padded = parts * book.part_dim;
   const Matrix residuals = Residuals(samples, assignment, words, padded);
-  Matrix rotation = StartRotation(residuals, parts, book.part_dim);
-  std::vector<Matrix> centroids(static_cast<std::size_t>(parts));
-  Matrix decoded(residuals.rows(), residuals.cols());
+  const Matrix rotation = Rotation(residuals, parts, book.part_dim);
+  const Matrix rotated = residuals * rotation.transpose();
   std::mt19937_64 random(options.seed);
-  for (int i = 0; i < options.iterations; ++i) {
-    const Matrix rotated = residuals * rotation.transpose();
-    for (int p = 0; p < parts; ++p) {
-      const PartClustering part(rotated, p * book.part_dim, book.part_dim);
-      Matrix& mine = centroids[static_cast<std::size_t>(p)];
-      if (i == 0) mine = part.Seed(&random);
-      part.Update(&mine, decoded.middleCols(p * book.part_dim, book.part_dim));
-    }
-    if (i + 1 == options.iterations) break;
-    // The rotation that brings the residuals nearest to what they decode to (orthogonal
-    // Procrustes): with U S V^T of decoded^T residuals, R = U V^T.
-    const Eigen::MatrixXf product = decoded.transpose() * residuals;
-    const Eigen::BDCSVD<Eigen::MatrixXf> svd(product, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    rotation = svd.matrixU() * svd.matrixV().transpose();
+  for (int p = 0; p < parts; ++p) {
+    const PartClustering part(rotated, p * book.part_dim, book.part_dim);
+    const std::vector<float> centroids = part.Centroids(options.iterations, &random);
+    book.centroids.insert(book.centroids.end(), centroids.begin(), centroids.end());
   }
   const Matrix used = rotation.leftCols(samples.dim);
   book.rotation.assign(used.data(), used.data() + used.size());
-  for (const Matrix& part : centroids) {
-    book.centroids.insert(book.centroids.end(), part.data(), part.data() + part.size());
-  }
   return book;
 }
 

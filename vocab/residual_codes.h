@@ -5,7 +5,7 @@
 //
 // Float descriptors: product quantisation of the residual to the word (Jegou, Douze and Schmid,
 // "Product quantization for nearest neighbor search", PAMI 2011) after a learned rotation (Ge, He,
-// Ke and Sun, "Optimized product quantization", PAMI 2014). Each part of the rotated residual has
+// Ke and Sun, "Optimized product quantization", PAMI 2014, the parametric one). Each part of the rotated residual has
 // 16 centroids, so that two parts share a byte and 32 distances are looked up by one byte shuffle
 // (Andre, Kermarrec and Le Scouarnec, "Cache locality is not enough", VLDB 2015; code_scan.h).
 // Binary descriptors are short: their code is the descriptor.
@@ -28,7 +28,7 @@ namespace pliant {
 
 struct CodebookOptions {
   int bytes = 32;       // per code: two parts each; at most half the descriptor's components
-  int iterations = 12;  // of k-means and rotation in turn
+  int iterations = 12;  // of k-means
   std::uint64_t seed = 1;
 };
 

@@ -35,6 +35,7 @@ class CodeLists {
 
   std::size_t vocabulary_size() const { return offsets_.size() - 1; }
   CodeList List(std::uint32_t word) const;
+  std::uint64_t First(std::uint32_t word) const { return offsets_[word]; }
   // Of each code of the list, ascending.
   const std::uint16_t* Pictures(std::uint32_t word) const {
     return pictures_.data() + offsets_[word];
