@@ -17,7 +17,7 @@ std::string Sha256Hex(std::span<const std::uint8_t> bytes) {
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1) {
     throw Error(ErrorCode::kInternal, "sha256_failed", "OpenSSL could not compute a SHA-256");
   }
-  return ToHex(Bytes(digest).first(length));
+  return ToHex(std::span<const std::uint8_t>(digest).first(length));
 }
 
 }  // namespace pliant

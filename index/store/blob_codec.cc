@@ -177,7 +177,7 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
   std::vector<std::uint8_t> out;
   out.reserve(kFeatureHeaderBytes + kChecksumBytes +
               descriptors.rows * (kKeypointBytes + RowBytes(encoding, descriptors.dim)));
-  out.insert(out.end(), std::begin(kFeatureMagic), std::end(kFeatureMagic));
+  for (const char c : kFeatureMagic) out.push_back(static_cast<std::uint8_t>(c));
   out.push_back(kFeatureVersion);
   out.push_back(static_cast<std::uint8_t>(descriptors.kind));
   out.push_back(static_cast<std::uint8_t>(encoding));

@@ -6,6 +6,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "index/store/open_store.h"
 #include "server/jobs/import_job.h"
 #include "server/jobs/training_job.h"
 

@@ -50,7 +50,7 @@ TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
   EXPECT_EQ(db.Scalar("PRAGMA auto_vacuum"), 2);
   EXPECT_EQ(db.Scalar("PRAGMA secure_delete"), 1);
   EXPECT_EQ(db.Prepare("PRAGMA journal_mode").One().Text(0), "wal");
-  EXPECT_EQ(ReadModel(db).info.model_id, "fake:1");
+  EXPECT_EQ(ReadModel(db).model.info.model_id, "fake:1");
   EXPECT_TRUE(FindCollection(db, kDefaultCollection));
 }
 
@@ -65,7 +65,7 @@ TEST_F(DatabaseTest, AnExistingOneIsNotOverwritten) {
   CreateDatabase(file_, kModel);
   CreateDatabase(file_, {"other", DescriptorKind::kFloat, 8, "other:1"});
   Connection db = Open();
-  EXPECT_EQ(ReadModel(db).info.model_id, "fake:1");
+  EXPECT_EQ(ReadModel(db).model.info.model_id, "fake:1");
 }
 
 TEST_F(DatabaseTest, ManyMakersOneDatabase) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "index/engine/engine.h"
+#include "index/verify/location.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

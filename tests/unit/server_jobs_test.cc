@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "index/engine/engine.h"
+#include "index/store/open_store.h"
 #include "server/auth/api_keys.h"
 #include "server/auth/rate_limiter.h"
 #include "server/jobs/backups.h"
