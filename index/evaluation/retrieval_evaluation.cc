@@ -87,6 +87,7 @@ class Workplace {
 
 SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions& options) {
   SearchOptions search;
+  search.rank = options.rank;
   search.verify_depth = options.verify_depth;
   if (protocol == RetrievalProtocol::kPaper) {
     search.rank = RankMethod::kHistogram;

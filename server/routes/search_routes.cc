@@ -139,7 +139,8 @@ std::vector<Parameter> SearchParameters() {
       Parameter("group_by", "each object once, by its best picture, or each picture")
           .Choice({"object", "image"})
           .Default("object"),
-      Parameter("rank", "cosine of tf-idf vectors, or the paper's histogram distance")
+      Parameter("rank",
+                "votes of nearest neighbours, words by tf-idf, or the paper's histogram distance")
           .Choice({"neighbours", "tfidf", "histogram"})
           .Default("neighbours"),
       Parameter("verify",
