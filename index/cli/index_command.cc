@@ -6,6 +6,7 @@
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/import/folder_import.h"
