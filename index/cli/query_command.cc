@@ -101,14 +101,6 @@ ExitStatus Run(Options& options) {
   return drawn ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
-template <typename Enum>
-void AddChoice(CLI::App& app, const std::string& name, Enum& value, const std::string& help,
-               const std::map<std::string, Enum>& choices, const std::string& names) {
-  app.add_option(name, value, help)
-      ->transform(CLI::CheckedTransformer(choices))
-      ->option_text(names);
-}
-
 }  // namespace
 
 void AddQueryCommand(CLI::App& program, ExitStatus& status) {

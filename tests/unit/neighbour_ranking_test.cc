@@ -165,7 +165,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     for (std::size_t i = 0; i < ranking.best.size(); ++i) {
       const RankedPicture& hit = ranking.best[i];
       EXPECT_NEAR(hit.score, expected[hit.ref.version], 1e-4) << "picture " << hit.ref.version;
-      if (i > 0) EXPECT_GE(ranking.best[i - 1].score, hit.score);
+      EXPECT_TRUE(i == 0 || ranking.best[i - 1].score >= hit.score);
     }
   }
 
@@ -175,7 +175,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
   std::map<std::int64_t, Stored> truth_;
 };
 INSTANTIATE_TEST_SUITE_P(Kinds, NeighbourRankingTest, ::testing::Bool(),
-                         [](const auto& info) { return info.param ? "Binary" : "Floats"; });
+                         [](const auto& kind) { return kind.param ? "Binary" : "Floats"; });
 
 TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhilePicturesComeAndGo) {
   const Descriptors query = Random(40);
