@@ -18,7 +18,8 @@ namespace pliant {
 inline constexpr const char* kDefaultCollection = "default";
 
 enum class RankMethod {
-  // Votes of the query's descriptors for pictures with descriptors near them: 1 = a copy that is like
+  // Votes of the query's descriptors for pictures with descriptors near them: 1 = a copy that is
+  // like
   // nothing else, 0 = nothing nearer than usual. kTfIdf instead where the vocabulary has no codes
   // (one that an earlier version trained): SearchResult::rank says so.
   kNeighbours,
@@ -27,7 +28,8 @@ enum class RankMethod {
 };
 enum class GroupBy { kObject, kImage };
 enum class Verification {
-  kAuto,  // kTps for neighbours and tf-idf; kNone for the paper's histogram, whose protocol has none
+  kAuto,  // kTps for neighbours and tf-idf; kNone for the paper's histogram, whose protocol has
+          // none
   kNone,
   kTps,  // one smooth warp, a thin-plate spline
 };
@@ -108,12 +110,12 @@ struct SearchTimings {
 
 struct SearchResult {
   std::vector<Hit> hits;
-  std::size_t total = 0;        // number of hits, over all pages
+  std::size_t total = 0;                      // number of hits, over all pages
   RankMethod rank = RankMethod::kNeighbours;  // that was used
-  std::int64_t vocabulary = 0;  // id of the vocabulary that answered
-  std::size_t words = 0;        // its size
-  std::uint32_t keypoints = 0;  // of the query, after the region
-  int query_width = 0;          // of the original upright query picture, in pixels
+  std::int64_t vocabulary = 0;                // id of the vocabulary that answered
+  std::size_t words = 0;                      // its size
+  std::uint32_t keypoints = 0;                // of the query, after the region
+  int query_width = 0;                        // of the original upright query picture, in pixels
   int query_height = 0;
   SearchTimings timings;
 };
