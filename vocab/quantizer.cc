@@ -36,6 +36,19 @@ const Vocabulary& Checked(const std::shared_ptr<const Vocabulary>& vocabulary) {
   return *vocabulary;
 }
 
+// The nearest words in order, of equally near ones the lowest first. Hardly any word gets past the
+// first comparison, so that one pass over the distances is all.
+void KeepNearest(std::span<const float> distances, std::span<NearWord> nearest) {
+  std::size_t kept = 0;
+  for (std::uint32_t w = 0; w < distances.size(); ++w) {
+    const float distance = distances[w];
+    if (kept == nearest.size() && !(distance < nearest[kept - 1].distance)) continue;
+    std::size_t at = kept < nearest.size() ? kept++ : kept - 1;
+    for (; at > 0 && distance < nearest[at - 1].distance; --at) nearest[at] = nearest[at - 1];
+    nearest[at] = {w, distance};
+  }
+}
+
 }  // namespace
 
 Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
@@ -43,6 +56,7 @@ Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
       words_(Checked(vocabulary_).words),
       project_(words_.kind(), words_.dim()) {
   const Descriptors& words = vocabulary_->words;
+  if (!vocabulary_->codebook.empty()) coder_ = std::make_unique<ResidualCoder>(vocabulary_);
   if (words.kind != DescriptorKind::kFloat) return;
   for (std::size_t w = 0; w < words.rows; ++w) {
     largest_squared_norm_ = std::max(largest_squared_norm_, SquaredNorm(words.float_row(w)));
@@ -105,37 +119,38 @@ void Quantizer::AssignBlock(const Descriptors& descriptors, std::size_t first, s
 
 std::vector<std::uint32_t> Quantizer::AssignSeveral(const Descriptors& descriptors, int count,
                                                     int threads) const {
+  std::vector<std::uint32_t> words;
+  for (const NearWord& near : NearestWords(descriptors, count, threads)) words.push_back(near.word);
+  return words;
+}
+
+std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, int count,
+                                              int threads) const {
   CheckFits(descriptors);
   if (count < 1) {
     throw Error(ErrorCode::kInvalidArgument, "bad_count", "count must be 1 or more.");
   }
   const std::size_t k = words_.rows();
   const std::size_t wanted = std::min(static_cast<std::size_t>(count), k);
-  std::vector<std::uint32_t> words(descriptors.rows * wanted);
+  std::vector<NearWord> nearest(descriptors.rows * wanted);
   constexpr std::size_t kAtATime = 16;
   ParallelFor((descriptors.rows + kAtATime - 1) / kAtATime, threads, [&](std::size_t t) {
     const std::size_t first = t * kAtATime;
     const std::size_t rows = std::min(kAtATime, descriptors.rows - first);
     std::vector<float> distances(rows * k);
     words_.Distances(descriptors, first, rows, distances.data());
-    std::vector<std::uint32_t> order(k);
     for (std::size_t i = 0; i < rows; ++i) {
-      const float* row = distances.data() + i * k;
-      std::iota(order.begin(), order.end(), 0U);
-      std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(wanted),
-                        order.end(), [row](std::uint32_t a, std::uint32_t b) {
-                          return row[a] != row[b] ? row[a] < row[b] : a < b;
-                        });
-      std::copy_n(order.begin(), wanted,
-                  words.begin() + static_cast<std::ptrdiff_t>((first + i) * wanted));
+      KeepNearest(std::span(distances).subspan(i * k, k),
+                  std::span(nearest).subspan((first + i) * wanted, wanted));
     }
   });
-  return words;
+  return nearest;
 }
 
 Bow Quantizer::BowOf(const Descriptors& descriptors, std::size_t first,
                      std::span<const std::uint32_t> words, int words_a_row) const {
   Bow bow = MakeBow({words.begin(), words.end()});
+  if (coder_ && words_a_row == 1) AddCodes(descriptors, first, words, &bow);
   if (!has_signatures()) return bow;
   std::vector<SignatureSum> sums(bow.words.size());
   const auto a_row = static_cast<std::size_t>(words_a_row);
@@ -151,6 +166,20 @@ Bow Quantizer::BowOf(const Descriptors& descriptors, std::size_t first,
   }
   for (const SignatureSum& sum : sums) bow.signatures.push_back(sum.Signature());
   return bow;
+}
+
+void Quantizer::AddCodes(const Descriptors& descriptors, std::size_t first,
+                         std::span<const std::uint32_t> words, Bow* bow) const {
+  std::vector<std::uint32_t> order(words.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return words[a] < words[b]; });
+  bow->codes.resize(words.size() * coder_->code_bytes());
+  std::uint8_t* code = bow->codes.data();
+  for (const std::uint32_t row : order) {
+    coder_->Encode(descriptors, first + row, words[row], code);
+    code += coder_->code_bytes();
+  }
 }
 
 Bow MakeBow(std::vector<std::uint32_t> words) {

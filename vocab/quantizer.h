@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "descriptor/match/distance.h"
+#include "vocab/residual_codes.h"
 #include "vocab/signature.h"
 #include "vocab/vocabulary.h"
 
@@ -28,6 +29,14 @@ struct Bow {
   std::uint32_t total = 0;  // sum of the counts
   // One per word, in the same order (vocab/signature.h); empty when the vocabulary has none.
   std::vector<std::uint64_t> signatures;
+  // Of each descriptor (vocab/residual_codes.h), in order of its word: those of a word stand side
+  // by side, as many as its count. Empty when the vocabulary has no codebook.
+  std::vector<std::uint8_t> codes;
+};
+
+struct NearWord {
+  std::uint32_t word = 0;
+  float distance = 0;  // Euclidean or Hamming
 };
 
 // Immutable and thread-safe.
@@ -49,20 +58,30 @@ class Quantizer {
   std::vector<std::uint32_t> AssignSeveral(const Descriptors& descriptors, int count,
                                            int threads = 1) const;
 
+  // The same with distances.
+  std::vector<NearWord> NearestWords(const Descriptors& descriptors, int count,
+                                     int threads = 1) const;
+
+  // nullptr for a vocabulary without codebook.
+  const ResidualCoder* coder() const { return coder_.get(); }
   bool has_signatures() const { return !vocabulary_->thresholds.empty(); }
 
   // The bag of words of rows first, first + 1, ... of `descriptors`, given `words_a_row` words for
-  // each, with signatures when the vocabulary has thresholds.
+  // each, with signatures when the vocabulary has thresholds, and with codes when it has a codebook
+  // and `words_a_row` is 1.
   Bow BowOf(const Descriptors& descriptors, std::size_t first, std::span<const std::uint32_t> words,
             int words_a_row = 1) const;
 
  private:
   void CheckFits(const Descriptors& descriptors) const;
+  void AddCodes(const Descriptors& descriptors, std::size_t first,
+                std::span<const std::uint32_t> words, Bow* bow) const;
   void AssignBlock(const Descriptors& descriptors, std::size_t first, std::size_t count,
                    std::uint32_t* words) const;
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   PackedDescriptors words_;
+  std::unique_ptr<const ResidualCoder> coder_;
   SignatureProjection project_;
   double largest_squared_norm_ = 0;  // of a word; floats only
 };

@@ -23,6 +23,19 @@ struct VocabularyOrigin {
   std::string method;           // "fasterpam", "fasterpam tree"
 };
 
+// How residuals to the words are coded; see vocab/residual_codes.h.
+struct Codebook {
+  int code_bytes = 0;  // per descriptor; 0 = no codes
+  // Floats only: a code has two parts a byte, of 16 centroids each.
+  int part_dim = 0;              // components of a part; parts() * part_dim >= dim of the words
+  std::vector<float> rotation;   // (parts() * part_dim) x dim, row-major, orthonormal columns
+  std::vector<float> centroids;  // parts() x 16 x part_dim
+
+  bool empty() const { return code_bytes == 0; }
+  std::size_t parts() const { return 2 * static_cast<std::size_t>(code_bytes); }
+  std::size_t padded_dim() const { return parts() * static_cast<std::size_t>(part_dim); }
+};
+
 struct Vocabulary {
   Descriptors words;     // k x dim
   std::string model_id;  // of the descriptors; only features of this model may be quantised
@@ -30,6 +43,7 @@ struct Vocabulary {
   // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as in vocabularies
   // of the first versions of Pliant.
   std::vector<float> thresholds;
+  Codebook codebook;  // empty = without codes, as the vocabularies of earlier versions are
 
   std::size_t size() const { return words.rows; }
 };

@@ -62,6 +62,12 @@ std::filesystem::path DefaultModelPath();
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
+  // A picture in which fewer key points than this are found is also described enlarged, to twice
+  // its size or to decode.max_side_px on the longer side, whichever is less; what is found there
+  // and not before is added, at most keypoints.max_keypoints more. Small prints have few key
+  // points, and most of them are too fine for a detector that begins at the picture's own size. 0 =
+  // never.
+  int enlarge_below = 0;
 };
 
 // What a picture is described for.
@@ -98,7 +104,12 @@ class FeatureExtractor {
   Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
                        PictureRole role = PictureRole::kQuery) const;
 
+  // The same with another ExtractionOptions::enlarge_below.
+  FeatureExtractor WithEnlargeBelow(int keypoints) const;
+
  private:
+  void AddEnlarged(const DecodedImage& decoded, int threads, PictureRole role, Features* features,
+                   ExtractionTimings* timings) const;
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
                        int threads) const;
 

@@ -220,8 +220,10 @@ Image ResizeImage(const Image& image, int width, int height) {
         ErrorCode::kInvalidArgument, "bad_size",
         "Cannot scale a picture to " + std::to_string(width) + " x " + std::to_string(height));
   }
+  const bool larger = width > image.width && height > image.height;
   cv::Mat scaled;
-  cv::resize(ViewAsMat(image), scaled, {width, height}, 0, 0, cv::INTER_AREA);
+  cv::resize(ViewAsMat(image), scaled, {width, height}, 0, 0,
+             larger ? cv::INTER_CUBIC : cv::INTER_AREA);
   return CopyFromMat(scaled);
 }
 

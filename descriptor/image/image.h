@@ -73,7 +73,7 @@ std::vector<std::uint8_t> EncodePng(const Image& image);
 // The grey values (0.299 R + 0.587 G + 0.114 B) of a colour picture; a copy of a grey one.
 Image ToGrey(const Image& image);
 
-// Area-averaging scale to exactly width x height.
+// Scales to exactly width x height: bicubic to a larger picture, else averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
 }  // namespace pliant

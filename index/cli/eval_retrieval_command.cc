@@ -124,6 +124,10 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
+  AddChoice<RankMethod>(app, "--rank", retrieval.rank,
+                        "ranking of all protocols but the paper's (default: neighbours)",
+                        {{"neighbours", RankMethod::kNeighbours}, {"tfidf", RankMethod::kTfIdf}},
+                        "neighbours|tfidf");
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
       ->capture_default_str()

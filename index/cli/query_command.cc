@@ -101,14 +101,6 @@ ExitStatus Run(Options& options) {
   return drawn ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
-template <typename Enum>
-void AddChoice(CLI::App& app, const std::string& name, Enum& value, const std::string& help,
-               const std::map<std::string, Enum>& choices, const std::string& names) {
-  app.add_option(name, value, help)
-      ->transform(CLI::CheckedTransformer(choices))
-      ->option_text(names);
-}
-
 }  // namespace
 
 void AddQueryCommand(CLI::App& program, ExitStatus& status) {
@@ -127,10 +119,12 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                      "one hit for each object, or for each image (default: object)",
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}}, "object|image");
   AddChoice<RankMethod>(*app, "--rank", search.rank,
-                        "how words are compared: cosine of tf-idf, or the paper's histogram "
-                        "(default: tfidf)",
-                        {{"tfidf", RankMethod::kTfIdf}, {"histogram", RankMethod::kHistogram}},
-                        "tfidf|histogram");
+                        "how pictures are compared: votes of nearest neighbours, words by tf-idf, "
+                        "or the paper's histogram of words (default: neighbours)",
+                        {{"neighbours", RankMethod::kNeighbours},
+                         {"tfidf", RankMethod::kTfIdf},
+                         {"histogram", RankMethod::kHistogram}},
+                        "neighbours|tfidf|histogram");
   AddChoice<Verification>(
       *app, "--verify", search.verify,
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/engine/engine.h"
 
+#include <limits>
+
 #include "descriptor/base/error.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
@@ -24,6 +26,11 @@ void CheckPage(int limit) {
                 "limit must be 1 to 1000, not " + std::to_string(limit));
   }
 }
+
+// ExtractionOptions::enlarge_below. An indexed picture is kept in memory, so it is enlarged only
+// where it has few key points. A query always: its object may be a small part of it.
+constexpr int kEnlargeIndexedBelow = 512;
+constexpr int kEnlargeQueryBelow = std::numeric_limits<int>::max();
 
 }  // namespace
 
@@ -81,16 +88,17 @@ void Engine::Impl::SettleExtraction(bool may_write) {
   if (!decided && may_write) store_->SettleExtraction(max_keypoints, max_side_px);
 }
 
-const FeatureExtractor& Engine::Impl::extractor() {
-  const std::lock_guard lock(extractor_mutex_);
-  if (!extractor_) {
+const Engine::Impl::Extractors& Engine::Impl::extractors() {
+  const std::lock_guard lock(extractors_mutex_);
+  if (!extractors_) {
     std::shared_ptr<const Descriptor> descriptor =
         MakeDescriptorFor(options_, store_->model().info.name);
     CheckModel(descriptor->info());
-    extractor_ =
-        std::make_unique<const FeatureExtractor>(std::move(descriptor), options_.extraction);
+    const FeatureExtractor plain(std::move(descriptor), options_.extraction);
+    extractors_ = std::make_unique<const Extractors>(Extractors{
+        plain.WithEnlargeBelow(kEnlargeIndexedBelow), plain.WithEnlargeBelow(kEnlargeQueryBelow)});
   }
-  return *extractor_;
+  return *extractors_;
 }
 
 EngineStats Engine::Impl::Stats() {

@@ -48,8 +48,15 @@ class Engine::Impl {
   std::vector<std::string> Check();
 
  private:
-  // The descriptor, made when first needed; kConflict when it differs from the database's.
-  const FeatureExtractor& extractor();
+  // The descriptor, made when first needed; kConflict when it differs from the database's. For
+  // pictures to index, and for those to search with, of which every detail may be the one.
+  const FeatureExtractor& extractor() { return extractors().indexed; }
+  const FeatureExtractor& query_extractor() { return extractors().query; }
+  struct Extractors {
+    FeatureExtractor indexed;
+    FeatureExtractor query;
+  };
+  const Extractors& extractors();
   void CheckModel(const DescriptorInfo& info) const;
   // Makes options_.extraction the database's; writes it down where it is not decided yet.
   void SettleExtraction(bool may_write);
@@ -68,8 +75,8 @@ class Engine::Impl {
   void DropUnfinished(Key vocabulary) noexcept;
 
   EngineOptions options_;
-  std::mutex extractor_mutex_;  // guards the making of extractor_
-  std::unique_ptr<const FeatureExtractor> extractor_;
+  std::mutex extractors_mutex_;  // guards the making of extractors_
+  std::unique_ptr<const Extractors> extractors_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<Ranker> ranker_;  // follows store_, and goes first
   std::mutex training_mutex_;       // one training at a time

@@ -72,7 +72,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
     put.encoded = std::move(described->features);
     put.features = DecodeFeatures(put.encoded);
   } else {
-    const FeatureExtractor& extract = extractor();
+    const FeatureExtractor& extract = request.as_query ? query_extractor() : extractor();
     const Stopwatch decoding;
     const DecodedImage decoded = DecodeImage(request.bytes, extract.options().decode);
     timings->extraction.decode_ms = decoding.Ms();

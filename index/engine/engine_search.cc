@@ -38,7 +38,7 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
   CheckVocabulary(ranker_->View(options.collection), options);  // before any work
   ExtractionTimings timings;
-  Features features = extractor().Extract(encoded, options.threads, &timings);
+  Features features = query_extractor().Extract(encoded, options.threads, &timings);
   return Answer(InStoredPrecision(std::move(features)), options, timings);
 }
 

@@ -38,7 +38,7 @@ class Stopwatch {
 }
 
 bool Verifies(const SearchOptions& options) {
-  if (options.verify == Verification::kAuto) return options.rank == RankMethod::kTfIdf;
+  if (options.verify == Verification::kAuto) return options.rank != RankMethod::kHistogram;
   return options.verify == Verification::kTps;
 }
 
@@ -114,6 +114,7 @@ SearchResult SearchRun::Run() {
     if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
   }
   SearchResult result;
+  result.rank = rank_.method;
   result.total = hits.size() + ranking.total;
   for (RankedPicture& picture : ranking.best) hits.push_back({.picture = std::move(picture)});
   result.hits = PageOf(std::move(hits));
@@ -135,6 +136,9 @@ Bow SearchRun::Quantize(const Features& features) const {
 RankOptions SearchRun::ToRankOptions() const {
   RankOptions rank;
   rank.method = options_.rank;
+  if (rank.method == RankMethod::kNeighbours && view_.quantizer->coder() == nullptr) {
+    rank.method = RankMethod::kTfIdf;
+  }
   rank.group_by = options_.group_by;
   rank.keep = options_.limit == 0 ? 0 : options_.offset + options_.limit;
   rank.min_score = options_.min_score;

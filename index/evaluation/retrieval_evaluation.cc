@@ -69,7 +69,8 @@ class Workplace {
   fs::path Database(const DescriptorInfo& info, const ExtractionOptions& extraction) const {
     const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
                              '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
-                             std::to_string(extraction.keypoints.keep_repeated_orientations);
+                             std::to_string(extraction.keypoints.keep_repeated_orientations) +
+                             "/enlarged";
     const std::string key =
         Sha256Hex({reinterpret_cast<const std::uint8_t*>(what.data()), what.size()});
     return path_ / (info.name + '-' + key.substr(0, kKeyDigits) + ".db");
@@ -87,6 +88,7 @@ class Workplace {
 
 SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions& options) {
   SearchOptions search;
+  search.rank = options.rank;
   search.verify_depth = options.verify_depth;
   if (protocol == RetrievalProtocol::kPaper) {
     search.rank = RankMethod::kHistogram;

@@ -36,7 +36,8 @@ struct RetrievalOptions {
   int seeds = 3;                 // vocabularies are trained with the seeds 1, 2, ...
   std::vector<int> words = {0};  // of kDefault and kUnverified, each in turn; 0 = the default's own
   int sample = 0;                // descriptors they are trained on; 0 = the default's own
-  std::size_t verify_depth = 0;  // as SearchOptions::verify_depth
+  RankMethod rank = RankMethod::kNeighbours;  // of all protocols but the paper's
+  std::size_t verify_depth = 0;               // as SearchOptions::verify_depth
   int jobs = 0;                  // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;

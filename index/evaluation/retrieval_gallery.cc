@@ -114,6 +114,7 @@ void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& i
   AddRequest request;
   request.bytes = bytes;
   request.id = id;
+  request.as_query = picture.is_query && !picture.is_searched;
   if (options_.keep_features) {  // the others then find the features there, by the same bytes
     request.collection = kFeatures;
     engine_.Add(request);

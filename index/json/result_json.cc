@@ -44,6 +44,18 @@ Json InstancesJson(const std::vector<Instance>& instances) {
   return all;
 }
 
+const char* RankName(RankMethod method) {
+  switch (method) {
+    case RankMethod::kNeighbours:
+      return "neighbours";
+    case RankMethod::kTfIdf:
+      return "tfidf";
+    case RankMethod::kHistogram:
+      return "histogram";
+  }
+  return "unknown";
+}
+
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
@@ -65,6 +77,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
   for (const Hit& hit : result.hits) hits.push_back(HitJson(hit));
   const SearchTimings& t = result.timings;
   return {{"took_ms", took_ms},
+          {"rank", RankName(result.rank)},
           {"vocabulary", result.vocabulary},
           {"words", result.words},
           {"keypoints", result.keypoints},

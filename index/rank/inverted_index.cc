@@ -54,11 +54,31 @@ void SetNorms(Part& part, const std::vector<float>& idf) {
   part.inverse_alike_norms = InverseAlikeNorms(*part.segment, idf);
 }
 
+// Each source's positions in `merged`, for the codes.
+std::shared_ptr<const CodeLists> MergedCodes(std::span<const Part> parts,
+                                             const IndexSegment& merged) {
+  std::vector<std::vector<std::uint32_t>> positions;
+  std::vector<CodeLists::Source> sources;
+  for (const Part& part : parts) {
+    if (!part.codes) return nullptr;
+    std::vector<std::uint32_t>& own = positions.emplace_back(part.segment->size(), CodeLists::kGone);
+    for (std::size_t p = 0; p < own.size(); ++p) {
+      if (part.IsDead(p)) continue;
+      own[p] = static_cast<std::uint32_t>(merged.Find(part.segment->key(p)));
+    }
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    sources.push_back({parts[i].codes.get(), &positions[i]});
+  }
+  return CodeLists::Merge(sources);
+}
+
 Part MergedPart(std::span<const Part> parts, const std::vector<float>& idf) {
   std::vector<IndexSegment::Source> sources;
   for (const Part& part : parts) sources.push_back({part.segment.get(), part.dead.get()});
   Part merged;
   merged.segment = IndexSegment::Merge(sources);
+  merged.codes = MergedCodes(parts, *merged.segment);
   SetNorms(merged, idf);
   return merged;
 }
@@ -71,6 +91,11 @@ bool IndexSnapshot::has_signatures() const {
   return !parts.empty() && std::all_of(parts.begin(), parts.end(), [](const Part& part) {
     return part.segment->has_signatures();
   });
+}
+
+bool IndexSnapshot::has_codes() const {
+  return std::all_of(parts.begin(), parts.end(),
+                     [](const Part& part) { return part.codes != nullptr; });
 }
 
 std::optional<Bow> IndexSnapshot::Find(std::int64_t key) const {
@@ -103,13 +128,17 @@ std::size_t IndexSnapshot::memory_bytes() const {
     if (part.inverse_alike_norms) {
       bytes += part.inverse_alike_norms->capacity() * sizeof(float);
     }
+    if (part.codes) bytes += part.codes->memory_bytes();
     if (part.dead) bytes += part.dead->capacity() / 8;
   }
   return bytes;
 }
 
-InvertedIndex::InvertedIndex(std::size_t vocabulary_size)
-    : vocabulary_size_(vocabulary_size), frequency_(vocabulary_size, 0) {
+InvertedIndex::InvertedIndex(std::size_t vocabulary_size,
+                             std::shared_ptr<const Quantizer> quantizer)
+    : vocabulary_size_(vocabulary_size),
+      quantizer_(std::move(quantizer)),
+      frequency_(vocabulary_size, 0) {
   auto empty = std::make_shared<IndexSnapshot>();
   empty->vocabulary_size = vocabulary_size;
   RenewStatistics(*empty);
@@ -164,7 +193,11 @@ void InvertedIndex::AddParts(IndexSnapshot& next, std::vector<IndexedPicture> ad
   for (std::size_t begin = 0; begin < added.size(); begin += IndexSegment::kMaxPictures) {
     const std::size_t count = std::min(added.size() - begin, IndexSegment::kMaxPictures);
     Part part;
-    part.segment = IndexSegment::Build(std::span(added).subspan(begin, count), vocabulary_size_);
+    const auto pictures = std::span<const IndexedPicture>(added).subspan(begin, count);
+    part.segment = IndexSegment::Build(pictures, vocabulary_size_);
+    if (quantizer_ && quantizer_->coder() != nullptr) {
+      part.codes = CodeLists::Build(pictures, vocabulary_size_, *quantizer_->coder());
+    }
     next.parts.push_back(std::move(part));
   }
   next.pictures += added.size();

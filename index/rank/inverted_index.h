@@ -17,6 +17,7 @@
 #include <span>
 #include <vector>
 
+#include "index/rank/code_lists.h"
 #include "index/rank/index_segment.h"
 
 namespace pliant {
@@ -37,6 +38,7 @@ struct IndexSnapshot {
     std::shared_ptr<const std::vector<float>> inverse_norms;
     // 1 / sqrt of the sum of the idf of each picture's words; nullptr without signatures.
     std::shared_ptr<const std::vector<float>> inverse_alike_norms;
+    std::shared_ptr<const CodeLists> codes;  // nullptr without codes
 
     std::size_t alive() const { return segment->size() - dead_count; }
     bool IsDead(std::size_t picture) const { return dead != nullptr && (*dead)[picture]; }
@@ -49,6 +51,7 @@ struct IndexSnapshot {
 
   // Whether every picture's words have signatures (there is one at least).
   bool has_signatures() const;
+  bool has_codes() const;
   // The words of a picture, if it is alive.
   std::optional<Bow> Find(std::int64_t key) const;
   std::vector<std::int64_t> Keys() const;  // of the living, ascending
@@ -58,7 +61,9 @@ struct IndexSnapshot {
 // Apply and Refresh: one thread at a time. snapshot(): any thread.
 class InvertedIndex {
  public:
-  explicit InvertedIndex(std::size_t vocabulary_size);
+  // `quantizer`: of the vocabulary; pictures must have codes if it has a coder. nullptr: none have.
+  explicit InvertedIndex(std::size_t vocabulary_size,
+                         std::shared_ptr<const Quantizer> quantizer = nullptr);
 
   std::shared_ptr<const IndexSnapshot> snapshot() const;
 
@@ -83,6 +88,7 @@ class InvertedIndex {
   void Publish(std::shared_ptr<const IndexSnapshot> next);
 
   const std::size_t vocabulary_size_;
+  const std::shared_ptr<const Quantizer> quantizer_;
   std::vector<std::uint32_t> frequency_;  // up to date, ahead of the epoch's
   std::uint64_t changes_ = 0;             // since the epoch's statistics
   mutable std::mutex mutex_;              // guards snapshot_

@@ -61,7 +61,13 @@ Admission MemoryRanker::Admit(const CollectionView& view, const std::optional<st
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
                            const RankOptions& options) const {
-  Ranking ranking = pliant::Rank(SnapshotOf(view), query.bow, options);
+  const IndexSnapshot& snapshot = SnapshotOf(view);
+  const bool by_neighbours =
+      options.method == RankMethod::kNeighbours && view.quantizer->coder() != nullptr;
+  Ranking ranking = by_neighbours
+                        ? RankByNeighbours(snapshot, *view.quantizer, query.features.descriptors,
+                                           options)
+                        : pliant::Rank(snapshot, query.bow, options);
   for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
   for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
   return ranking;
@@ -206,7 +212,7 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   if (vocabulary == 0) return loaded;
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
   const std::size_t words = loaded.quantizer->vocabulary().size();
-  loaded.index = std::make_shared<InvertedIndex>(words);
+  loaded.index = std::make_shared<InvertedIndex>(words, loaded.quantizer);
   view.ForEachPicture(vocabulary, words, 0, IndexSegment::kMaxPictures,
                       [&](std::vector<IndexedPicture> chunk) {
                         const std::size_t pictures = chunk.size();

@@ -1,7 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Ranks the pictures of a snapshot in memory by a query's bag of words. Private to index/.
+// Ranks the pictures of a snapshot in memory. Private to index/.
 //
+// kNeighbours: votes of the query's descriptors for pictures that have descriptors near them, see
+//   neighbour_votes.h. 1 = a copy of the query, 0 = nothing nearer than usual; such pictures are no
+//   hits.
 // kTfIdf: cosine of the vectors tf * idf, tf = count / total, idf = ln((N + 1) / max(df, 1)):
 //   score = sum_w tf_q tf_d idf_w^2 / (|q| |d|). 1 = same words in the same proportions, 0 = none
 //   in common. Only pictures that share a word are hits. (Sivic and Zisserman, "Video Google", ICCV
@@ -25,6 +28,10 @@ namespace pliant {
 
 // Only what is returned is sorted: O(postings + pictures), and n log n for the n that are returned.
 // RankedPicture::ref has no collection: a snapshot does not know it.
+// kNeighbours counts as kTfIdf here.
 Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions& options);
+// By kNeighbours. The snapshot must have codes; `quantizer`: of its vocabulary.
+Ranking RankByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
+                         const Descriptors& query, const RankOptions& options);
 
 }  // namespace pliant

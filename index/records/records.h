@@ -44,7 +44,8 @@ struct AddRequest {
   std::string metadata = "{}";
   std::string source;
   Bytes bytes;
-  int threads = 1;  // for the description of this picture
+  int threads = 1;        // for the description of this picture
+  bool as_query = false;  // describe it as Engine::Search does; for experiments
 };
 
 enum class AddOutcome {

@@ -18,12 +18,18 @@ namespace pliant {
 inline constexpr const char* kDefaultCollection = "default";
 
 enum class RankMethod {
+  // Votes of the query's descriptors for pictures with descriptors near them: 1 = a copy that is
+  // like
+  // nothing else, 0 = nothing nearer than usual. kTfIdf instead where the vocabulary has no codes
+  // (one that an earlier version trained): SearchResult::rank says so.
+  kNeighbours,
   kTfIdf,      // words weighted by how rare they are: 1 = the same, 0 = nothing in common
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
 enum class GroupBy { kObject, kImage };
 enum class Verification {
-  kAuto,  // kTps for tf-idf; kNone for the paper's histogram, whose protocol has none
+  kAuto,  // kTps for neighbours and tf-idf; kNone for the paper's histogram, whose protocol has
+          // none
   kNone,
   kTps,  // one smooth warp, a thin-plate spline
 };
@@ -49,7 +55,7 @@ struct SearchOptions {
   std::string collection = kDefaultCollection;
   std::size_t limit = 10;  // hits returned; 0 = all
   std::size_t offset = 0;
-  RankMethod rank = RankMethod::kTfIdf;
+  RankMethod rank = RankMethod::kNeighbours;
   GroupBy group_by = GroupBy::kObject;
   // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
   // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
@@ -104,11 +110,12 @@ struct SearchTimings {
 
 struct SearchResult {
   std::vector<Hit> hits;
-  std::size_t total = 0;        // number of hits, over all pages
-  std::int64_t vocabulary = 0;  // id of the vocabulary that answered
-  std::size_t words = 0;        // its size
-  std::uint32_t keypoints = 0;  // of the query, after the region
-  int query_width = 0;          // of the original upright query picture, in pixels
+  std::size_t total = 0;                      // number of hits, over all pages
+  RankMethod rank = RankMethod::kNeighbours;  // that was used
+  std::int64_t vocabulary = 0;                // id of the vocabulary that answered
+  std::size_t words = 0;                      // its size
+  std::uint32_t keypoints = 0;                // of the query, after the region
+  int query_width = 0;                        // of the original upright query picture, in pixels
   int query_height = 0;
   SearchTimings timings;
 };

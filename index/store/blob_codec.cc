@@ -12,6 +12,7 @@
 #include <zlib.h>
 
 #include "descriptor/base/error.h"
+#include "vocab/residual_codes.h"
 
 namespace pliant {
 namespace {
@@ -23,6 +24,8 @@ constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
 constexpr std::uint8_t kFeatureVersion = 1;
 constexpr std::uint8_t kBowVersion = 1;        // words only
 constexpr std::uint8_t kSignedBowVersion = 2;  // and a signature each
+constexpr std::uint8_t kCodedBowVersion = 3;   // and a code per descriptor
+constexpr std::uint8_t kCodebookVersion = 1;
 constexpr std::size_t kFeatureHeaderBytes = 24;
 constexpr std::size_t kKeypointBytes = 24;
 constexpr std::size_t kChecksumBytes = 4;
@@ -260,7 +263,12 @@ std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
                 "a bag of words has more or fewer signatures than words");
   }
   out.reserve(8 + 3 * bow.words.size() + 8 * bow.signatures.size());
-  out.push_back(is_signed ? kSignedBowVersion : kBowVersion);
+  const bool is_coded = !bow.codes.empty();
+  if (is_coded && (!is_signed || bow.total == 0 || bow.codes.size() % bow.total != 0)) {
+    throw Error(ErrorCode::kInternal, "bow_codes",
+                "a bag of words has more or fewer codes than descriptors");
+  }
+  out.push_back(is_coded ? kCodedBowVersion : is_signed ? kSignedBowVersion : kBowVersion);
   PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
   std::uint32_t next = 0;  // smallest word that may follow
   for (const WordCount& entry : bow.words) {
@@ -272,13 +280,17 @@ std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
     next = entry.word + 1;
   }
   for (const std::uint64_t signature : bow.signatures) Put(out, signature);
+  if (is_coded) {
+    PutVarint(out, static_cast<std::uint32_t>(bow.codes.size() / bow.total));
+    out.insert(out.end(), bow.codes.begin(), bow.codes.end());
+  }
   Put(out, Crc32(out));
   return out;
 }
 
 Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
   const Bytes body = Checked(blob, "words");
-  if (body.empty() || (body[0] != kBowVersion && body[0] != kSignedBowVersion)) {
+  if (body.empty() || body[0] < kBowVersion || body[0] > kCodedBowVersion) {
     ThrowCorrupt("words are of an unknown format version");
   }
   std::size_t offset = 1;
@@ -295,16 +307,65 @@ Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
     bow.total += count;
     next = word + 1;
   }
-  if (body[0] == kSignedBowVersion) {
-    if (body.size() - offset != std::size_t{distinct} * sizeof(std::uint64_t)) {
-      ThrowCorrupt("words have more or fewer signatures than they need");
+  if (body[0] >= kSignedBowVersion) {
+    if (body.size() - offset < std::size_t{distinct} * sizeof(std::uint64_t)) {
+      ThrowCorrupt("words have fewer signatures than they need");
     }
     for (std::uint32_t i = 0; i < distinct; ++i, offset += sizeof(std::uint64_t)) {
       bow.signatures.push_back(Get<std::uint64_t>(body, offset));
     }
   }
+  if (body[0] == kCodedBowVersion) {
+    const std::size_t bytes = GetVarint(body, offset);
+    if (bytes == 0 || body.size() - offset != bytes * bow.total) {
+      ThrowCorrupt("words have more or fewer codes than they need");
+    }
+    const auto codes = body.subspan(offset);
+    bow.codes.assign(codes.begin(), codes.end());
+    offset = body.size();
+  }
   if (offset != body.size()) ThrowCorrupt("words are followed by something else");
   return bow;
+}
+
+std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook) {
+  std::vector<std::uint8_t> out;
+  out.push_back(kCodebookVersion);
+  PutVarint(out, static_cast<std::uint32_t>(codebook.code_bytes));
+  PutVarint(out, static_cast<std::uint32_t>(codebook.part_dim));
+  for (const float value : codebook.rotation) Put(out, value);
+  for (const float value : codebook.centroids) Put(out, value);
+  Put(out, Crc32(out));
+  return out;
+}
+
+Codebook DecodeCodebook(Bytes blob, const Descriptors& words) {
+  const Bytes body = Checked(blob, "codebooks");
+  if (body.empty() || body[0] != kCodebookVersion) {
+    ThrowCorrupt("codebooks are of an unknown format version");
+  }
+  std::size_t offset = 1;
+  const std::uint32_t code_bytes = GetVarint(body, offset);
+  const std::uint32_t part_dim = GetVarint(body, offset);
+  if (code_bytes > kMaxDim || part_dim > kMaxDim) ThrowCorrupt("codebooks claim impossible sizes");
+  Codebook codebook;
+  codebook.code_bytes = static_cast<int>(code_bytes);
+  codebook.part_dim = static_cast<int>(part_dim);
+  const std::size_t rotation = codebook.padded_dim() * static_cast<std::size_t>(words.dim);
+  const std::size_t centroids = codebook.padded_dim() * 16;
+  const bool binary = words.kind == DescriptorKind::kBinary;
+  if (body.size() - offset != (binary ? 0 : rotation + centroids) * sizeof(float)) {
+    ThrowCorrupt("codebooks have another length than they say");
+  }
+  for (std::size_t i = 0; !binary && i < rotation + centroids; ++i, offset += sizeof(float)) {
+    (i < rotation ? codebook.rotation : codebook.centroids).push_back(Get<float>(body, offset));
+  }
+  try {
+    CheckCodebook(codebook, words);
+  } catch (const Error& error) {
+    ThrowCorrupt(error.what());
+  }
+  return codebook;
 }
 
 }  // namespace pliant

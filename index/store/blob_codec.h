@@ -32,10 +32,16 @@ Features DecodeFeatures(Bytes blob);
 // Throws what EncodeFeatures throws.
 Features InStoredPrecision(Features features);
 
+// Throws kInternal for a bag that is not in order or has more or fewer signatures or codes than it
+// needs. One with codes must have signatures, too.
 std::vector<std::uint8_t> EncodeBow(const Bow& bow);
 
 // Throws kCorrupt also for a word of `vocabulary_size` or more.
 Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
+
+// The words' codebook; DecodeCodebook throws kCorrupt for whatever does not fit `words`.
+std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook);
+Codebook DecodeCodebook(Bytes blob, const Descriptors& words);
 
 // CRC-32 (IEEE 802.3, as in zlib and PNG), continued from `seed`.
 std::uint32_t Crc32(Bytes bytes, std::uint32_t seed = 0);

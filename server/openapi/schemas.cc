@@ -83,9 +83,11 @@ constexpr const char* kCatalogue = R"json({
 
 constexpr const char* kSearch = R"json({
   "SearchAnswer": {"type": "object",
-    "required": ["took_ms", "vocabulary", "words", "keypoints", "query", "total", "hits", "timings"],
+    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "query", "total", "hits", "timings"],
     "properties": {
       "took_ms": {"type": "number"},
+      "rank": {"type": "string", "enum": ["neighbours", "tfidf", "histogram"],
+        "description": "the ranking that was used: tfidf in place of neighbours where the vocabulary is of an earlier version"},
       "vocabulary": {"type": "integer", "description": "number of the one that answered"},
       "words": {"type": "integer", "description": "its size"},
       "keypoints": {"type": "integer", "description": "of the query, inside the region"},

@@ -51,7 +51,8 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
           .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
           .value_or(options.group_by);
   options.rank = parameters
-                     .Choice<RankMethod>("rank", {{"tfidf", RankMethod::kTfIdf},
+                     .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
+                                                  {"tfidf", RankMethod::kTfIdf},
                                                   {"histogram", RankMethod::kHistogram}})
                      .value_or(options.rank);
   options.verify = parameters
@@ -138,9 +139,10 @@ std::vector<Parameter> SearchParameters() {
       Parameter("group_by", "each object once, by its best picture, or each picture")
           .Choice({"object", "image"})
           .Default("object"),
-      Parameter("rank", "cosine of tf-idf vectors, or the paper's histogram distance")
-          .Choice({"tfidf", "histogram"})
-          .Default("tfidf"),
+      Parameter("rank",
+                "votes of nearest neighbours, words by tf-idf, or the paper's histogram distance")
+          .Choice({"neighbours", "tfidf", "histogram"})
+          .Default("neighbours"),
       Parameter("verify",
                 "whether the best hits must agree with the query on one smooth warp; by "
                 "default tps, and none if rank is histogram")

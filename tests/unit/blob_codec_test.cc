@@ -168,8 +168,14 @@ TEST(BlobCodec, BowsComeBack) {
     if (round % 2 == 0) {
       for (int i = 0; i < round; ++i) bow.signatures.push_back(random());
     }
+    if (round % 4 == 0 && round > 0) {
+      for (std::uint32_t i = 0; i < bow.total; ++i) {
+        bow.codes.push_back(static_cast<std::uint8_t>(random()));
+      }
+    }
     const Bow back = DecodeBow(EncodeBow(bow), word + 1);
     ASSERT_EQ(back.signatures, bow.signatures);
+    ASSERT_EQ(back.codes, bow.codes);
     ASSERT_EQ(back.words, bow.words) << "round " << round;
     ASSERT_EQ(back.total, bow.total);
     if (round > 0) {
@@ -179,7 +185,7 @@ TEST(BlobCodec, BowsComeBack) {
 }
 
 TEST(BlobCodec, DamagedBowsAreNoticed) {
-  Bow bow{{{0, 1}, {300, 70000}, {301, 2}}, 70003, {}};
+  Bow bow{{{0, 1}, {300, 70000}, {301, 2}}, 70003, {}, {}};
   for (const bool with_signatures : {false, true}) {
     if (with_signatures) bow.signatures = {1, 2, ~std::uint64_t{0}};
     const std::vector<std::uint8_t> blob = EncodeBow(bow);
@@ -193,6 +199,38 @@ TEST(BlobCodec, DamagedBowsAreNoticed) {
   }
   bow.signatures.pop_back();
   ExpectError(ErrorCode::kInternal, "bow_signatures", [&] { EncodeBow(bow); });
+}
+
+TEST(BlobCodec, CodesAreAsManyAsKeyPoints) {
+  Bow bow{{{3, 2}, {5, 1}}, 3, {7, 8}, {1, 2, 3, 4, 5, 6}};
+  const std::vector<std::uint8_t> blob = EncodeBow(bow);
+  for (std::size_t i = 0; i < blob.size(); ++i) {
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeBow(Bytes(blob).first(i), 9); });
+  }
+  bow.codes.pop_back();
+  ExpectError(ErrorCode::kInternal, "bow_codes", [&] { EncodeBow(bow); });
+}
+
+TEST(BlobCodec, CodebooksComeBackAndDamageIsNoticed) {
+  const Descriptors words = Descriptors::Float(2, 3);
+  Codebook book;
+  book.code_bytes = 1;
+  book.part_dim = 2;
+  for (int i = 0; i < 12; ++i) book.rotation.push_back(0.25F * static_cast<float>(i));
+  for (int i = 0; i < 64; ++i) book.centroids.push_back(-0.5F * static_cast<float>(i));
+  const std::vector<std::uint8_t> blob = EncodeCodebook(book);
+  const Codebook back = DecodeCodebook(blob, words);
+  EXPECT_EQ(back.code_bytes, 1);
+  EXPECT_EQ(back.part_dim, 2);
+  EXPECT_EQ(back.rotation, book.rotation);
+  EXPECT_EQ(back.centroids, book.centroids);
+  for (std::size_t i = 0; i < blob.size(); ++i) {
+    std::vector<std::uint8_t> damaged = blob;
+    damaged[i] ^= 0x10;
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeCodebook(damaged, words); });
+  }
+  ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
+              [&] { DecodeCodebook(blob, Descriptors::Float(2, 9)); });
 }
 
 }  // namespace

@@ -69,11 +69,17 @@ std::uint32_t Checksum(const Vocabulary& vocabulary) {
 
 Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary& vocabulary) {
   const VocabularyOrigin& origin = vocabulary.origin;
+  const std::vector<std::uint8_t> codebook = vocabulary.codebook.empty()
+                                                 ? std::vector<std::uint8_t>()
+                                                 : EncodeCodebook(vocabulary.codebook);
   db.Prepare(
+        // nullif: an empty blob stands for no codebook.
         "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
-        "method, checksum, created_ms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+        "method, checksum, created_ms, codebook) "
+        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, x''))")
       .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
-            origin.available, origin.loss, origin.method, Checksum(vocabulary), NowMs())
+            origin.available, origin.loss, origin.method, Checksum(vocabulary), NowMs(),
+            Bytes(codebook))
       .Run();
   const Key key = db.last_insert_key();
   // nullif: an empty blob stands for no thresholds.
@@ -137,6 +143,11 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary)
   if (i != rows) ThrowCorrupt(vocabulary, "has lost words");
   if (!result->thresholds.empty() && result->thresholds.size() != rows * kSignatureBits) {
     ThrowCorrupt(vocabulary, "has lost thresholds");
+  }
+  Cursor codebook =
+      db.Prepare("SELECT codebook FROM vocabularies WHERE key = ? AND codebook IS NOT NULL");
+  if (codebook.Bind(vocabulary).Next()) {
+    result->codebook = DecodeCodebook(codebook.Blob(0), result->words);
   }
   if (Checksum(*result) != static_cast<std::uint32_t>(row.Int(9))) {
     ThrowCorrupt(vocabulary, "does not match its checksum");

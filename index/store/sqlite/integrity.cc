@@ -97,7 +97,8 @@ void CheckWords(Connection& db, Problems& problems) {
   Cursor row = db.Prepare(
       "SELECT p.id, v.words, p.keypoints, w.data, v.collection = p.collection, EXISTS (SELECT 1 "
       "FROM "
-      "vocabulary_words t WHERE t.vocabulary = v.key AND t.thresholds IS NOT NULL) "
+      "vocabulary_words t WHERE t.vocabulary = v.key AND t.thresholds IS NOT NULL), "
+      "v.codebook IS NOT NULL "
       "FROM picture_words w "
       "JOIN pictures p ON p.key = w.picture JOIN vocabularies v ON v.key = w.vocabulary");
   while (row.Next()) {
@@ -112,6 +113,10 @@ void CheckWords(Connection& db, Problems& problems) {
         problems.push_back(picture +
                            "its words have signatures and the vocabulary has none, or the "
                            "other way round");
+      }
+      if (bow.codes.empty() == (row.Int(6) != 0)) {
+        problems.push_back(
+            picture + "its words have codes and the vocabulary has none, or the other way round");
       }
     } catch (const Error& error) {
       problems.push_back(picture + error.what());

@@ -194,9 +194,15 @@ CREATE TRIGGER object_uncounted AFTER DELETE ON objects BEGIN
 END;
 )sql";
 
+// Vocabularies may have a codebook, and the words of pictures codes (vocab/residual_codes.h). Those
+// that are there have none: they rank by tf-idf until a new vocabulary is trained.
+constexpr const char* kVersion6 = R"sql(
+ALTER TABLE vocabularies ADD COLUMN codebook BLOB;  -- FORMAT in index/README.md; NULL = none
+)sql";
+
 constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
                                     Migration{kVersion3}, Migration{kVersion4},
-                                    Migration{kVersion5}};
+                                    Migration{kVersion5}, Migration{kVersion6}};
 
 }  // namespace
 

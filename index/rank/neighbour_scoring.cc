@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Scores by nearest neighbours: see neighbour_votes.h.
+#include "descriptor/base/parallel.h"
+#include "index/rank/neighbour_votes.h"
+#include "index/rank/scoring.h"
+
+namespace pliant {
+
+std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
+                                         const Descriptors& descriptors,
+                                         const RankOptions& options) {
+  NeighbourOptions neighbours;
+  neighbours.threads = options.threads;
+  const NeighbourQuery query(quantizer, descriptors, neighbours);
+  std::vector<std::vector<Vote>> votes(snapshot.parts.size());
+  ParallelFor(votes.size(), options.threads, [&](std::size_t i) {
+    const IndexSnapshot::Part& part = snapshot.parts[i];
+    query.Collect(*part.codes, part.segment->size(), part.dead.get(), &votes[i]);
+  });
+  query.WeighByRarity(votes);
+  std::vector<std::vector<Candidate>> found(votes.size());
+  ParallelFor(votes.size(), options.threads, [&](std::size_t i) {
+    const IndexSegment& segment = *snapshot.parts[i].segment;
+    std::vector<float> sums(segment.size(), 0.0F);
+    SumVotes(&votes[i], &sums);
+    for (std::uint32_t p = 0; p < sums.size(); ++p) {
+      if (sums[p] <= 0 || !options.admission.Admits(segment.key(p), segment.object(p))) continue;
+      found[i].push_back({&segment, p, query.Score(sums[p], segment.total(p))});
+    }
+  });
+  return Joined(found);
+}
+
+}  // namespace pliant

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Ranking by nearest neighbours: each descriptor of the query votes for the pictures that have
+// descriptors near it. Private to index/.
+//
+// Let w be the nearest word of the query descriptor q, and |q - w| its distance. A descriptor x in
+// one of the cells (words) nearest to q votes
+//   v = max(0, a |q - w|^2 - |q - x|^2)
+// for its picture, the best once per query descriptor and picture. The weight is relative, as in
+// local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the second
+// nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and only
+// what is nearer than the word, that is than usual, says something. Distances are estimated from
+// codes (vocab/residual_codes.h).
+//
+// Votes are then weighed twice, as words are:
+//  - by rarity: of a query descriptor that votes for m pictures, each vote counts v / sqrt(m);
+//  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009): of
+//    the votes that one descriptor x gets, the i-th largest counts 1 / i.
+// A picture's sum is divided by the square root of its number of descriptors.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "index/rank/code_lists.h"
+#include "vocab/quantizer.h"
+
+namespace pliant {
+
+struct NeighbourOptions {
+  int cells = 16;      // nearest words whose lists a query descriptor looks into
+  float reach = 0.7F;  // a
+  int threads = 1;     // 0 = all cores
+};
+
+struct Vote {
+  std::uint32_t row = 0;      // of the query
+  std::uint32_t picture = 0;  // position in the lists' segment
+  std::uint64_t code = 0;     // which of the lists' codes
+  float weight = 0;
+};
+
+// A query's descriptors, ready to be compared with any number of lists. Immutable and thread-safe.
+class NeighbourQuery {
+ public:
+  // The quantizer must have a coder. `descriptors` must outlive it.
+  NeighbourQuery(const Quantizer& quantizer, const Descriptors& descriptors,
+                 const NeighbourOptions& options);
+
+  // Appends the votes for the lists' pictures that are alive, by row, then by picture. `dead`:
+  // nullptr = all are alive.
+  void Collect(const CodeLists& lists, std::size_t pictures, const std::vector<bool>* dead,
+               std::vector<Vote>* votes) const;
+
+  // Divides each vote by the square root of the number of votes of its row, over all the lists.
+  void WeighByRarity(std::span<std::vector<Vote>> votes_of_lists) const;
+
+  // The score of a picture with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
+  // of the query that is like nothing else.
+  double Score(double sum, double descriptors) const;
+
+ private:
+  struct Cell {
+    std::uint32_t word = 0;
+    float base = 0;  // |q - word|^2
+  };
+  struct Scratch;
+  void VoteOf(std::size_t row, const CodeLists& lists, const std::vector<bool>* dead,
+              Scratch* scratch) const;
+
+  const Descriptors& descriptors_;
+  float bias_step_ = 0;
+  std::size_t cells_per_row_ = 0;
+  std::vector<Cell> cells_;          // rows x cells_per_row_
+  std::vector<LookupTable> tables_;  // by row; none for binary descriptors
+  std::vector<float> limits_;        // by row: a |q - w|^2
+  double norm_ = 0;                  // 1 / (sum of limits_ / sqrt(rows))
+};
+
+// sums[picture] = its votes, weighed against bursts. Sorts `votes`.
+void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums);
+
+}  // namespace pliant

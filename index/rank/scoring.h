@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The scores of a snapshot's pictures, before any is chosen. Private to index/rank/.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "index/rank/inverted_index.h"
+#include "index/rank/ranker.h"
+
+namespace pliant {
+
+struct Candidate {
+  const IndexSegment* segment = nullptr;
+  std::uint32_t picture = 0;
+  double score = 0;
+};
+
+// The pictures that are hits at all and that options.admission admits, in no order. Neither depends
+// on how the pictures are spread over segments.
+std::vector<Candidate> ScoreByWords(const IndexSnapshot& snapshot, const Bow& query,
+                                    const RankOptions& options);
+// The snapshot must have codes.
+std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
+                                         const Descriptors& query, const RankOptions& options);
+
+std::vector<Candidate> Joined(const std::vector<std::vector<Candidate>>& parts);
+
+}  // namespace pliant

@@ -1,0 +1,232 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Ranking by nearest neighbours against a brute-force oracle, while pictures come and go.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "descriptor/match/distance.h"
+#include "index/rank/ranking.h"
+#include "vocab/residual_codes.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kDim = 16;
+constexpr std::size_t kWords = 24;
+constexpr double kReach = 0.7;  // NeighbourOptions
+constexpr std::size_t kCells = 16;
+
+Descriptors RandomUnit(std::mt19937_64& random, std::size_t rows) {
+  std::normal_distribution<float> normal;
+  Descriptors result = Descriptors::Float(rows, kDim);
+  for (std::size_t i = 0; i < rows; ++i) {
+    double squared = 0;
+    for (int d = 0; d < kDim; ++d) {
+      float& x = result.floats[i * kDim + d];
+      x = normal(random);
+      squared += static_cast<double>(x) * x;
+    }
+    for (int d = 0; d < kDim; ++d) {
+      result.floats[i * kDim + d] /= static_cast<float>(std::sqrt(squared));
+    }
+  }
+  return result;
+}
+
+Descriptors RandomBits(std::mt19937_64& random, std::size_t rows) {
+  Descriptors result = Descriptors::Binary(rows, kDim);
+  for (std::uint8_t& byte : result.bytes) byte = static_cast<std::uint8_t>(random());
+  return result;
+}
+
+// Rows of `base` with some noise, so that there are neighbours.
+Descriptors Near(std::mt19937_64& random, const Descriptors& base, double noise) {
+  Descriptors result = base;
+  std::normal_distribution<float> normal(0, static_cast<float>(noise));
+  for (float& x : result.floats) x += normal(random);
+  for (std::uint8_t& byte : result.bytes) {
+    if (random() % 8 == 0) byte ^= static_cast<std::uint8_t>(1U << (random() % 8));
+  }
+  return result;
+}
+
+struct Stored {
+  Descriptors descriptors;
+  std::vector<std::uint32_t> words;
+  std::int64_t object = 0;
+};
+
+class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
+ protected:
+  NeighbourRankingTest() {
+    const Descriptors samples = Random(600);
+    auto vocabulary = std::make_shared<Vocabulary>();
+    KMedoidsOptions options;
+    options.k = kWords;
+    *vocabulary = TrainVocabulary(samples, "test", samples.rows, options);
+    quantizer_ = std::make_shared<const Quantizer>(std::move(vocabulary));
+    index_ = std::make_unique<InvertedIndex>(kWords, quantizer_);
+  }
+  Descriptors Random(std::size_t rows) {
+    return GetParam() ? RandomBits(random_, rows) : RandomUnit(random_, rows);
+  }
+
+  IndexedPicture Make(std::int64_t key, Descriptors descriptors, std::int64_t object) {
+    Stored& stored = truth_[key];
+    stored.words = quantizer_->Assign(descriptors);
+    stored.descriptors = std::move(descriptors);
+    stored.object = object;
+    return {key, object, "id" + std::to_string(key),
+            quantizer_->BowOf(stored.descriptors, 0, stored.words)};
+  }
+
+  // The distance from its code, by the formula in vocab/residual_codes.h.
+  double Estimated(const Descriptors& query, std::size_t q, double base, const Stored& stored,
+                   std::size_t x) const {
+    const ResidualCoder& coder = *quantizer_->coder();
+    std::vector<std::uint8_t> code(coder.code_bytes());
+    coder.Encode(stored.descriptors, x, stored.words[x], code.data());
+    if (coder.binary()) {
+      double bits = 0;
+      for (int d = 0; d < kDim; ++d)
+        bits += std::popcount(static_cast<unsigned>(code[d] ^ query.binary_row(q)[d]));
+      return bits;
+    }
+    const LookupTable table = coder.TableOf(query.float_row(q));
+    double sum = 0;
+    for (std::size_t p = 0; p < 2 * code.size(); ++p) {
+      const std::size_t nibble = p % 2 == 0 ? code[p / 2] & 15 : code[p / 2] >> 4;
+      sum += table.entries[p * 16 + nibble];
+    }
+    const double distance =
+        base + table.offset + table.step * sum +
+        static_cast<double>(coder.bias_step()) * coder.Bias(stored.words[x], code.data());
+    return std::max(0.0, distance);
+  }
+
+  std::map<std::int64_t, double> OracleScores(const Descriptors& query) const {
+    struct Best {
+      double vote = 0;
+      std::size_t x = 0;
+    };
+    std::map<std::int64_t, std::map<std::size_t, std::vector<double>>> votes;  // picture, x
+    double most = 0;
+    const auto cells = quantizer_->NearestWords(query, kCells);
+    for (std::size_t q = 0; q < query.rows; ++q) {
+      const auto square = [&](float d) {
+        return quantizer_->coder()->binary() ? d : static_cast<double>(d) * d;
+      };
+      const double limit = kReach * square(cells[q * kCells].distance);
+      most += limit;
+      std::map<std::int64_t, Best> best;
+      for (const auto& [key, stored] : truth_) {
+        for (std::size_t x = 0; x < stored.words.size(); ++x) {
+          for (std::size_t c = 0; c < kCells; ++c) {
+            const NearWord& cell = cells[q * kCells + c];
+            if (cell.word != stored.words[x]) continue;
+            const double vote = limit - Estimated(query, q, square(cell.distance), stored, x);
+            if (vote > 1e-6 && vote > best[key].vote) best[key] = {vote, x};
+          }
+        }
+      }
+      std::erase_if(best, [](const auto& entry) { return entry.second.vote == 0; });
+      for (const auto& [key, vote] : best) {
+        votes[key][vote.x].push_back(vote.vote / std::sqrt(static_cast<double>(best.size())));
+      }
+    }
+    std::map<std::int64_t, double> scores;
+    const double root = std::sqrt(std::max(8.0, static_cast<double>(query.rows)));
+    for (auto& [key, of_picture] : votes) {
+      double sum = 0;
+      for (auto& [x, of_code] : of_picture) {
+        std::sort(of_code.rbegin(), of_code.rend());
+        for (std::size_t i = 0; i < of_code.size(); ++i)
+          sum += of_code[i] / static_cast<double>(i + 1);
+      }
+      const auto rows = static_cast<double>(truth_.at(key).words.size());
+      scores[key] = std::min(1.0, sum * root / (std::sqrt(std::max(8.0, rows)) * most));
+    }
+    return scores;
+  }
+
+  void ExpectOraclesRanking(const Descriptors& query, const RankOptions& options) const {
+    const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, query, options);
+    std::map<std::int64_t, double> expected = OracleScores(query);
+    std::erase_if(expected, [&](const auto& entry) {
+      return !options.admission.Admits(entry.first, truth_.at(entry.first).object);
+    });
+    // A vote near 0 may fall on either side by rounding.
+    EXPECT_NEAR(static_cast<double>(ranking.total), static_cast<double>(expected.size()), 1);
+    for (std::size_t i = 0; i < ranking.best.size(); ++i) {
+      const RankedPicture& hit = ranking.best[i];
+      EXPECT_NEAR(hit.score, expected[hit.ref.version], 1e-4) << "picture " << hit.ref.version;
+      EXPECT_TRUE(i == 0 || ranking.best[i - 1].score >= hit.score);
+    }
+  }
+
+  std::mt19937_64 random_{11};
+  std::shared_ptr<const Quantizer> quantizer_;
+  std::unique_ptr<InvertedIndex> index_;
+  std::map<std::int64_t, Stored> truth_;
+};
+INSTANTIATE_TEST_SUITE_P(Kinds, NeighbourRankingTest, ::testing::Bool(),
+                         [](const auto& kind) { return kind.param ? "Binary" : "Floats"; });
+
+TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhilePicturesComeAndGo) {
+  const Descriptors query = Random(40);
+  std::int64_t next = 1;
+  for (int step = 0; step < 30; ++step) {
+    std::vector<IndexedPicture> added;
+    for (std::uint64_t i = 0; i < 1 + random_() % 4; ++i) {
+      const bool is_near = random_() % 3 == 0;
+      Descriptors own = is_near ? Near(random_, query, 0.1) : Random(5 + random_() % 60);
+      added.push_back(Make(next, std::move(own), static_cast<std::int64_t>(random_() % 3)));
+      ++next;
+    }
+    std::vector<std::int64_t> removed;
+    if (truth_.size() > 6) {
+      const auto gone = std::next(truth_.begin(), static_cast<std::ptrdiff_t>(random_() % 4));
+      removed.push_back(gone->first);
+      truth_.erase(gone);
+    }
+    std::erase_if(added, [&](const IndexedPicture& p) { return !truth_.contains(p.key); });
+    index_->Apply(std::move(added), removed);
+    RankOptions options;
+    options.threads = 1 + step % 2;
+    ExpectOraclesRanking(query, options);
+    options.admission.object_key = 1;
+    ExpectOraclesRanking(query, options);
+  }
+}
+
+TEST_P(NeighbourRankingTest, ACopyIsFirstAndScoresNearOne) {
+  for (std::int64_t key = 1; key <= 20; ++key) {
+    index_->Apply({Make(key, Random(50), 0)}, {});
+  }
+  const Stored& copied = truth_.at(7);
+  const Ranking ranking =
+      RankByNeighbours(*index_->snapshot(), *quantizer_, copied.descriptors, {});
+  ASSERT_FALSE(ranking.best.empty());
+  EXPECT_EQ(ranking.best[0].ref.version, 7);
+  EXPECT_GT(ranking.best[0].score, 0.5);
+  EXPECT_LE(ranking.best[0].score, 1);
+}
+
+TEST_P(NeighbourRankingTest, AQueryWithoutDescriptorsFindsNothing) {
+  index_->Apply({Make(1, Random(50), 0)}, {});
+  EXPECT_EQ(RankByNeighbours(*index_->snapshot(), *quantizer_, Random(0), {}).total, 0U);
+}
+
+TEST_P(NeighbourRankingTest, PicturesWithoutCodesAreRefused) {
+  IndexedPicture picture = Make(1, Random(10), 0);
+  picture.bow.codes.pop_back();
+  EXPECT_ANY_THROW(index_->Apply({picture}, {}));
+}
+
+}  // namespace
+}  // namespace pliant

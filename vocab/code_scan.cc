@@ -1,0 +1,150 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "vocab/code_scan.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#include <immintrin.h>
+#endif
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kCentroids = 16;
+
+using Sums = std::array<std::uint16_t, kCodeBlock>;
+
+// sums[i] = what the table has for code i of a block of n codes, i < n. Whole numbers: at most 255
+// for each of at most 256 parts, so 16 bits hold them, and every processor gives the same.
+void SumBlock(const std::uint8_t* codes, std::size_t n, std::size_t bytes,
+              const std::uint8_t* table, Sums* sums) {
+  sums->fill(0);
+  for (std::size_t j = 0; j < bytes; ++j) {
+    const std::uint8_t* low = table + 2 * j * kCentroids;
+    const std::uint8_t* high = low + kCentroids;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::uint8_t code = codes[j * n + i];
+      (*sums)[i] = static_cast<std::uint16_t>((*sums)[i] + low[code & 15U] + high[code >> 4U]);
+    }
+  }
+}
+
+#if defined(__x86_64__) && defined(__GNUC__)
+// The table's 16 bytes of a part are one register, and the shuffle looks up 32 codes at once.
+// Sums of even and odd lanes are kept apart, because there is no addition of bytes into 16 bits:
+// `all` adds both bytes of each 16-bit lane, `odd` the upper ones alone, and the lower are what is
+// left when these are taken away.
+__attribute__((target("avx2"))) void SumBlockAvx2(const std::uint8_t* codes, std::size_t n,
+                                                  std::size_t bytes, const std::uint8_t* table,
+                                                  Sums* sums) {
+  const __m256i nibble = _mm256_set1_epi8(15);
+  __m256i all = _mm256_setzero_si256();
+  __m256i odd = _mm256_setzero_si256();
+  for (std::size_t j = 0; j < bytes; ++j) {
+    const __m256i code = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(codes + j * n));
+    const __m128i* rows = reinterpret_cast<const __m128i*>(table + 2 * j * kCentroids);
+    const __m256i low = _mm256_broadcastsi128_si256(_mm_loadu_si128(rows));
+    const __m256i high = _mm256_broadcastsi128_si256(_mm_loadu_si128(rows + 1));
+    const __m256i a = _mm256_shuffle_epi8(low, _mm256_and_si256(code, nibble));
+    const __m256i b =
+        _mm256_shuffle_epi8(high, _mm256_and_si256(_mm256_srli_epi16(code, 4), nibble));
+    all = _mm256_add_epi16(all, _mm256_add_epi16(a, b));
+    odd = _mm256_add_epi16(odd, _mm256_add_epi16(_mm256_srli_epi16(a, 8), _mm256_srli_epi16(b, 8)));
+  }
+  const __m256i even = _mm256_sub_epi16(all, _mm256_slli_epi16(odd, 8));
+  const __m256i first = _mm256_unpacklo_epi16(even, odd);   // lanes 0..7 and 16..23
+  const __m256i second = _mm256_unpackhi_epi16(even, odd);  // lanes 8..15 and 24..31
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(sums->data()),
+                      _mm256_permute2x128_si256(first, second, 0x20));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(sums->data() + 16),
+                      _mm256_permute2x128_si256(first, second, 0x31));
+}
+
+bool HasAvx2() {
+  __builtin_cpu_init();
+  return __builtin_cpu_supports("avx2") != 0;
+}
+#endif
+
+using Kernel = void (*)(const std::uint8_t*, std::size_t, std::size_t, const std::uint8_t*, Sums*);
+
+Kernel Choose() {
+#if defined(__x86_64__) && defined(__GNUC__)
+  if (HasAvx2()) return SumBlockAvx2;
+#endif
+  return SumBlock;
+}
+
+std::size_t ScanFloats(const CodeList& list, const CodeQuery& query, NearCode* near) {
+  static const Kernel sum_block = Choose();
+  const LookupTable& table = *query.table;
+  const float base = query.base + table.offset;
+  std::size_t found = 0;
+  Sums sums;
+  for (std::size_t first = 0; first < list.size; first += kCodeBlock) {
+    const std::size_t n = std::min(kCodeBlock, list.size - first);
+    sum_block(list.codes + first * list.bytes, n, list.bytes, table.entries.data(), &sums);
+    std::array<float, kCodeBlock> distances;
+    for (std::size_t i = 0; i < n; ++i) {
+      distances[i] = base + table.step * static_cast<float>(sums[i]) +
+                     query.bias_step * static_cast<float>(list.biases[first + i]);
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      if (distances[i] < query.limit) {
+        near[found++] = {static_cast<std::uint32_t>(first + i), std::max(0.0F, distances[i])};
+      }
+    }
+  }
+  return found;
+}
+
+std::size_t ScanBits(const CodeList& list, const CodeQuery& query, NearCode* near) {
+  std::size_t found = 0;
+  for (std::size_t first = 0; first < list.size; first += kCodeBlock) {
+    const std::size_t n = std::min(kCodeBlock, list.size - first);
+    const std::uint8_t* block = list.codes + first * list.bytes;
+    std::array<std::uint16_t, kCodeBlock> bits = {};
+    for (std::size_t j = 0; j < list.bytes; ++j) {
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto differ = static_cast<std::uint8_t>(block[j * n + i] ^ query.bits[j]);
+        bits[i] = static_cast<std::uint16_t>(bits[i] + std::popcount(differ));
+      }
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      if (static_cast<float>(bits[i]) < query.limit) {
+        near[found++] = {static_cast<std::uint32_t>(first + i), static_cast<float>(bits[i])};
+      }
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+void AppendCodes(const std::uint8_t* codes, std::size_t count, std::size_t bytes,
+                 std::vector<std::uint8_t>* list) {
+  for (std::size_t first = 0; first < count; first += kCodeBlock) {
+    const std::size_t n = std::min(kCodeBlock, count - first);
+    for (std::size_t j = 0; j < bytes; ++j) {
+      for (std::size_t i = 0; i < n; ++i) list->push_back(codes[(first + i) * bytes + j]);
+    }
+  }
+}
+
+void CopyCode(const CodeList& list, std::size_t i, std::uint8_t* code) {
+  const std::size_t first = i / kCodeBlock * kCodeBlock;
+  const std::size_t n = std::min(kCodeBlock, list.size - first);
+  for (std::size_t j = 0; j < list.bytes; ++j) {
+    code[j] = list.codes[first * list.bytes + j * n + (i - first)];
+  }
+}
+
+std::size_t ScanCodes(const CodeList& list, const CodeQuery& query, NearCode* near) {
+  return query.table != nullptr ? ScanFloats(list, query, near) : ScanBits(list, query, near);
+}
+
+}  // namespace pliant
