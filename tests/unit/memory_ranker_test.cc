@@ -143,7 +143,7 @@ class MemoryRankerTest : public ::testing::Test {
   }
   // Of a collection's pictures, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
-    const Bow bow{{{1, 1}}, 1, {}};
+    const Bow bow{{{1, 1}}, 1, {}, {}};
     RankOptions options;
     options.method = RankMethod::kHistogram;
     std::vector<std::int64_t> versions;

@@ -29,7 +29,7 @@ TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
   index.Apply(pictures, {});
   for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
     for (const InvertedIndex* each : {&index, &one_by_one}) {
-      const Ranking ranking = Rank(*each->snapshot(), {{{0, 1}, {7, 5}, {200, 2}}, 8, {}},
+      const Ranking ranking = Rank(*each->snapshot(), {{{0, 1}, {7, 5}, {200, 2}}, 8, {}, {}},
                                    {method, GroupBy::kImage, 50, 0, {}, 1});
       ASSERT_EQ(ranking.best.size(), 50u);
       for (std::size_t i = 0; i < 50; ++i) {
@@ -60,7 +60,7 @@ TEST(Ranking, ItselfIsOneAndAStrangerIsNoHit) {
 TEST(Ranking, ASinglePictureAnswers) {
   InvertedIndex index(10);
   index.Apply({Picture(1, {{3, 2}})}, {});
-  const Ranking ranking = Rank(*index.snapshot(), {{{3, 1}}, 1, {}}, {});
+  const Ranking ranking = Rank(*index.snapshot(), {{{3, 1}}, 1, {}, {}}, {});
   ASSERT_EQ(ranking.best.size(), 1u);
   EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
 }

@@ -12,6 +12,7 @@
 namespace pliant {
 namespace {
 
+constexpr std::int64_t kMostComponents = 1 << 14;  // of a descriptor
 constexpr std::int64_t kDayMs = 24LL * 60 * 60 * 1000;
 
 #define PLIANT_SELECT_VOCABULARY                                                          \
@@ -111,6 +112,10 @@ void DeleteAbandonedVocabularies(Connection& db, Key collection) {
 std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary) {
   Cursor row = db.Prepare(PLIANT_SELECT_VOCABULARY "WHERE v.key = ?");
   if (!row.Bind(vocabulary).Next()) ThrowCorrupt(vocabulary, "is missing");
+  if (row.Int(2) < 1 || row.Int(2) > static_cast<std::int64_t>(kMaxWords) || row.Int(11) < 1 ||
+      row.Int(11) > kMostComponents) {
+    ThrowCorrupt(vocabulary, "claims an impossible size");
+  }
   const auto kind = static_cast<DescriptorKind>(row.Int(10));
   const int dim = static_cast<int>(row.Int(11));
   const auto rows = static_cast<std::size_t>(row.Int(2));
