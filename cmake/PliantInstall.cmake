@@ -41,6 +41,7 @@ set(PLIANT_PUBLIC_HEADERS
     index/verify/warp_mesh.h
     vocab/k_medoids.h
     vocab/quantizer.h
+    vocab/residual_codes.h
     vocab/signature.h
     vocab/vocabulary.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)

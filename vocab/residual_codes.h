@@ -5,10 +5,10 @@
 //
 // Float descriptors: product quantisation of the residual to the word (Jegou, Douze and Schmid,
 // "Product quantization for nearest neighbor search", PAMI 2011) after a learned rotation (Ge, He,
-// Ke and Sun, "Optimized product quantization", PAMI 2014, the parametric one). Each part of the rotated residual has
-// 16 centroids, so that two parts share a byte and 32 distances are looked up by one byte shuffle
-// (Andre, Kermarrec and Le Scouarnec, "Cache locality is not enough", VLDB 2015; code_scan.h).
-// Binary descriptors are short: their code is the descriptor.
+// Ke and Sun, "Optimized product quantization", PAMI 2014, the parametric one). Each part of the
+// rotated residual has 16 centroids, so that two parts share a byte and 32 distances are looked up
+// by one byte shuffle (Andre, Kermarrec and Le Scouarnec, "Cache locality is not enough", VLDB
+// 2015; code_scan.h). Binary descriptors are short: their code is the descriptor.
 //
 // With x' = w + R^T c the descriptor that the code c of word w stands for, and q a query,
 //   |q - x'|^2 = |q - w|^2 + b - 2 (R q).c,   b = |c|^2 + 2 (R w).c,

@@ -38,7 +38,7 @@ struct RetrievalOptions {
   int sample = 0;                // descriptors they are trained on; 0 = the default's own
   RankMethod rank = RankMethod::kNeighbours;  // of all protocols but the paper's
   std::size_t verify_depth = 0;               // as SearchOptions::verify_depth
-  int jobs = 0;                  // threads that describe pictures; 0 = one a core
+  int jobs = 0;                               // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
   // The current step and its progress; `total` 0 = unknown. Called from any thread.

@@ -61,7 +61,8 @@ std::shared_ptr<const CodeLists> MergedCodes(std::span<const Part> parts,
   std::vector<CodeLists::Source> sources;
   for (const Part& part : parts) {
     if (!part.codes) return nullptr;
-    std::vector<std::uint32_t>& own = positions.emplace_back(part.segment->size(), CodeLists::kGone);
+    std::vector<std::uint32_t>& own =
+        positions.emplace_back(part.segment->size(), CodeLists::kGone);
     for (std::size_t p = 0; p < own.size(); ++p) {
       if (part.IsDead(p)) continue;
       own[p] = static_cast<std::uint32_t>(merged.Find(part.segment->key(p)));

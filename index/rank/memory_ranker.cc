@@ -64,10 +64,9 @@ Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
   const IndexSnapshot& snapshot = SnapshotOf(view);
   const bool by_neighbours =
       options.method == RankMethod::kNeighbours && view.quantizer->coder() != nullptr;
-  Ranking ranking = by_neighbours
-                        ? RankByNeighbours(snapshot, *view.quantizer, query.features.descriptors,
-                                           options)
-                        : pliant::Rank(snapshot, query.bow, options);
+  Ranking ranking = by_neighbours ? RankByNeighbours(snapshot, *view.quantizer,
+                                                     query.features.descriptors, options)
+                                  : pliant::Rank(snapshot, query.bow, options);
   for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
   for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
   return ranking;

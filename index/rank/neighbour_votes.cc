@@ -65,8 +65,8 @@ void NeighbourQuery::Collect(const CodeLists& lists, std::size_t pictures,
     VoteOf(row, lists, dead, &scratch);
     std::sort(scratch.touched.begin(), scratch.touched.end());
     for (const std::uint16_t picture : scratch.touched) {
-      votes->push_back({static_cast<std::uint32_t>(row), picture, scratch.code[picture],
-                        scratch.best[picture]});
+      votes->push_back(
+          {static_cast<std::uint32_t>(row), picture, scratch.code[picture], scratch.best[picture]});
       scratch.best[picture] = 0;
     }
     scratch.touched.clear();

@@ -7,14 +7,15 @@
 // one of the cells (words) nearest to q votes
 //   v = max(0, a |q - w|^2 - |q - x|^2)
 // for its picture, the best once per query descriptor and picture. The weight is relative, as in
-// local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the second
-// nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and only
-// what is nearer than the word, that is than usual, says something. Distances are estimated from
-// codes (vocab/residual_codes.h).
+// local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
+// second nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and
+// only what is nearer than the word, that is than usual, says something. Distances are estimated
+// from codes (vocab/residual_codes.h).
 //
 // Votes are then weighed twice, as words are:
 //  - by rarity: of a query descriptor that votes for m pictures, each vote counts v / sqrt(m);
-//  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009): of
+//  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009):
+//  of
 //    the votes that one descriptor x gets, the i-th largest counts 1 / i.
 // A picture's sum is divided by the square root of its number of descriptors.
 #pragma once

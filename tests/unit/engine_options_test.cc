@@ -121,7 +121,10 @@ TEST_F(EngineOptionsTest, SeveralWordsADescriptorAndNoSignatures) {
   const auto query = OtherViewPng(9);
   SearchOptions options = ByImage();
   options.verify = Verification::kNone;
+  EXPECT_EQ(engine.Search(query, options).rank, RankMethod::kNeighbours);
+  options.rank = RankMethod::kTfIdf;
   const SearchResult plain = engine.Search(query, options);
+  EXPECT_EQ(plain.rank, RankMethod::kTfIdf);
   EXPECT_EQ(plain.hits.at(0).image_id, "p9");
   options.tuning.assignments = 3;
   EXPECT_EQ(engine.Search(query, options).hits.at(0).image_id, "p9");

@@ -64,6 +64,7 @@ void Age(const std::filesystem::path& file) {
     Bow bow = DecodeBow({bytes, static_cast<std::size_t>(data.getBytes())}, kMaxWords);
     EXPECT_EQ(bow.signatures.size(), bow.words.size());
     bow.signatures.clear();
+    bow.codes.clear();
     words.emplace_back(rows.getColumn(0).getInt64(), EncodeBow(bow));
   }
   for (const auto& [key, blob] : words) {
@@ -84,6 +85,7 @@ void Age(const std::filesystem::path& file) {
   update.bind(1, static_cast<std::int64_t>(checksum));
   update.exec();
   db.exec("ALTER TABLE vocabulary_words DROP COLUMN thresholds");
+  db.exec("ALTER TABLE vocabularies DROP COLUMN codebook");
   db.exec("ALTER TABLE models DROP COLUMN max_keypoints");
   db.exec("ALTER TABLE models DROP COLUMN max_side");
   db.exec("DROP TABLE api_keys");
@@ -110,6 +112,7 @@ TEST_F(EngineOptionsTest, AnOldDatabaseAnswersAsBeforeUntilAVocabularyIsTrained)
     Engine engine(Options());
     Fill(engine);
     options.tuning.signatures = false;
+    options.rank = RankMethod::kTfIdf;
     for (const Hit& hit : engine.Search(query, options).hits) expected.push_back(hit.score);
   }
   Age(Options().database);
@@ -119,8 +122,10 @@ TEST_F(EngineOptionsTest, AnOldDatabaseAnswersAsBeforeUntilAVocabularyIsTrained)
 
   Engine engine(Options());
   EXPECT_THAT(engine.Check(), IsEmpty());
-  options.tuning.signatures = true;  // there are none
+  options.tuning.signatures = true;        // there are none
+  options.rank = RankMethod::kNeighbours;  // nor codes
   const SearchResult old = engine.Search(query, options);
+  EXPECT_EQ(old.rank, RankMethod::kTfIdf);
   ASSERT_EQ(old.hits.size(), expected.size());
   for (std::size_t i = 0; i < expected.size(); ++i) {
     EXPECT_NEAR(old.hits[i].score, expected[i], 1e-6);
@@ -142,8 +147,11 @@ TEST_F(EngineOptionsTest, AnOldDatabaseAnswersAsBeforeUntilAVocabularyIsTrained)
   const SearchResult renewed = engine.Search(query, options);
   EXPECT_EQ(renewed.vocabulary, 2);
   EXPECT_EQ(renewed.hits.at(0).image_id, "p8");
+  EXPECT_EQ(renewed.rank, RankMethod::kNeighbours);
+  options.rank = RankMethod::kTfIdf;
+  const double with_signatures = engine.Search(query, options).hits.at(0).score;
   options.tuning.signatures = false;
-  EXPECT_NE(engine.Search(query, options).hits.at(0).score, renewed.hits.at(0).score);
+  EXPECT_NE(engine.Search(query, options).hits.at(0).score, with_signatures);
 }
 
 }  // namespace
