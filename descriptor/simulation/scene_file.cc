@@ -58,6 +58,17 @@ std::string LightingJson(const Lighting& lighting) {
   return out + "]}";
 }
 
+// Nothing where the photograph is as it was taken.
+std::string DevelopJson(const View& view) {
+  if (!view.develop) return "";
+  const DevelopOptions& develop = *view.develop;
+  return ",\"develop\":" + Fields({{"enlarge", develop.enlarge},
+                                   {"contrast", develop.contrast},
+                                   {"smear", develop.smear},
+                                   {"sharpen", develop.sharpen},
+                                   {"jpeg_quality", static_cast<float>(develop.jpeg_quality)}});
+}
+
 }  // namespace
 
 std::string SceneFileName(std::uint64_t index) {
@@ -87,7 +98,7 @@ std::string ViewJson(const View& view) {
                  {"read_noise", photo.read_noise},
                  {"shot_noise", photo.shot_noise},
                  {"jpeg_quality", static_cast<float>(photo.jpeg_quality)}}) +
-         '}';
+         DevelopJson(view) + '}';
 }
 
 void WriteSceneFile(const std::filesystem::path& path, const Scene& scene) {
