@@ -233,7 +233,7 @@ void FillStreet(Stage& stage, Random& random, Scene& scene) {
     const Chart& chart = stage.body.charts[c];
     const std::string plain = "cloth " + std::to_string(scene.seed) + '-' +
                               std::to_string(scene.index) + ' ' + std::to_string(c);
-    // A drawing is of this scene only; its texture's name would tell it from itself.
+    // Surfaces of one name are taken to look alike; a drawing is of this scene only.
     scene.textures.push_back(subject.printed ? plain : subject.name);
     scene.chart_sizes.emplace_back(chart.width, chart.height);
   }
