@@ -86,6 +86,14 @@ float MeterExposure(const Frame& frame) {
   return std::clamp(kMiddleGrey / static_cast<float>(std::max(mean, 1e-4)), 0.4F, 5.0F);
 }
 
+float MeterPicture(const Frame& frame) {
+  constexpr float kMiddleGrey = 0.2F;
+  double all = 0.0;
+  for (const Colour& colour : frame.colour) all += std::min(1.0F, colour.head<3>().mean());
+  all /= static_cast<double>(frame.colour.size());
+  return std::clamp(kMiddleGrey / static_cast<float>(std::max(all, 1e-4)), 0.4F, 5.0F);
+}
+
 PhotoOptions DrawPhoto(Random& random, float strength) {
   PhotoOptions photo;
   photo.exposure = std::exp(random.Normal() * 0.28F * strength);

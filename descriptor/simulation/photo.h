@@ -27,6 +27,8 @@ struct PhotoOptions {
 
 // The exposure that maps the mean light on the object to middle grey, like a camera's light meter.
 float MeterExposure(const Frame& frame);
+// The same for all of the picture, whatever it shows.
+float MeterPicture(const Frame& frame);
 
 // strength 0 (studio) .. 1 (everything goes wrong); `exposure` is then relative to the meter's.
 PhotoOptions DrawPhoto(Random& random, float strength);

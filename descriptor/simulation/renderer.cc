@@ -108,7 +108,8 @@ Drawn MakeDrawn(const Surface& surface, const VertexLight& light,
         std::exp2(drawn.lod) * material.threads / static_cast<float>(material.texture->width());
     drawn.weave = material.weave * std::clamp(1.5F - 3.0F * threads, 0.0F, 1.0F);
   }
-  drawn.smooth = drawn.weave == 0.0F && (material.texture == nullptr || drawn.lod < kMagnified);
+  drawn.smooth = drawn.weave == 0.0F && material.relief == nullptr &&
+                 (material.texture == nullptr || drawn.lod < kMagnified);
   std::array<Colour, 3> place, lit, gloss;
   for (std::size_t k = 0; k < 3; ++k) {
     const auto i = static_cast<std::size_t>(triangle[k]);
@@ -210,6 +211,10 @@ Colour Drawing::Shade(const Drawn& drawn, float x, float y) const {
   if (drawn.weave > 0.0F) {
     const float aspect = material.texture->aspect();
     albedo *= Weave(u * material.threads, v * material.threads * aspect, drawn.weave);
+  }
+  if (material.relief != nullptr) {
+    const float tilt = (material.relief->Slope(u, v) * material.relief_light).sum();
+    albedo *= std::clamp(1.0F + tilt, 0.3F, 1.8F);
   }
   Colour colour = albedo * (drawn.light.At(x, y) * z).max(0.0F);
   if (material.gloss > 0.0F && drawn.front) colour += (drawn.gloss.At(x, y) * z).max(0.0F);

@@ -8,6 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/simulation/framing.h"
+#include "descriptor/simulation/street.h"
 #include "descriptor/simulation/view.h"
 
 namespace pliant::simulation {
@@ -143,11 +144,15 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
   };
   const Cast first_cast = draw_cast();  // the materials point into it
   Stage stage{first_cast, options, {}, {}};
-  stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
   Scene scene;
   scene.preset = options.preset;
   scene.seed = seed;
   scene.index = index;
+  if (options.preset == Preset::kStreet) {
+    FillStreet(stage, random, scene);
+    return scene;
+  }
+  stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
   scene.kind = stage.body.kind;
   for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
     const Texture* other = c == 0 ? nullptr : AnyOther(stage.cast, random);

@@ -5,11 +5,13 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "descriptor/simulation/body.h"
+#include "descriptor/simulation/develop.h"
 #include "descriptor/simulation/motion.h"
 #include "descriptor/simulation/photo.h"
 #include "descriptor/simulation/renderer.h"
@@ -24,6 +26,7 @@ enum class Preset {
   kRotation,  // view 0, then one deformed pose rotated in the image plane, 0..180 degrees
   kScale,     // view 0, then one deformed pose scaled down to a quarter
   kPlanar,    // rigid flat sheets only: all views are homographies of one another
+  kStreet,    // view 0 as in a catalogue, the others photographs in which it is small
 };
 // Throws Error kInvalidArgument "preset_unknown".
 Preset ParsePreset(std::string_view name);
@@ -72,6 +75,7 @@ struct View {
   Camera camera;
   Lighting lighting;
   PhotoOptions photo;
+  std::optional<DevelopOptions> develop;  // preset street
 };
 
 struct Scene {

@@ -62,16 +62,26 @@ Json PhotoJson(const PhotoOptions& photo) {
           {"shot_noise", Number(photo.shot_noise)}, {"jpeg_quality", photo.jpeg_quality}};
 }
 
+Json DevelopJson(const DevelopOptions& develop) {
+  return {{"enlarge", Number(develop.enlarge)},
+          {"contrast", Number(develop.contrast)},
+          {"smear", Number(develop.smear)},
+          {"sharpen", Number(develop.sharpen)},
+          {"jpeg_quality", develop.jpeg_quality}};
+}
+
 }  // namespace
 
 Json ViewJson(const View& view) {
-  return {{"motion", view.motion},
-          {"backdrop", view.backdrop},
-          {"stretch_p95", Number(view.stretch_p95)},
-          {"camera", CameraJson(view.camera)},
-          {"framing", FramingJson(view.framing)},
-          {"lighting", LightingJson(view.lighting)},
-          {"photo", PhotoJson(view.photo)}};
+  Json json = {{"motion", view.motion},
+               {"backdrop", view.backdrop},
+               {"stretch_p95", Number(view.stretch_p95)},
+               {"camera", CameraJson(view.camera)},
+               {"framing", FramingJson(view.framing)},
+               {"lighting", LightingJson(view.lighting)},
+               {"photo", PhotoJson(view.photo)}};
+  if (view.develop) json["develop"] = DevelopJson(*view.develop);  // else it is as it was taken
+  return json;
 }
 
 std::string JsonText(const Json& json, bool indented) {

@@ -11,13 +11,14 @@
 namespace pliant::simulation {
 namespace {
 
-constexpr std::array<std::pair<Preset, std::string_view>, 6> kPresets{{
+constexpr std::array<std::pair<Preset, std::string_view>, 7> kPresets{{
     {Preset::kPairs, "pairs"},
     {Preset::kObjects, "objects"},
     {Preset::kSequence, "sequence"},
     {Preset::kRotation, "rotation"},
     {Preset::kScale, "scale"},
     {Preset::kPlanar, "planar"},
+    {Preset::kStreet, "street"},
 }};
 
 void Require(bool condition, const char* field, const char* range) {
@@ -34,7 +35,7 @@ Preset ParsePreset(std::string_view name) {
   }
   throw Error(ErrorCode::kInvalidArgument, "preset_unknown",
               "unknown preset '" + std::string(name) +
-                  "'; known: pairs, objects, sequence, rotation, scale, planar");
+                  "'; known: pairs, objects, sequence, rotation, scale, planar, street");
 }
 
 std::string ToString(Preset preset) {
@@ -56,6 +57,7 @@ int DefaultViews(Preset preset) {
       return 10;
     case Preset::kPairs:
     case Preset::kPlanar:
+    case Preset::kStreet:
       break;
   }
   return 5;

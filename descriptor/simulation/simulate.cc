@@ -32,7 +32,8 @@ void Require(bool condition, const std::string& message) {
 bool WritesTensors(const SimulateOptions& options, simulation::Preset preset) {
   Require(options.format == "auto" || options.format == "tensors" || options.format == "folders",
           "format must be auto, tensors or folders, not '" + options.format + "'");
-  if (options.format == "auto") return preset == simulation::Preset::kPairs;
+  if (options.format == "auto")
+    return preset == simulation::Preset::kPairs || preset == simulation::Preset::kStreet;
   return options.format == "tensors";
 }
 

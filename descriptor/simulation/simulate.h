@@ -15,8 +15,8 @@ struct SimulateOptions {
   // or "procedural" for generated pictures.
   std::string textures;
   std::string out;               // folder, created if it does not exist
-  std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar
-  std::string format = "auto";   // tensors, folders; auto: tensors for pairs, else folders
+  std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar, street
+  std::string format = "auto";   // tensors, folders; auto: tensors for pairs and street
   std::int64_t scenes = 100;
   std::int64_t first = 0;        // number of the first scene: a set can be made in parts
   std::int64_t distractors = 0;  // preset objects: folders with views of further objects, no ref

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "descriptor/simulation/body.h"
+#include "descriptor/simulation/relief.h"
 #include "descriptor/simulation/solid.h"
 #include "descriptor/simulation/texture.h"
 
@@ -32,6 +33,8 @@ struct Material {
   float gloss_exponent = 30.0F;                 // its sharpness
   float weave = 0.0F;                           // contrast of the fabric's threads, 0..0.3
   float threads = 200.0F;                       // threads along u
+  const Relief* relief = nullptr;               // fine wrinkles; may be null
+  Eigen::Array2f relief_light = Eigen::Array2f::Zero();  // brightness a slope along u, v
 };
 
 struct Surface {

@@ -3,6 +3,7 @@
 #include "descriptor/simulation/view.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -70,6 +71,31 @@ std::vector<Eigen::Array2f> ProjectGrids(const std::vector<RefinedChart>& grids,
   return projected;
 }
 
+// Turns and zooms so that the middle of the focus falls where it is meant to, in the size meant.
+void AimCamera(const Chart& chart, const Pose& pose, const Focus& focus, Camera& camera) {
+  const Eigen::Array2f middle = 0.5F * (focus.place.low + focus.place.high);
+  const auto nearest = [](float t, int count) {
+    return std::clamp(static_cast<int>(std::lround(t * static_cast<float>(count - 1))), 0,
+                      count - 1);
+  };
+  const int particle =
+      chart.At(nearest(middle.x(), chart.columns), nearest(middle.y(), chart.rows));
+  if (particle < 0) return;
+  const Vector3f p = camera.ToCamera(pose.positions[static_cast<std::size_t>(particle)]);
+  if (p.z() < 0.1F) return;
+  const float width = (focus.place.high.x() - focus.place.low.x()) * chart.width;
+  camera.focal_px = focus.width_px * p.z() / width;
+  camera.centre_x = focus.at.x() - camera.focal_px * p.x() / p.z();
+  camera.centre_y = focus.at.y() - camera.focal_px * p.y() / p.z();
+}
+
+Lighting EvenLighting(const Vector3f& view) {
+  Lighting lighting;
+  lighting.ambient = Colour::Ones();
+  lighting.sky = view;
+  return lighting;
+}
+
 }  // namespace
 
 Material DrawMaterial(const Texture* texture, Random& random) {
@@ -93,25 +119,35 @@ View TakeView(const Stage& stage, Shot shot, Random random) {
   view.stretch_p95 = shot.pose.stretch_p95;
   std::vector<RefinedChart> grids;
   // As in a catalogue: a reference of a retrieval set shows nothing else that could be found again.
-  const bool alone = shot.clear && options.preset == Preset::kObjects;
+  const bool alone =
+      shot.clear && (options.preset == Preset::kObjects || options.preset == Preset::kStreet);
   const std::vector<Surface> surfaces = MakeSurfaces(stage, shot.pose, alone, random, grids);
-  const Texture* behind = random.Chance(0.75F) ? AnyOther(stage.cast, random) : nullptr;
+  const bool street = options.preset == Preset::kStreet;
+  const Texture* behind =
+      random.Chance(street ? 0.95F : 0.75F) ? AnyOther(stage.cast, random) : nullptr;
   if (alone) behind = nullptr;
   view.backdrop = behind != nullptr ? behind->name() : "";
   const std::vector<Colour> backdrop = DrawBackdrop(random, behind, options.width, options.height);
   view.camera = PlaceCamera(stage.body, shot.pose, shot.framing, shot.facing_u, options.width,
                             options.height);
+  if (shot.focus) AimCamera(stage.body.charts[0], shot.pose, *shot.focus, view.camera);
   view.framing = shot.framing;
   const Vector3f eye = view.camera.Position().normalized();
-  view.lighting = DrawLighting(random, eye);
+  view.lighting = shot.evenly_lit ? EvenLighting(eye) : DrawLighting(random, eye);
   Frame frame = Render(surfaces, view.lighting, view.camera, backdrop);
   if (!shot.clear && random.Chance(options.occluders)) {
     DrawOccluders(random, AnyOther(stage.cast, random), frame);
   }
   view.grid = ProjectGrids(grids, view.camera);
   view.photo = DrawPhoto(random, shot.strength);
-  view.photo.exposure *= MeterExposure(frame);
-  view.image = TakePhoto(frame, view.photo, options.channels, random);
+  view.develop = shot.develop;
+  if (shot.develop) {
+    if (!shot.evenly_lit) view.photo.exposure *= MeterPicture(frame);
+    view.image = Develop(frame, view.photo, *shot.develop, options.channels, random);
+  } else {
+    view.photo.exposure *= MeterExposure(frame);
+    view.image = TakePhoto(frame, view.photo, options.channels, random);
+  }
   view.chart = std::move(frame.chart);
   view.uv = std::move(frame.uv);
   return view;

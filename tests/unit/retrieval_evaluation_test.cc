@@ -243,7 +243,8 @@ TEST_F(RetrievalEvaluationTest, FeaturesOfAnotherModelAreNeverSearched) {
   TrainOptions train;
   train.words = 5;
   engine.TrainVocabulary(train);
-  const FeatureExtractor own(MakeDescriptor("rootsift"), {});
+  const FeatureExtractor own =  // as queries are described
+      FeatureExtractor(MakeDescriptor("rootsift"), {}).WithEnlargeBelow(1 << 20);
   const SearchResult given = engine.SearchFeatures(own.Extract(bytes, 1), {});
   const SearchResult asked = engine.Search(bytes, {});
   ASSERT_THAT(given.hits, SizeIs(1));

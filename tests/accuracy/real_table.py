@@ -1,0 +1,110 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Measures retrieval on sets of real photographs and prints one Markdown table:
+
+    tests/accuracy/real_table.py --real REAL --pliant build/release/bin/pliant --cache CACHE --json real.json
+
+REAL holds one folder a set; sets that are not there are named and left out. `--model` measures other
+weights. Queries that `pliant eval retrieval` took out (the query or its right answer was refused) are
+counted in a column of their own; "all" is the figure with them as misses.
+"""
+import argparse
+import dataclasses
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+
+@dataclasses.dataclass(frozen=True)
+class RealSet:
+    folder: str
+    layout: str
+    metric: str  # key of the results in `pliant eval retrieval --json`
+    title: str
+
+
+SETS = (
+    RealSet("worn-shirts", "pairs", "top1", "top-1"),
+    RealSet("packages", "labels", "top1", "top-1"),
+    RealSet("banknotes", "labels", "top1", "top-1"),
+    RealSet("deforming", "objects", "map", "mAP"),
+)
+
+
+def ask(command, environment):
+    """The JSON that a command prints. Exit status 3: done, but pictures were refused."""
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode not in (0, 3):
+        sys.exit(f"{' '.join(command)} ended with {done.returncode}")
+    return json.loads(done.stdout)
+
+
+def measure(real_set, options):
+    """The rows of one set: the program's results with what identifies them."""
+    environment = dict(os.environ)
+    if options.model:
+        environment["PLIANT_MODEL"] = str(options.model)
+    base = [options.pliant, "eval", "retrieval", str(options.real / real_set.folder), "--layout", real_set.layout]
+    asked = sum(picture["query"] for picture in ask([*base, "--list"], environment)["pictures"])
+    command = [*base, "--descriptor", options.descriptor, "--protocol", options.protocol,
+               "--seeds", str(options.seeds), "--json"]
+    if options.cache:
+        command += ["--cache", str(options.cache / real_set.folder)]
+    if options.jobs:
+        command += ["--jobs", str(options.jobs)]
+    report = ask(command, environment)
+    return [{"set": real_set.folder, "metric": real_set.title, "value": result[real_set.metric],
+             "asked": asked, "counted": report["queries"],
+             "value_of_all": result[real_set.metric] * report["queries"] / asked,
+             "refused": [skipped["file"] for skipped in report["skipped"]], **result}
+            for result in report["results"]]
+
+
+def table(rows):
+    lines = ["| set | descriptor | protocol | figure | of the counted | of all | queries | not counted | ms a query |",
+             "|---|---|---|---|---|---|---|---|---|"]
+    for row in rows:
+        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['metric']} | {row['value']:.3f} "
+                     f"| {row['value_of_all']:.3f} | {row['asked']} | {row['asked'] - row['counted']} "
+                     f"| {1000 * row['seconds_per_query']:.0f} |")
+    return "\n".join(lines)
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--real", required=True, type=pathlib.Path, metavar="DIR", help="folder of the sets")
+    parser.add_argument("--pliant", default="pliant", metavar="BIN")
+    parser.add_argument("--descriptor", default="deal,rootsift")
+    parser.add_argument("--protocol", default="default,unverified")
+    parser.add_argument("--seeds", type=int, default=1, help="vocabularies a row")
+    parser.add_argument("--model", type=pathlib.Path, help="weights to measure; default: the program's own")
+    parser.add_argument("--cache", type=pathlib.Path, help="keeps the features for the next run, a folder a set")
+    parser.add_argument("--jobs", type=int, default=0, help="threads; 0 = one a core")
+    parser.add_argument("--set", action="append", choices=[real_set.folder for real_set in SETS],
+                        help="only these; default: all that are there")
+    parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="all figures")
+    return parser.parse_args()
+
+
+def main():
+    options = parse_arguments()
+    rows = []
+    for real_set in SETS:
+        if options.set and real_set.folder not in options.set:
+            continue
+        if not (options.real / real_set.folder).is_dir():
+            print(f"left out {real_set.folder}: there is no folder {options.real / real_set.folder}", file=sys.stderr)
+            continue
+        rows += measure(real_set, options)
+        if options.json:
+            options.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
+    if not rows:
+        sys.exit(f"none of the sets is in {options.real}")
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
