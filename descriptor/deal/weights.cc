@@ -189,9 +189,9 @@ void TakeHardNet(TensorSource& source, DealWeights* weights) {
   }
 }
 
-const std::string& Metadata(const SafetensorsFile& file, const std::string& key) {
+const std::string& Metadata(const SafetensorsFile& file, const char* key) {
   const auto found = file.metadata().find(key);
-  if (found == file.metadata().end()) Fail(file, "metadata '" + key + "' is missing");
+  if (found == file.metadata().end()) Fail(file, std::string("metadata '") + key + "' is missing");
   return found->second;
 }
 

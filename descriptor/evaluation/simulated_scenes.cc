@@ -56,13 +56,13 @@ std::size_t Extent(const TensorInfo& tensor, std::size_t axis) {
   return static_cast<std::size_t>(tensor.shape[axis]);
 }
 
-const TensorInfo& Tensor(const SafetensorsFile& file, const std::string& name, const char* type,
+const TensorInfo& Tensor(const SafetensorsFile& file, const char* name, const char* type,
                          std::size_t rank) {
   const auto found = file.tensors().find(name);
   if (found == file.tensors().end() || found->second.dtype != type ||
       found->second.shape.size() != rank) {
-    FailDataset(file.name(), "tensor '" + name + "' is missing or not " + type + " of rank " +
-                                 std::to_string(rank));
+    FailDataset(file.name(), std::string("tensor '") + name + "' is missing or not " + type +
+                                 " of rank " + std::to_string(rank));
   }
   return found->second;
 }

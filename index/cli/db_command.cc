@@ -25,11 +25,12 @@ struct Options {
 
 enum class Access { kRead, kWrite };
 
-Engine OpenEngine(Options& options, Access access) {
+// `with_index`: its size is to be told.
+Engine OpenEngine(Options& options, Access access, bool with_index = false) {
   options.engine.descriptor.clear();
   options.engine.create = false;
   options.engine.load_descriptor = false;
-  options.engine.load_index = false;
+  options.engine.load_index = with_index;
   options.engine.read_only = access == Access::kRead;
   return Engine(options.engine);
 }
@@ -42,7 +43,7 @@ Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
 }
 
 ExitStatus Stats(Options& options) {
-  Engine engine = OpenEngine(options, Access::kRead);
+  Engine engine = OpenEngine(options, Access::kRead, true);
   const EngineStats stats = engine.Stats();
   const auto originals = engine.DescribeOriginals();
   if (options.json) {
