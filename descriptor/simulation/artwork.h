@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/canvas.h"
 #include "descriptor/simulation/random.h"
 #include "descriptor/simulation/texture.h"

@@ -4,7 +4,7 @@
 // reduction, sharpening, storing as JPEG again, enlarging.
 #pragma once
 
-#include "descriptor/image.h"
+#include "descriptor/image/image.h"
 #include "descriptor/simulation/photo.h"
 #include "descriptor/simulation/random.h"
 #include "descriptor/simulation/renderer.h"
