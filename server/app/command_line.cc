@@ -40,7 +40,8 @@ constexpr NumberFlag kNumbers[] = {
     {"--max-megapixels", &ServerOptions::max_megapixels, 1, 10000,
      "Largest picture in megapixels, checked before decoding"},
     {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
-     "Key points per picture, at least 16; 0 = that of the database, 1024 for a new one"},
+     "Key points per picture and size it is described at, at least 16; 0 = that of the database, "
+     "1024 for a new one"},
     {"--max-side", &ServerOptions::max_side_px, 0, 16384,
      "Longer side in pixels to which larger pictures are scaled before description, at least "
      "64; 0 = that of the database, 1024 for a new one"},
