@@ -120,6 +120,10 @@ bool Engine::CreateCollection(const std::string& name) { return impl_->CreateCol
 
 std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().ListCollections(); }
 
+bool Engine::HasVocabulary(const std::string& collection) {
+  return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
+}
+
 CollectionRecord Engine::GetCollection(const std::string& name) {
   return impl_->catalogue().DescribeCollection(name);
 }

@@ -82,6 +82,7 @@ class Engine {
   bool CreateCollection(const std::string& name);
   std::vector<std::string> ListCollections();
   bool RemoveCollection(const std::string& name);
+  bool HasVocabulary(const std::string& collection);  // an active one; kNotFound as GetCollection
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
 
   // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",

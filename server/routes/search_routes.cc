@@ -73,25 +73,6 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
   return options;
 }
 
-SearchResult SearchOnPool(Service& service, const Request& request, const Parameters& parameters,
-                          const SearchOptions& options) {
-  const std::optional<std::string> image_id = parameters.Text("image_id");
-  const bool has_picture = request.has_body && request.content_type != "application/json" &&
-                           !(image_id && request.is_multipart() && request.parts.size() == 1);
-  if (image_id && has_picture) {
-    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
-  }
-  const UploadedImage image = image_id ? UploadedImage{} : ImageOf(request);
-  SearchResult result;
-  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
-    SearchOptions with_cores = options;
-    with_cores.threads = cores;
-    result = image_id ? service.engine().SearchStored(*image_id, with_cores)
-                      : service.engine().Search(image.bytes, with_cores);
-  });
-  return result;
-}
-
 // Waits for the first vocabulary where one is on its way. Throws ProblemError "no_vocabulary".
 void AwaitVocabulary(Service& service, const std::string& collection) {
   AutoTrainer* trainer = service.auto_trainer();
@@ -115,17 +96,32 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
   }
 }
 
+SearchResult SearchOnPool(Service& service, const Request& request, const Parameters& parameters,
+                          const SearchOptions& options) {
+  const std::optional<std::string> image_id = parameters.Text("image_id");
+  const bool has_picture = request.has_body && request.content_type != "application/json" &&
+                           !(image_id && request.is_multipart() && request.parts.size() == 1);
+  if (image_id && has_picture) {
+    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
+  }
+  const UploadedImage image = image_id ? UploadedImage{} : ImageOf(request);
+  if (!service.engine().HasVocabulary(options.collection)) {
+    AwaitVocabulary(service, options.collection);
+  }
+  SearchResult result;
+  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
+    SearchOptions with_cores = options;
+    with_cores.threads = cores;
+    result = image_id ? service.engine().SearchStored(*image_id, with_cores)
+                      : service.engine().Search(image.bytes, with_cores);
+  });
+  return result;
+}
+
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
   const SearchOptions options = OptionsOf(request, parameters);
-  SearchResult result;
-  try {
-    result = SearchOnPool(service, request, parameters, options);
-  } catch (const Error& error) {
-    if (error.reason() != "no_vocabulary") throw;
-    AwaitVocabulary(service, options.collection);
-    result = SearchOnPool(service, request, parameters, options);
-  }
+  const SearchResult result = SearchOnPool(service, request, parameters, options);
   service.metrics.OnSearch(result.timings);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   return JsonResponse(SearchResultJson(result, took.count()));
