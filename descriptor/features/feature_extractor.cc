@@ -38,13 +38,14 @@ void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
 }
 
 constexpr double kEnlargement = 2;
+constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger picture is not a small one
 constexpr double kLeastEnlargement = 1.25;  // below, nothing new comes to light
 
 // How much larger a picture of this size may be described again; 1 = not at all.
 double EnlargementOf(const Image& image, int most) {
   const int longer = std::max(image.width, image.height);
-  const double room = most > 0 ? static_cast<double>(most) / longer : kEnlargement;
-  const double factor = std::min(kEnlargement, room);
+  const int side = most > 0 ? std::min(most, kEnlargedSide) : kEnlargedSide;
+  const double factor = std::min(kEnlargement, static_cast<double>(side) / longer);
   return factor < kLeastEnlargement ? 1 : factor;
 }
 

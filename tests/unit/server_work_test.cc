@@ -154,7 +154,9 @@ TEST(WorkerPool, BackgroundTakesHalfOfTheCoresAndGoesLast) {
       open.wait();
     }));
   }
-  while (pool.load().waiting_background < 2) std::this_thread::sleep_for(milliseconds(1));
+  while (running == 0 || pool.load().waiting_background < 2) {
+    std::this_thread::sleep_for(milliseconds(1));
+  }
   int cores = 0;
   pool.Run(Lane::kSearch, [&](int given) { cores = given; });
   EXPECT_EQ(cores, 1) << "the other core is free for a search";
