@@ -63,8 +63,8 @@ struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
   // A picture in which fewer key points than this are found is also described enlarged, to twice
-  // its size or to decode.max_side_px on the longer side, whichever is less; what is found there
-  // and not before is added, at most keypoints.max_keypoints more. Small prints have few key
+  // its size, but not beyond 1024 pixels or decode.max_side_px on the longer side. What is found
+  // there and not before is added, at most keypoints.max_keypoints more. Small prints have few key
   // points, and most of them are too fine for a detector that begins at the picture's own size. 0 =
   // never.
   int enlarge_below = 0;
