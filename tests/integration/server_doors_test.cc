@@ -63,6 +63,8 @@ void WriteCertificate(const std::filesystem::path& certificate, const std::files
 
 class DoorsTest : public ::testing::Test {
  protected:
+  // A client says goodbye, in TLS, to a server that may have left.
+  static void SetUpTestSuite() { std::signal(SIGPIPE, SIG_IGN); }
   std::filesystem::path database() const { return folder_.path() / "test.db"; }
   TemporaryFolder folder_;
 };
@@ -119,7 +121,6 @@ int EndOfTls(int port, const std::string& request) {
 }
 
 TEST_F(DoorsTest, TlsConnectionsEndWithCloseNotify) {
-  std::signal(SIGPIPE, SIG_IGN);  // OpenSSL says goodbye to a server that has left
   WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
   const ServerProcess server(
       database(), {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
