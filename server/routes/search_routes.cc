@@ -105,6 +105,7 @@ SearchResult SearchOnPool(Service& service, const Request& request, const Parame
     ThrowInvalid("image_id", "image_id and a picture exclude each other.");
   }
   const UploadedImage image = image_id ? UploadedImage{} : ImageOf(request);
+  if (image_id) service.engine().Get(options.collection, *image_id);  // or 404, whatever else lacks
   if (!service.engine().HasVocabulary(options.collection)) {
     AwaitVocabulary(service, options.collection);
   }
