@@ -107,9 +107,7 @@ TlsSession::TlsSession(const TlsContext& context, int socket_fd)
   fcntl(socket_fd, F_SETFL, fcntl(socket_fd, F_GETFL) | O_NONBLOCK);
 }
 
-// Without close_notify the other side cannot tell the end from a connection that was cut off
-// (RFC 8446, 6.1).
-TlsSession::~TlsSession() { Close(); }
+TlsSession::~TlsSession() = default;
 
 bool TlsSession::Handshake(Clock::time_point deadline) {
   impl_->greeted = impl_->Drive([&] { return SSL_accept(impl_->ssl); }, deadline) > 0;
@@ -129,8 +127,7 @@ ssize_t TlsSession::Write(const char* data, std::size_t size, Clock::time_point 
 }
 
 void TlsSession::Close() {
-  if (!impl_->greeted || impl_->failed) return;
-  if ((SSL_get_shutdown(impl_->ssl) & SSL_SENT_SHUTDOWN) == 0) SSL_shutdown(impl_->ssl);
+  if (impl_->greeted && !impl_->failed) SSL_shutdown(impl_->ssl);
   ERR_clear_error();
 }
 

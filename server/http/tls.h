@@ -37,7 +37,7 @@ class TlsSession {
 
   // The socket is not owned; it is made non-blocking.
   TlsSession(const TlsContext& context, int socket_fd);
-  ~TlsSession();  // as Close()
+  ~TlsSession();
   TlsSession(const TlsSession&) = delete;
   TlsSession& operator=(const TlsSession&) = delete;
 
@@ -47,8 +47,7 @@ class TlsSession {
   // > 0 bytes; 0 the other side has ended; -1 failed; -2 the deadline passed.
   ssize_t Read(char* data, std::size_t size, Clock::time_point deadline);
   ssize_t Write(const char* data, std::size_t size, Clock::time_point deadline);
-  // Says that nothing more comes, unless it was said already. Does not wait.
-  void Close();
+  void Close();  // says that nothing more comes
 
  private:
   class Impl;

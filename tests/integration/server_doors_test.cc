@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // TLS, pages of other sites, security headers, and what the log says.
-#include <array>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -13,7 +11,6 @@
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
-#include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
 #include "tests/integration/server_process.h"
@@ -63,8 +60,6 @@ void WriteCertificate(const std::filesystem::path& certificate, const std::files
 
 class DoorsTest : public ::testing::Test {
  protected:
-  // A client says goodbye, in TLS, to a server that may have left.
-  static void SetUpTestSuite() { std::signal(SIGPIPE, SIG_IGN); }
   std::filesystem::path database() const { return folder_.path() / "test.db"; }
   TemporaryFolder folder_;
 };
@@ -96,43 +91,6 @@ TEST_F(DoorsTest, SpeaksTls) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
   EXPECT_EQ(client.Get("/livez")->status, 200);
   EXPECT_EQ(server.Stop(), 0) << server.Log();
-}
-
-// What SSL_get_error() says of the end of a connection that asked `request`: SSL_ERROR_ZERO_RETURN
-// after close_notify, an error when the connection was merely cut off.
-int EndOfTls(int port, const std::string& request) {
-  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(SSL_CTX_new(TLS_client_method()),
-                                                                  SSL_CTX_free);
-  const std::unique_ptr<BIO, decltype(&BIO_free_all)> connection(BIO_new_ssl_connect(context.get()),
-                                                                 BIO_free_all);
-  BIO_set_conn_hostname(connection.get(), ("127.0.0.1:" + std::to_string(port)).c_str());
-  SSL* ssl = nullptr;
-  BIO_get_ssl(connection.get(), &ssl);
-  if (ssl == nullptr || BIO_do_connect(connection.get()) <= 0) return -1;
-  if (SSL_write(ssl, request.data(), static_cast<int>(request.size())) <= 0) return -1;
-  std::array<char, 4096> buffer{};
-  std::string answer;
-  int got = 0;
-  while ((got = SSL_read(ssl, buffer.data(), static_cast<int>(buffer.size()))) > 0) {
-    answer.append(buffer.data(), static_cast<std::size_t>(got));
-  }
-  EXPECT_THAT(answer, HasSubstr("HTTP/1.1 "));
-  return SSL_get_error(ssl, got);
-}
-
-TEST_F(DoorsTest, TlsConnectionsEndWithCloseNotify) {
-  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
-  const ServerProcess server(
-      database(), {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
-                   (folder_ / "key.pem").string(), "--idle-timeout", "1", "--auto-train", "false"});
-  const std::string head = " HTTP/1.1\r\nHost: localhost\r\n";
-  const std::string refused = "POST " + std::string(kImages) + head + "Content-Length: 9999999999";
-  for (const auto& [end, request] :
-       {std::pair{"asked for", "GET /livez" + head + "Connection: close\r\n\r\n"},
-        std::pair{"idle", "GET /livez" + head + "\r\n"},
-        std::pair{"lingering", refused + "\r\n\r\n"}}) {
-    EXPECT_EQ(EndOfTls(server.port(), request), SSL_ERROR_ZERO_RETURN) << end;
-  }
 }
 
 TEST_F(DoorsTest, TlsFilesThatDoNotFitAreNamed) {
