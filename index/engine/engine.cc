@@ -95,8 +95,11 @@ const Engine::Impl::Extractors& Engine::Impl::extractors() {
         MakeDescriptorFor(options_, store_->model().info.name);
     CheckModel(descriptor->info());
     const FeatureExtractor plain(std::move(descriptor), options_.extraction);
-    extractors_ = std::make_unique<const Extractors>(Extractors{
-        plain.WithEnlargeBelow(kEnlargeIndexedBelow), plain.WithEnlargeBelow(kEnlargeQueryBelow)});
+    const auto enlarging = [&](int below) {
+      return options_.enlarge ? plain.WithEnlargeBelow(below) : plain;
+    };
+    extractors_ = std::make_unique<const Extractors>(
+        Extractors{enlarging(kEnlargeIndexedBelow), enlarging(kEnlargeQueryBelow)});
   }
   return *extractors_;
 }

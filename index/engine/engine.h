@@ -39,6 +39,9 @@ struct EngineOptions {
   // "extraction_mismatch".
   std::optional<int> max_keypoints;
   std::optional<int> max_side_px;
+  // Also describe small pictures, and every query, enlarged (ExtractionOptions::enlarge_below,
+  // which is not looked at here). false: at their own size alone, as the paper does.
+  bool enlarge = true;
   bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
   bool keep_originals = true;  // store the uploaded bytes too, for GET .../content

@@ -66,11 +66,12 @@ class Workplace {
   bool stays() const { return stays_; }
 
   // One file for all that would be described alike.
-  fs::path Database(const DescriptorInfo& info, const ExtractionOptions& extraction) const {
+  fs::path Database(const DescriptorInfo& info, const ExtractionOptions& extraction,
+                    bool enlarge) const {
     const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
                              '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
                              std::to_string(extraction.keypoints.keep_repeated_orientations) +
-                             "/enlarged";
+                             (enlarge ? "/enlarged" : "");
     const std::string key =
         Sha256Hex({reinterpret_cast<const std::uint8_t*>(what.data()), what.size()});
     return path_ / (info.name + '-' + key.substr(0, kKeyDigits) + ".db");
@@ -101,7 +102,7 @@ SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions
   return search;
 }
 
-// One descriptor, all protocols and vocabularies.
+// One descriptor, protocols that describe pictures alike, all vocabularies.
 class Run {
  public:
   Run(RetrievalGallery& gallery, std::string descriptor, const RetrievalOptions& options)
@@ -110,17 +111,13 @@ class Run {
     gallery_.TimeExtraction(&extraction_);
   }
 
-  void Measure(std::vector<RetrievalResult>* results) {
-    std::vector<RetrievalProtocol> large;
-    for (const RetrievalProtocol protocol : options_.protocols) {
-      if (protocol == RetrievalProtocol::kPaper) {
-        MeasureWith(kPaperWords, kPaperSample, {protocol}, results);
-      } else {
-        large.push_back(protocol);
-      }
-    }
-    if (large.empty()) return;
-    for (const int words : options_.words) MeasureWith(words, options_.sample, large, results);
+  void MeasurePaper(std::vector<RetrievalResult>* results) {
+    MeasureWith(kPaperWords, kPaperSample, {RetrievalProtocol::kPaper}, results);
+  }
+
+  void MeasureProduct(const std::vector<RetrievalProtocol>& protocols,
+                      std::vector<RetrievalResult>* results) {
+    for (const int words : options_.words) MeasureWith(words, options_.sample, protocols, results);
   }
 
  private:
@@ -234,12 +231,17 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
   const Workplace workplace(options.cache);
   RetrievalReport report;
   report.seeds = options.seeds;
-  for (const auto& descriptor : descriptors) {
+  std::vector<RetrievalProtocol> product = options.protocols;
+  const bool paper = std::erase(product, RetrievalProtocol::kPaper) > 0;
+  // Runs work(run) on the set, described as the product does (enlarge) or as the paper does.
+  const auto with_gallery = [&](const std::shared_ptr<const Descriptor>& descriptor, bool enlarge,
+                                const auto& work) {
     const DescriptorInfo& info = descriptor->info();
     RetrievalGalleryOptions gallery_options;
     gallery_options.descriptor = descriptor;
     gallery_options.extraction = options.extraction;
-    gallery_options.database = workplace.Database(info, options.extraction);
+    gallery_options.enlarge = enlarge;
+    gallery_options.database = workplace.Database(info, options.extraction, enlarge);
     gallery_options.keep_features = workplace.stays();
     gallery_options.jobs = options.jobs;
     gallery_options.stop = options.stop;
@@ -247,8 +249,15 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
       if (options.progress) options.progress("describing with " + info.name, done, total);
     };
     RetrievalGallery gallery(set, gallery_options);
-    Run(gallery, info.name, options).Measure(&report.results);
+    Run run(gallery, info.name, options);
+    work(run);
     DescribeSet(gallery.set(), &report);
+  };
+  for (const auto& descriptor : descriptors) {
+    if (paper)
+      with_gallery(descriptor, false, [&](Run& run) { run.MeasurePaper(&report.results); });
+    if (product.empty()) continue;
+    with_gallery(descriptor, true, [&](Run& run) { run.MeasureProduct(product, &report.results); });
   }
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;

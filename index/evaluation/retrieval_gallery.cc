@@ -31,6 +31,7 @@ EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
   engine.database = options.database;
   engine.custom_descriptor = options.descriptor;
   engine.extraction = options.extraction;
+  engine.enlarge = options.enlarge;
   engine.keep_originals = false;
   return engine;
 }

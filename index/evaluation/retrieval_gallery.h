@@ -21,6 +21,7 @@ namespace pliant {
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
   ExtractionOptions extraction;
+  bool enlarge = true;             // EngineOptions::enlarge
   std::filesystem::path database;  // created if it does not exist
   // Keep the features of all pictures in the database, so that the next run with it describes only
   // new ones. Pictures and vocabularies of the last run are dropped either way.
