@@ -37,13 +37,19 @@ void PrintText(Engine& engine, const Options& options, const SearchResult& resul
       if (error.code() != ErrorCode::kNotFound) throw;  // removed by another process just now
     }
     rows.push_back({std::to_string(hit.rank), FormatFixed(hit.score, 4),
+                    hit.probability ? FormatFixed(*hit.probability, 3) : "-",
                     std::to_string(hit.inliers), hit.object.empty() ? "-" : hit.object,
                     hit.image_id, source});
   }
   if (rows.empty()) {
     Print("nothing found");
   } else {
-    Print(FormatTable({"rank", "score", "inliers", "object", "image", "file"}, rows));
+    if (result.found == std::size_t{0}) {
+      Print("not in the collection: no hit has a probability of " +
+            FormatFixed(kFoundProbability, 1) + " or more");
+    }
+    Print(
+        FormatTable({"rank", "score", "probability", "inliers", "object", "image", "file"}, rows));
   }
   Message(std::to_string(result.hits.size()) + " of " + std::to_string(result.total) + " hits, " +
           std::to_string(result.keypoints) + " key points, vocabulary " +

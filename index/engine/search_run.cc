@@ -10,6 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/verify/expansion.h"
+#include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
@@ -116,10 +117,20 @@ SearchResult SearchRun::Run() {
   SearchResult result;
   result.rank = rank_.method;
   result.total = hits.size() + ranking.total;
+  if (KnowsProbabilities()) {
+    result.found =
+        static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {
+          return Probability(hit.picture.score) >= kFoundProbability;
+        }));
+  }
   for (RankedPicture& picture : ranking.best) hits.push_back({.picture = std::move(picture)});
   result.hits = PageOf(std::move(hits));
   result.timings = timings_;
   return result;
+}
+
+bool SearchRun::KnowsProbabilities() const {
+  return Verifies(options_) && rank_.method == RankMethod::kNeighbours;
 }
 
 Bow SearchRun::Quantize(const Features& features) const {
@@ -258,6 +269,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
     hit.object = record->object;
     hit.image_id = record->id;
     hit.score = found.picture.score;
+    if (KnowsProbabilities()) hit.probability = Probability(hit.score);
     hit.inliers = found.inliers();
     hit.instances = std::move(found.instances);
     hit.via = found.via;

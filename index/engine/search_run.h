@@ -26,6 +26,7 @@ class SearchRun {
   SearchResult Run();
 
  private:
+  bool KnowsProbabilities() const;
   Bow Quantize(const Features& features) const;
   RankOptions ToRankOptions() const;
   void Fetch(const Ranking& ranking);

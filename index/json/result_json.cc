@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/json/result_json.h"
 
+#include <optional>
 #include <utility>
 
 #include "index/json/location_json.h"
@@ -56,10 +57,16 @@ const char* RankName(RankMethod method) {
   return "unknown";
 }
 
+template <typename Number>
+Json NumberOrNull(const std::optional<Number>& number) {
+  return number ? Json(*number) : Json(nullptr);
+}
+
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
                {"score", hit.score},
+               {"probability", NumberOrNull(hit.probability)},
                {"image_id", hit.image_id},
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
@@ -83,6 +90,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
           {"keypoints", result.keypoints},
           {"query", {{"width", result.query_width}, {"height", result.query_height}}},
           {"total", result.total},
+          {"found", NumberOrNull(result.found)},
           {"hits", std::move(hits)},
           {"timings",
            {{"decode_ms", t.extraction.decode_ms},

@@ -51,6 +51,9 @@ struct RankTuning {
 
 inline constexpr int kMostExpansions = 20;
 
+// A hit that is at least so probable is said to be found.
+inline constexpr double kFoundProbability = 0.9;
+
 struct SearchOptions {
   std::string collection = kDefaultCollection;
   std::size_t limit = 10;  // hits returned; 0 = all
@@ -85,8 +88,11 @@ struct Instance {
 struct Hit {
   std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
   std::string object;
-  std::string image_id;        // the best picture of the object
-  double score = 0;            // 0..1, see RankMethod; when verified, CombineScores
+  std::string image_id;  // the best picture of the object
+  double score = 0;      // 0..1, see RankMethod; when verified, CombineScores
+  // That the hit is right (index/verify/verification.h, Probability). Absent when the search does
+  // not verify, and for other rankings than kNeighbours.
+  std::optional<double> probability;
   int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query picture; empty when unknown
   // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
@@ -110,7 +116,10 @@ struct SearchTimings {
 
 struct SearchResult {
   std::vector<Hit> hits;
-  std::size_t total = 0;                      // number of hits, over all pages
+  std::size_t total = 0;  // number of hits, over all pages
+  // Of these, the hits with kFoundProbability or more: 0 = what the picture shows is not in the
+  // collection. Absent where hits have no probability.
+  std::optional<std::size_t> found;
   RankMethod rank = RankMethod::kNeighbours;  // that was used
   std::int64_t vocabulary = 0;                // id of the vocabulary that answered
   std::size_t words = 0;                      // its size

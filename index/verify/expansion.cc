@@ -14,8 +14,8 @@
 namespace pliant {
 namespace {
 
-constexpr double kTrusted = 8;    // evidence that a picture must have to ask in turn
-constexpr double kDecay = 0.8;    // of evidence, from link to link
+constexpr double kTrusted = 10;   // evidence that a picture must have to ask in turn
+constexpr double kDecay = 0.4;    // of evidence, from link to link
 constexpr double kGrowth = 1.3;   // of the part that agreed: more of the object lies around it
 constexpr double kSupported = 1;  // less evidence than this moves nothing
 
@@ -76,7 +76,7 @@ std::unordered_map<std::int64_t, Support> Expand(
       const auto features = load(found[i].ref.version);
       if (!features) return;
       const VerificationResult result = verifier.Verify(*features);
-      evidence[i] = Evidence(static_cast<int>(result.inliers.size()), result.inlier_fraction);
+      evidence[i] = Evidence(static_cast<int>(result.inliers.size()));
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       const double chained = kDecay * std::min(source->evidence, evidence[i]);

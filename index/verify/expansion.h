@@ -19,7 +19,7 @@ namespace pliant {
 
 // Support of a picture by a verified one with which it agrees.
 struct Support {
-  double evidence = 0;  // as Evidence(); 0.8 times that of the weaker link of the chain
+  double evidence = 0;  // as Evidence(); 0.4 times that of the weaker link of the chain
   std::string via;      // id of the verified picture
 };
 

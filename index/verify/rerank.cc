@@ -64,7 +64,7 @@ std::vector<VerifiedPicture> Rerank(
     }
     candidate.instances = InstancesOf(result);
     candidate.seen = SeenPart(*features, result.inliers);
-    candidate.evidence = Evidence(static_cast<int>(result.inliers.size()), result.inlier_fraction);
+    candidate.evidence = Evidence(static_cast<int>(result.inliers.size()));
     candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
   return pictures;

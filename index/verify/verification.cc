@@ -201,17 +201,25 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
                    });
 }
 
-double Evidence(int inliers, double inlier_fraction) {
-  constexpr double kEnough = 20;
-  return std::min(kEnough, std::max(0, inliers - 4) * inlier_fraction);
+double Evidence(int inliers) {
+  constexpr int kByChance = 5;
+  return std::max(0, inliers - kByChance);
 }
 
 double LiftScore(double ranking_score, double evidence) {
-  return ranking_score + (1 - ranking_score) * evidence / (evidence + 10);
+  constexpr double kLeast = 1e-6;  // nothing is too unlike to be lifted by its inliers
+  if (evidence <= 0) return ranking_score;
+  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, 3);
+  return lifted / (lifted + 1 - std::min(1 - kLeast, ranking_score));
 }
 
-double CombineScores(double ranking_score, int inliers, double inlier_fraction) {
-  return LiftScore(ranking_score, Evidence(inliers, inlier_fraction));
+double CombineScores(double ranking_score, int inliers) {
+  return LiftScore(ranking_score, Evidence(inliers));
+}
+
+double Probability(double score) {
+  constexpr double kOdds = 30;
+  return kOdds * score / (kOdds * score + 1 - score);
 }
 
 }  // namespace pliant

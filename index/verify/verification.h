@@ -78,16 +78,23 @@ class Verifier {
   VerificationOptions options_;
 };
 
-// How sure verification is of a picture: min(20, max(0, inliers - 4) inlier_fraction). The fraction
-// is in it because a picture with many matches has some that agree by chance or on the background;
-// and evidence ends at 20, because by then the object is there and the words tell better which
-// picture is more like the query.
-double Evidence(int inliers, double inlier_fraction);
+// The inliers beyond those that agree by chance: max(0, inliers - 5). Of the wrong pictures of
+// street photographs one in 130 has five inliers, one in 1200 has six, hardly any has more; right
+// ones have five no more often than that.
+double Evidence(int inliers);
 
-// The final score of a hit. Evidence e lifts the ranking's score towards 1, and never lowers it:
-//   score + (1 - score) e / (e + 10).
-// Hits without evidence keep their score and so their order; e = 10 goes half of the way to 1.
+// The final score of a hit: evidence e multiplies the odds of the ranking's score s,
+//   score / (1 - score) = s / (1 - s) (1 + e)^3.
+// It never lowers a score, and hits without evidence keep theirs and so their order. Ranking and
+// inliers are weighed against each other at any number of inliers: between two views of similar
+// objects with hundreds of them a third more inliers count as much as a score 2.4 times as high.
 double LiftScore(double ranking_score, double evidence);
-double CombineScores(double ranking_score, int inliers, double inlier_fraction);
+double CombineScores(double ranking_score, int inliers);
+
+// How probable it is that a hit of the ranking by neighbours with this final score is right:
+//   p / (1 - p) = 30 score / (1 - score).
+// Fitted to the first hits of 323 street photographs of worn shirts, half of the time with the
+// right object in the collection and half of the time without.
+double Probability(double score);
 
 }  // namespace pliant

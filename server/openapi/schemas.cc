@@ -83,7 +83,7 @@ constexpr const char* kCatalogue = R"json({
 
 constexpr const char* kSearch = R"json({
   "SearchAnswer": {"type": "object",
-    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "query", "total", "hits", "timings"],
+    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "query", "total", "found", "hits", "timings"],
     "properties": {
       "took_ms": {"type": "number"},
       "rank": {"type": "string", "enum": ["neighbours", "tfidf", "histogram"],
@@ -93,14 +93,17 @@ constexpr const char* kSearch = R"json({
       "keypoints": {"type": "integer", "description": "of the query, inside the region"},
       "query": {"$ref": "#/components/schemas/Size"},
       "total": {"type": "integer", "description": "hits there are, over all pages"},
+      "found": {"type": ["integer", "null"], "description": "hits with a probability of 0.9 or more; 0: what the picture shows is not in the collection; null where hits have no probability"},
       "hits": {"type": "array", "items": {"$ref": "#/components/schemas/Hit"}},
       "timings": {"type": "object", "additionalProperties": {"type": "number"}}}},
   "Hit": {"type": "object",
-    "required": ["rank", "object", "score", "image_id", "inliers", "polygon", "metadata"],
+    "required": ["rank", "object", "score", "probability", "image_id", "inliers", "polygon", "metadata"],
     "properties": {
       "rank": {"type": "integer", "description": "from 1, over all pages"},
       "object": {"type": ["string", "null"], "description": "null: the picture has none"},
       "score": {"type": "number", "minimum": 0, "maximum": 1},
+      "probability": {"type": ["number", "null"], "minimum": 0, "maximum": 1,
+        "description": "that the hit is right; null without verification and for other rankings than neighbours"},
       "image_id": {"type": "string", "description": "the object's best picture"},
       "inliers": {"type": "integer", "description": "matches that agree on one smooth warp"},
       "polygon": {"type": ["array", "null"],

@@ -26,7 +26,8 @@ function scoreBar(score, grade) {
 // onChoose(hit) is called when the hit is picked for comparison.
 export function hitCard(hit, onChoose) {
   const { words, grade } = scoreWords(hit);
-  const facts = [`score ${hit.score.toFixed(2)}`];
+  const sureness = hit.probability ?? hit.score;
+  const facts = [`${hit.probability === null ? "score" : "probability"} ${sureness.toFixed(2)}`];
   if (hit.inliers) facts.push(`${count(hit.inliers, "point")} agree${hit.inliers === 1 ? "s" : ""}`);
   const button = make(
     "button", { type: "button", class: "hit-choose", "aria-pressed": "false",
@@ -34,7 +35,7 @@ export function hitCard(hit, onChoose) {
     thumbnail(hit.image_id),
     make("span", { class: "hit-text" },
          make("span", { class: "name", text: `${hit.rank}. ${objectName(hit.object)}` }),
-         make("span", { class: "grade", text: words }), scoreBar(hit.score, grade),
+         make("span", { class: "grade", text: words }), scoreBar(sureness, grade),
          make("span", { class: "quiet", text: facts.join(", ") }), labelList(hit.metadata)));
   const alike = make("a", { href: link("search", { image: hit.image_id }), class: "quiet",
                             text: "Use this",

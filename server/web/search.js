@@ -108,6 +108,14 @@ function showFailure(error) {
 const isGone = (hit) => isLeaving(api.imagePath(hit.image_id)) ||
                         isLeaving(api.address(`/objects/${encodeURIComponent(hit.object)}`));
 
+// What the answer comes to, in a sentence. `found` is null where the search does not verify.
+function verdict({ found }, where) {
+  if (!hits.length) return `Nothing found${where}. `;
+  if (found === 0) return `Not in the collection${where}, as far as Pliant can tell. `;
+  const best = objectName(hits[0].object);
+  return found > 1 ? `Found${where}: ${best} and ${found - 1} more. ` : `${found ? "Found" : "Best"}${where}: ${best}. `;
+}
+
 function showAnswer(answer, offset, inPart) {
   const fresh = answer.hits.filter((hit) => !isGone(hit));
   if (!offset) {
@@ -124,8 +132,7 @@ function showAnswer(answer, offset, inPart) {
   empty.hidden = hits.length > 0;
   empty.textContent = "Nothing alike is in the collection, or the filters leave nothing over.";
   const where = inPart ? " inside the part" : "";
-  const best = hits.length ? `Best${where}: ${objectName(hits[0].object)}. ` : `Nothing found${where}. `;
-  say(status, `${best}${count(answer.total, "result")} in ${(answer.took_ms / 1000).toFixed(2)} s.`);
+  say(status, `${verdict(answer, where)}${count(answer.total, "result")} in ${(answer.took_ms / 1000).toFixed(2)} s.`);
   if (offset) list.children[before]?.querySelector("button").focus();
   else if (hits.length) choose(hits[0]);
   else {

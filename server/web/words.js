@@ -33,20 +33,17 @@ export function problemWords(status, body, retryAfterS) {
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 
-// How sure a hit is. What counts is the evidence of verification (index/verify/verification.h,
-// CombineScores): points that agree on one smooth bending of the object, by the share of the matches
-// that they are. A score without any only says that the pictures have details in common.
+// How sure a hit is, by its probability. A search that does not verify has none: its scores only say
+// how many details the pictures have in common.
 const kGrades = [
-  { least: 14, words: "Almost certainly the same", grade: "sure" },
-  { least: 6, words: "Very likely the same", grade: "likely" },
-  { least: 1, words: "Perhaps the same", grade: "perhaps" },
+  { least: 0.99, words: "Almost certainly the same", grade: "sure" },
+  { least: 0.9, words: "Very likely the same", grade: "likely" },
+  { least: 0.5, words: "Perhaps the same", grade: "perhaps" },
+  { least: 0, words: "Hardly alike", grade: "weak" },
 ];
 
-export function scoreWords({ score, inliers, explain }) {
-  const evidence = (inliers - 4) * (explain?.inlier_fraction ?? 1);
-  for (const { least, words, grade } of kGrades) {
-    if (evidence >= least) return { words, grade };
-  }
+export function scoreWords({ score, probability }) {
+  if (probability !== null) return kGrades.find(({ least }) => probability >= least);
   if (score >= 0.5) return { words: "Looks much alike", grade: "perhaps" };
   return { words: score >= 0.1 ? "A little alike, not confirmed" : "Hardly alike", grade: "weak" };
 }

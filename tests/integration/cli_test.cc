@@ -107,7 +107,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
 
   const ProgramResult text = RunProgram({"query", (folder_ / "query.png").string(), "--db", db_});
   EXPECT_EQ(text.status, 0);
-  EXPECT_THAT(text.out, StartsWith("rank   score  inliers  object"));
+  EXPECT_THAT(text.out, StartsWith("rank   score  probability  inliers  object"));
   EXPECT_THAT(text.out, HasSubstr("view.png"));
 }
 

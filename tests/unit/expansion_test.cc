@@ -99,7 +99,7 @@ TEST_F(ExpansionTest, AChainIsAsStrongAsItsWeakerLinkAndLess) {
     ASSERT_EQ(supports.size(), 1U);
     ASSERT_TRUE(supports.contains(kFar));  // never looked at before
     EXPECT_EQ(supports.at(kFar).via, "p1");
-    EXPECT_DOUBLE_EQ(supports.at(kFar).evidence, 0.8 * 12);  // it has more inliers than that
+    EXPECT_DOUBLE_EQ(supports.at(kFar).evidence, 0.4 * 12);  // it has more inliers than that
     EXPECT_EQ(asked_, 1);
   }
 }

@@ -177,25 +177,32 @@ TEST(Verification, RefusesWhatDoesNotFit) {
 }
 
 TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
-  for (const double score : {0.0, 0.2, 0.9, 1.0}) {
-    for (const double fraction : {0.0, 0.1, 0.5, 1.0}) {
-      double before = score;
-      for (int inliers = 0; inliers < 500; ++inliers) {
-        const double combined = CombineScores(score, inliers, fraction);
-        EXPECT_GE(combined, before);
-        EXPECT_GE(combined, CombineScores(score, inliers, fraction / 2));
-        EXPECT_LE(combined, 1.0);
-        before = combined;
-      }
-      EXPECT_EQ(CombineScores(score, 4, fraction), score);
-      EXPECT_EQ(CombineScores(score, 204, fraction), CombineScores(score, 400, fraction));
+  for (const double score : {0.0, 1e-5, 0.2, 0.9, 1.0}) {
+    for (int inliers = 0; inliers <= 5; ++inliers) {  // as many agree by chance
+      EXPECT_EQ(CombineScores(score, inliers), score);
     }
-    EXPECT_DOUBLE_EQ(CombineScores(score, 14, 1), (score + 1) / 2);
-    EXPECT_DOUBLE_EQ(CombineScores(score, 24, 0.5), (score + 1) / 2);
-    EXPECT_DOUBLE_EQ(CombineScores(score, 100, 1), score + (1 - score) * 2 / 3);
+    double before = score;
+    for (int inliers = 6; inliers < 500; ++inliers) {
+      const double combined = CombineScores(score, inliers);
+      if (score < 1) {
+        EXPECT_GT(combined, before);
+        EXPECT_LT(combined, 1);
+      } else {
+        EXPECT_LE(combined, 1);
+      }
+      before = combined;
+    }
   }
-  // Enough evidence on both sides: the ranking decides.
-  EXPECT_GT(CombineScores(0.3, 40, 1), CombineScores(0.2, 200, 1));
+}
+
+// However many inliers there are, more of them and a higher score of the ranking both count.
+TEST(Verification, InliersMultiplyTheOdds) {
+  EXPECT_NEAR(CombineScores(0.5, 6), 8.0 / 9, 1e-12);
+  EXPECT_NEAR(CombineScores(0.2, 14), 250.0 / 251, 1e-12);
+  EXPECT_GT(CombineScores(0.02, 84), CombineScores(0.02, 48));
+  EXPECT_GT(CombineScores(0.02, 358), CombineScores(0.02, 200));
+  EXPECT_GT(CombineScores(0.03, 200), CombineScores(0.02, 210));
+  EXPECT_GT(CombineScores(0.02, 15), CombineScores(0.2, 5));
 }
 
 TEST(Outline, HullAndCrossing) {

@@ -66,7 +66,7 @@ test("a rectangle drawn with the mouse is searched in, moved, sized and removed"
   assertNear(await lastRegion(page), [280, 150, 320, 300]);
   await house.checkAccessibility(page, "region");
   await page.getByRole("button", { name: "Whole picture" }).click();
-  await house.waitForText(page, "#search-status", /^Best: /);
+  await house.waitForText(page, "#search-status", /^Found: /);
   assert.equal(await lastRegion(page), null);
   await house.closePage(page);
 });

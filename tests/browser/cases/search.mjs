@@ -160,7 +160,7 @@ test("by keyboard alone: skip, choose an example, compare, select a part", async
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#search-status", /inside the part: poster/);
   await page.keyboard.press("Escape");
-  await house.waitForText(page, "#search-status", /^Best: poster/);
+  await house.waitForText(page, "#search-status", /^Found: poster/);
   await tabTo(/^ *2\. /);
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#compare-title", /^Side by side: (?!poster)/);
