@@ -7,7 +7,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "index/engine/engine_impl.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 #include "index/verify/location.h"
 
 namespace pliant {

@@ -8,7 +8,7 @@
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 
 namespace pliant {
 namespace {

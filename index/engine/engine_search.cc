@@ -6,7 +6,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine_impl.h"
 #include "index/engine/search_run.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 #include "index/verify/features_subset.h"
 
 namespace pliant {

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 
 namespace pliant {
 namespace {

@@ -13,7 +13,7 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/text.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 
 namespace pliant {
 namespace {

@@ -36,7 +36,7 @@ struct CollectionState {
 
 struct StoredFeatures {
   std::int64_t version = 0;           // PictureRef::version
-  std::vector<std::uint8_t> encoded;  // as EncodeFeatures (blob_codec.h) makes it
+  std::vector<std::uint8_t> encoded;  // as EncodeFeatures (feature_codec.h) makes it
 };
 
 struct StoredPicture {

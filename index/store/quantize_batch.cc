@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/quantize_batch.h"
 
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 
 namespace pliant {
 

@@ -22,7 +22,7 @@ namespace pliant {
 struct PicturePut {
   const AddRequest& request;  // outlives the put
   ImageRecord record = {};
-  std::vector<std::uint8_t> encoded = {};  // features (blob_codec.h)
+  std::vector<std::uint8_t> encoded = {};  // features (feature_codec.h)
   Features features = {};                  // the same, in stored precision
   Key vocabulary = 0;  // that made `bow`; another is active by now: quantised anew
   Bow bow = {};

@@ -8,7 +8,8 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
-#include "index/store/blob_codec.h"
+#include "index/store/blob_bytes.h"
+#include "index/store/word_codec.h"
 #include "tests/unit/engine_options_fixture.h"
 
 namespace pliant::testing {

@@ -6,8 +6,9 @@
 #include <string>
 
 #include "descriptor/base/error.h"
-#include "index/store/blob_codec.h"
+#include "index/store/blob_bytes.h"
 #include "index/store/sqlite/database.h"
+#include "index/store/word_codec.h"
 
 namespace pliant {
 namespace {

@@ -8,7 +8,7 @@
 #include <unordered_set>
 
 #include "descriptor/base/error.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 
 namespace pliant {
 namespace {

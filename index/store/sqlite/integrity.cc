@@ -7,9 +7,10 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/text.h"
-#include "index/store/blob_codec.h"
+#include "index/store/feature_codec.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/schema.h"
+#include "index/store/word_codec.h"
 
 namespace pliant {
 namespace {

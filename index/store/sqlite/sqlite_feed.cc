@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "index/store/blob_codec.h"
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
+#include "index/store/word_codec.h"
 
 namespace pliant {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Compact, checked byte forms of features and bags of words, as kept in the database. The formats
-// are described byte by byte in index/README.md, section FORMAT.
+// The compact, checked byte form of features, as kept in the database. The format is described byte
+// by byte in index/README.md, section FORMAT.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,6 @@
 
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
-#include "vocab/quantizer.h"
 
 namespace pliant {
 
@@ -31,19 +30,5 @@ Features DecodeFeatures(Bytes blob);
 // this precision, so that a picture gets the same words when it is asked for as when it was stored.
 // Throws what EncodeFeatures throws.
 Features InStoredPrecision(Features features);
-
-// Throws kInternal for a bag that is not in order or has more or fewer signatures or codes than it
-// needs. One with codes must have signatures, too.
-std::vector<std::uint8_t> EncodeBow(const Bow& bow);
-
-// Throws kCorrupt also for a word of `vocabulary_size` or more.
-Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
-
-// The words' codebook; DecodeCodebook throws kCorrupt for whatever does not fit `words`.
-std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook);
-Codebook DecodeCodebook(Bytes blob, const Descriptors& words);
-
-// CRC-32 (IEEE 802.3, as in zlib and PNG), continued from `seed`.
-std::uint32_t Crc32(Bytes bytes, std::uint32_t seed = 0);
 
 }  // namespace pliant

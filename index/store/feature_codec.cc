@@ -1,0 +1,196 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/feature_codec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "descriptor/base/error.h"
+#include "index/store/blob_bytes.h"
+
+namespace pliant {
+namespace {
+
+constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
+constexpr std::uint8_t kFeatureVersion = 1;
+constexpr std::size_t kFeatureHeaderBytes = 24;
+constexpr std::size_t kKeypointBytes = 24;
+constexpr std::uint32_t kMaxRows = 1u << 20;
+constexpr std::uint32_t kMaxDim = 1u << 14;
+
+DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
+  if (descriptors.kind == DescriptorKind::kBinary) return DescriptorEncoding::kBits;
+  bool whole = true;
+  for (const float value : descriptors.floats) {
+    if (!std::isfinite(value)) {
+      throw Error(ErrorCode::kInvalidArgument, "descriptor_not_finite",
+                  "a descriptor holds a value that is not a finite number");
+    }
+    whole = whole && value >= 0.0F && value <= 255.0F && value == std::floor(value);
+  }
+  return whole ? DescriptorEncoding::kUint8 : DescriptorEncoding::kScaledInt8;
+}
+
+std::size_t RowBytes(DescriptorEncoding encoding, std::size_t dim) {
+  return encoding == DescriptorEncoding::kScaledInt8 ? dim + sizeof(float) : dim;
+}
+
+float ScaleOf(std::span<const float> row) {
+  float largest = 0;
+  for (const float value : row) largest = std::max(largest, std::abs(value));
+  return largest / 127.0F;
+}
+
+std::int8_t StepOf(float value, float scale) {
+  const float step = scale > 0 ? std::nearbyint(value / scale) : 0.0F;
+  return static_cast<std::int8_t>(std::clamp(step, -127.0F, 127.0F));
+}
+
+void PutScaledRow(std::vector<std::uint8_t>& out, std::span<const float> row) {
+  const float scale = ScaleOf(row);
+  PutValue(out, scale);
+  for (const float value : row) out.push_back(static_cast<std::uint8_t>(StepOf(value, scale)));
+}
+
+void PutDescriptors(std::vector<std::uint8_t>& out, const Descriptors& descriptors,
+                    DescriptorEncoding encoding) {
+  switch (encoding) {
+    case DescriptorEncoding::kBits:
+      out.insert(out.end(), descriptors.bytes.begin(), descriptors.bytes.end());
+      break;
+    case DescriptorEncoding::kUint8:
+      for (const float value : descriptors.floats) out.push_back(static_cast<std::uint8_t>(value));
+      break;
+    case DescriptorEncoding::kScaledInt8:
+      for (std::size_t i = 0; i < descriptors.rows; ++i)
+        PutScaledRow(out, descriptors.float_row(i));
+      break;
+  }
+}
+
+Descriptors GetDescriptors(Bytes body, DescriptorEncoding encoding, std::size_t rows, int dim) {
+  const auto width = static_cast<std::size_t>(dim);
+  if (encoding == DescriptorEncoding::kBits) {
+    Descriptors result = Descriptors::Binary(rows, dim);
+    std::copy(body.begin(), body.end(), result.bytes.begin());
+    return result;
+  }
+  Descriptors result = Descriptors::Float(rows, dim);
+  if (encoding == DescriptorEncoding::kUint8) {
+    std::copy(body.begin(), body.end(), result.floats.begin());
+    return result;
+  }
+  for (std::size_t i = 0; i < rows; ++i) {
+    const std::size_t offset = i * RowBytes(encoding, width);
+    const auto scale = GetValue<float>(body, offset);
+    for (std::size_t d = 0; d < width; ++d) {
+      result.floats[i * width + d] =
+          scale * static_cast<float>(static_cast<std::int8_t>(body[offset + sizeof(float) + d]));
+    }
+  }
+  return result;
+}
+
+void CheckShape(const Features& features) {
+  const Descriptors& d = features.descriptors;
+  const std::size_t values = d.kind == DescriptorKind::kFloat ? d.floats.size() : d.bytes.size();
+  if (d.rows != features.keypoints.size() || d.rows > kMaxRows || d.dim < 0 ||
+      static_cast<std::uint32_t>(d.dim) > kMaxDim ||
+      values != d.rows * static_cast<std::size_t>(d.dim)) {
+    throw Error(ErrorCode::kInvalidArgument, "features_shape",
+                "the descriptors do not fit the key points: " + std::to_string(d.rows) +
+                    " rows of " + std::to_string(d.dim) + " for " +
+                    std::to_string(features.keypoints.size()) + " key points");
+  }
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
+  CheckShape(features);
+  const Descriptors& descriptors = features.descriptors;
+  const DescriptorEncoding encoding = ChooseEncoding(descriptors);
+  std::vector<std::uint8_t> out;
+  out.reserve(kFeatureHeaderBytes + kChecksumBytes +
+              descriptors.rows * (kKeypointBytes + RowBytes(encoding, descriptors.dim)));
+  for (const char c : kFeatureMagic) out.push_back(static_cast<std::uint8_t>(c));
+  out.push_back(kFeatureVersion);
+  out.push_back(static_cast<std::uint8_t>(descriptors.kind));
+  out.push_back(static_cast<std::uint8_t>(encoding));
+  out.push_back(0);
+  PutValue(out, static_cast<std::uint32_t>(descriptors.rows));
+  PutValue(out, static_cast<std::uint32_t>(descriptors.dim));
+  PutValue(out, static_cast<std::uint32_t>(features.width));
+  PutValue(out, static_cast<std::uint32_t>(features.height));
+  for (const Keypoint& k : features.keypoints) {
+    for (const float value : {k.x, k.y, k.size, k.angle, k.response}) PutValue(out, value);
+    PutValue(out, k.octave);
+  }
+  PutDescriptors(out, descriptors, encoding);
+  PutValue(out, Crc32(out));
+  return out;
+}
+
+Features DecodeFeatures(Bytes blob) {
+  const Bytes body = CheckedBody(blob, "features");
+  if (body.size() < kFeatureHeaderBytes ||
+      std::memcmp(body.data(), kFeatureMagic, sizeof(kFeatureMagic)) != 0) {
+    ThrowCorruptBlob("features do not begin with PLFT");
+  }
+  if (body[4] != kFeatureVersion) {
+    ThrowCorruptBlob("features are of format version " + std::to_string(body[4]) +
+                     ", which this Pliant does not read");
+  }
+  const auto encoding = static_cast<DescriptorEncoding>(body[6]);
+  const bool binary = body[5] == static_cast<std::uint8_t>(DescriptorKind::kBinary);
+  if (body[5] > 1 || body[6] > 2 || binary != (encoding == DescriptorEncoding::kBits)) {
+    ThrowCorruptBlob("features have an unknown kind or encoding");
+  }
+  const auto rows = GetValue<std::uint32_t>(body, 8);
+  const auto dim = GetValue<std::uint32_t>(body, 12);
+  if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
+  const std::size_t keypoint_bytes = std::size_t{rows} * kKeypointBytes;
+  if (body.size() != kFeatureHeaderBytes + keypoint_bytes + rows * RowBytes(encoding, dim)) {
+    ThrowCorruptBlob("features have a length that differs from what their header says");
+  }
+  Features features;
+  features.width = static_cast<int>(GetValue<std::uint32_t>(body, 16));
+  features.height = static_cast<int>(GetValue<std::uint32_t>(body, 20));
+  features.keypoints.reserve(rows);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const std::size_t at = kFeatureHeaderBytes + i * kKeypointBytes;
+    features.keypoints.push_back({GetValue<float>(body, at), GetValue<float>(body, at + 4),
+                                  GetValue<float>(body, at + 8), GetValue<float>(body, at + 12),
+                                  GetValue<float>(body, at + 16),
+                                  GetValue<std::int32_t>(body, at + 20)});
+  }
+  features.descriptors = GetDescriptors(body.subspan(kFeatureHeaderBytes + keypoint_bytes),
+                                        encoding, rows, static_cast<int>(dim));
+  return features;
+}
+
+// The same sums as in PutDescriptors and GetDescriptors, so that the result is the same to the bit.
+Features InStoredPrecision(Features features) {
+  CheckShape(features);
+  Descriptors& descriptors = features.descriptors;
+  switch (ChooseEncoding(descriptors)) {
+    case DescriptorEncoding::kBits:
+      break;
+    case DescriptorEncoding::kUint8:  // makes -0 a 0
+      for (float& value : descriptors.floats) value = static_cast<std::uint8_t>(value);
+      break;
+    case DescriptorEncoding::kScaledInt8: {
+      const auto dim = static_cast<std::size_t>(descriptors.dim);
+      for (std::size_t i = 0; i < descriptors.rows; ++i) {
+        const std::span<float> row = std::span(descriptors.floats).subspan(i * dim, dim);
+        const float scale = ScaleOf(row);
+        for (float& value : row) value = scale * static_cast<float>(StepOf(value, scale));
+      }
+      break;
+    }
+  }
+  return features;
+}
+
+}  // namespace pliant
