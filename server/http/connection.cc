@@ -166,8 +166,12 @@ void Connection::SendNow(const std::string& text) {
       send(socket_fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-void Connection::LingeringClose() {
+void Connection::Farewell() {
   if (tls_) tls_->Close();
+}
+
+void Connection::LingeringClose() {
+  Farewell();
   shutdown(socket_fd_, SHUT_WR);
   const Clock::time_point deadline = Clock::now() + kLingerTime;
   std::size_t swallowed = 0;

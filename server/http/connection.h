@@ -54,6 +54,14 @@ class Connection final : public httplib::Stream {
   // Sends what can be sent without waiting.
   void SendNow(const std::string& text);
 
+  // Under TLS, tells the client that no more comes (close_notify: RFC 8446, 6.1; RFC 9112, 9.8).
+  // For connections that end with an answer which said so, or that the client has ended. Not for
+  // one that waits for a request: clients that only look whether there are bytes to read
+  // (cpp-httplib 0.11) take the alert for a living connection, send the next request and fail,
+  // while a bare end makes them connect again. Nothing can be cut off there: every answer was
+  // complete by its length.
+  void Farewell();
+
   // Tells the client that no more comes and swallows what it still sends, so that it can read the
   // answer before the connection ends: closing with unread bytes would reset it (RFC 9112, 9.6).
   void LingeringClose();
