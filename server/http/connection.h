@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A client's connection as the HTTP library sees it, with the limits the library lacks: a deadline
-// for a whole request (not only for each read), and bounds on the bytes of headers and body.
+// for a whole request (not only for each read), and bounds on the bytes of lines, headers and body.
 #pragma once
 
 #include <chrono>
@@ -89,6 +89,7 @@ class Connection final : public httplib::Stream {
   Clock::time_point answer_deadline_;  // set by the first write after BeginHeaders
   bool answering_ = false;
   bool in_body_ = false;
+  std::size_t line_bytes_ = 0;  // so far of the line that is being read
   std::size_t header_bytes_ = 0;
   std::size_t body_bytes_ = 0;
   Fault fault_ = Fault::kNone;
