@@ -11,6 +11,8 @@
 #include <poll.h>
 #include <sys/socket.h>
 
+#include "server/http/library.h"
+
 namespace pliant::server {
 
 namespace {
@@ -69,6 +71,7 @@ bool Connection::AwaitRequest(std::chrono::milliseconds idle_timeout) {
 void Connection::BeginHeaders() {
   in_body_ = false;
   answering_ = false;
+  line_bytes_ = 0;
   header_bytes_ = 0;
   body_bytes_ = 0;
   fault_ = Fault::kNone;
@@ -126,6 +129,11 @@ ssize_t Connection::read(char* data, size_t size) {
     header_bytes_ += count;
     if (header_bytes_ > limits_.max_header_bytes) fault_ = Fault::kHeadersTooLarge;
   }
+  // The library reads lines, also those between chunks of a body, byte by byte.
+  line_bytes_ = size == 1 && buffer_[begin_] != '\n' ? line_bytes_ + 1 : 0;
+  if (line_bytes_ >= kMaxLineBytes) {
+    fault_ = in_body_ ? Fault::kBodyTooLarge : Fault::kHeadersTooLarge;
+  }
   if (fault_ != Fault::kNone) return -1;
   std::memcpy(data, buffer_.data() + begin_, count);
   begin_ += count;
@@ -166,8 +174,12 @@ void Connection::SendNow(const std::string& text) {
       send(socket_fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-void Connection::LingeringClose() {
+void Connection::Farewell() {
   if (tls_) tls_->Close();
+}
+
+void Connection::LingeringClose() {
+  Farewell();
   shutdown(socket_fd_, SHUT_WR);
   const Clock::time_point deadline = Clock::now() + kLingerTime;
   std::size_t swallowed = 0;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A client's connection as the HTTP library sees it, with the limits the library lacks: a deadline
-// for a whole request (not only for each read), and bounds on the bytes of headers and body.
+// for a whole request (not only for each read), and bounds on the bytes of lines, headers and body.
 #pragma once
 
 #include <chrono>
@@ -54,6 +54,14 @@ class Connection final : public httplib::Stream {
   // Sends what can be sent without waiting.
   void SendNow(const std::string& text);
 
+  // Under TLS, tells the client that no more comes (close_notify: RFC 8446, 6.1; RFC 9112, 9.8).
+  // For connections that end with an answer which said so, or that the client has ended. Not for
+  // one that waits for a request: clients that only look whether there are bytes to read
+  // (cpp-httplib 0.11) take the alert for a living connection, send the next request and fail,
+  // while a bare end makes them connect again. Nothing can be cut off there: every answer was
+  // complete by its length.
+  void Farewell();
+
   // Tells the client that no more comes and swallows what it still sends, so that it can read the
   // answer before the connection ends: closing with unread bytes would reset it (RFC 9112, 9.6).
   void LingeringClose();
@@ -81,6 +89,7 @@ class Connection final : public httplib::Stream {
   Clock::time_point answer_deadline_;  // set by the first write after BeginHeaders
   bool answering_ = false;
   bool in_body_ = false;
+  std::size_t line_bytes_ = 0;  // so far of the line that is being read
   std::size_t header_bytes_ = 0;
   std::size_t body_bytes_ = 0;
   Fault fault_ = Fault::kNone;

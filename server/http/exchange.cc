@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "server/http/library.h"
 #include "server/http/parameters.h"
 
 namespace pliant::server {
@@ -244,6 +245,7 @@ void Exchange::OnLibraryError(const httplib::Request& raw, httplib::Response& an
   if (!prepared_) ReadHead(raw);
   must_close_ = true;  // whatever it was, the rest of the connection cannot be trusted
   int status = answer.status;
+  if (status == 400 && raw.headers.size() >= kMaxHeaderFields) status = 431;
   if (connection_.fault() == Connection::Fault::kHeadersTooLarge) status = 431;
   if (connection_.fault() == Connection::Fault::kTimeout) status = 408;
   AnswerProblem(ProblemForStatus(status), answer);

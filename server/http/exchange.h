@@ -67,8 +67,8 @@ class Exchange {
   void AnswerPreflight(httplib::Response& answer);
   void CheckSameSite() const;
   void ReserveBody(std::size_t bytes);
-  void ReadMultipart(const httplib::ContentReader& reader);
-  void ReadPlain(const httplib::ContentReader& reader);
+  void ReadMultipart(const httplib::ContentReader& reader, const httplib::Response& answer);
+  void ReadPlain(const httplib::ContentReader& reader, const httplib::Response& answer);
   [[noreturn]] void ThrowBodyFault(bool too_large, bool too_many_parts) const;
   void RunHandler(httplib::Response& answer);
   void Answer(const Response& response, httplib::Response& answer);

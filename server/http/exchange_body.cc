@@ -13,6 +13,10 @@ constexpr std::size_t kMaxParts = 64;
 constexpr std::size_t kMaxBatchParts = 1000;       // of a route that takes many pictures
 constexpr std::size_t kMaxFieldBytes = 64 * 1024;  // of a form field that is not the picture
 
+// The library adds up the lengths of chunks before it reads them (0.18), and leaves its verdict in
+// the answer.
+bool RefusedAsTooLarge(const httplib::Response& answer) { return answer.status == 413; }
+
 std::size_t MaxParts(const Route& route) {
   return route.body == BodyKind::kImages ? kMaxBatchParts : kMaxParts;
 }
@@ -29,9 +33,9 @@ void Exchange::ReserveBody(std::size_t bytes) {
 void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response& answer) {
   try {
     if (request_.is_multipart()) {
-      ReadMultipart(reader);
+      ReadMultipart(reader, answer);
     } else {
-      ReadPlain(reader);
+      ReadPlain(reader, answer);
     }
     must_close_ = false;
   } catch (...) {
@@ -41,7 +45,7 @@ void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response&
   RunHandler(answer);
 }
 
-void Exchange::ReadPlain(const httplib::ContentReader& reader) {
+void Exchange::ReadPlain(const httplib::ContentReader& reader, const httplib::Response& answer) {
   bool too_large = false;
   const bool whole = reader([&](const char* data, std::size_t size) {
     too_large = request_.body.size() + size > shared_.max_body_bytes;
@@ -50,10 +54,11 @@ void Exchange::ReadPlain(const httplib::ContentReader& reader) {
     request_.body.append(data, size);
     return true;
   });
-  if (!whole) ThrowBodyFault(too_large, false);
+  if (!whole) ThrowBodyFault(too_large || RefusedAsTooLarge(answer), false);
 }
 
-void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
+void Exchange::ReadMultipart(const httplib::ContentReader& reader,
+                             const httplib::Response& answer) {
   bool too_large = false;
   bool too_many = false;
   std::size_t total = 0;
@@ -74,7 +79,7 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader) {
         part.content.append(data, size);
         return true;
       });
-  if (!whole) ThrowBodyFault(too_large, too_many);
+  if (!whole) ThrowBodyFault(too_large || RefusedAsTooLarge(answer), too_many);
 }
 
 void Exchange::ThrowBodyFault(bool too_large, bool too_many_parts) const {

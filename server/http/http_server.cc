@@ -210,8 +210,13 @@ class HttpServer::Impl final : public LibraryServer {
       const std::chrono::duration<double> seconds = Clock::now() - start;
       on_request_(exchange.Record(seconds.count()));
     }
-    if (exchange.must_close()) connection.LingeringClose();
-    return written && !last && !client_closes && !exchange.must_close();
+    const bool goes_on = written && !last && !client_closes && !exchange.must_close();
+    if (exchange.must_close()) {
+      connection.LingeringClose();
+    } else if (!goes_on && (written || connection.fault() == Connection::Fault::kClosed)) {
+      connection.Farewell();
+    }
+    return goes_on;
   }
 
   void Reject(Connection& connection) {

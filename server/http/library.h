@@ -6,6 +6,7 @@
 // PLIANT_HTTPLIB_MINOR and refuses versions that were not tried.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <string>
 #include <utility>
@@ -18,6 +19,11 @@
 #endif
 
 namespace pliant::server {
+
+// Version 0.18 reads no longer lines, nor more header fields, but does not say that this was the
+// reason. Connection keeps both versions to the same lines.
+constexpr std::size_t kMaxLineBytes = 32 * 1024;
+constexpr std::size_t kMaxHeaderFields = 100;
 
 // What httplib::TaskQueue::enqueue() returns: nothing, or since 0.13 whether the task was taken.
 using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));

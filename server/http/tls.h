@@ -47,7 +47,7 @@ class TlsSession {
   // > 0 bytes; 0 the other side has ended; -1 failed; -2 the deadline passed.
   ssize_t Read(char* data, std::size_t size, Clock::time_point deadline);
   ssize_t Write(const char* data, std::size_t size, Clock::time_point deadline);
-  void Close();  // says that nothing more comes
+  void Close();  // says that nothing more comes; does not wait
 
  private:
   class Impl;

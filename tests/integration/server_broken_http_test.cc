@@ -61,6 +61,9 @@ TEST_F(ServerErrorsTest, BrokenHttp) {
       {"endless chunk line",
        post + "Transfer-Encoding: chunked\r\n\r\n" + std::string(1'300'000, '1'), 413,
        "body_too_large"},
+      {"chunk too large",
+       post + "Transfer-Encoding: chunked\r\n\r\n7fffffff\r\n" + std::string(1'300'000, 'x'), 413,
+       "body_too_large"},
       {"body never ends", post + "Content-Length: 500\r\n\r\nxx", 408, "request_timeout"},
       {"headers never end", "GET /livez HTTP/1.1\r\n" + host, 408, "request_timeout"},
   };

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // TLS, pages of other sites, security headers, and what the log says.
+#include <array>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -11,6 +12,7 @@
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
 #include "tests/integration/server_process.h"
@@ -91,6 +93,78 @@ TEST_F(DoorsTest, SpeaksTls) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
   EXPECT_EQ(client.Get("/livez")->status, 200);
   EXPECT_EQ(server.Stop(), 0) << server.Log();
+}
+
+// A connection without verification, which shows how its end looks to OpenSSL.
+class TlsTalk {
+ public:
+  explicit TlsTalk(int port)
+      : context_(SSL_CTX_new(TLS_client_method()), SSL_CTX_free),
+        connection_(BIO_new_ssl_connect(context_.get()), BIO_free_all) {
+    BIO_set_conn_hostname(connection_.get(), ("127.0.0.1:" + std::to_string(port)).c_str());
+    BIO_get_ssl(connection_.get(), &ssl_);
+    EXPECT_GT(BIO_do_connect(connection_.get()), 0);
+  }
+
+  void Send(const std::string& bytes) {
+    EXPECT_EQ(SSL_write(ssl_, bytes.data(), static_cast<int>(bytes.size())),
+              static_cast<int>(bytes.size()));
+  }
+
+  // Says that nothing more is sent.
+  void End() { EXPECT_EQ(SSL_shutdown(ssl_), 0); }
+
+  // Reads up to the end. SSL_ERROR_ZERO_RETURN: the server said that it is the end
+  // (close_notify); anything else: the connection was merely cut off.
+  int AwaitEnd() {
+    std::array<char, 4096> buffer{};
+    int got = 0;
+    while ((got = SSL_read(ssl_, buffer.data(), static_cast<int>(buffer.size()))) > 0) {
+      answer_.append(buffer.data(), static_cast<std::size_t>(got));
+    }
+    return SSL_get_error(ssl_, got);
+  }
+
+  const std::string& answer() const { return answer_; }
+
+ private:
+  std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context_;
+  std::unique_ptr<BIO, decltype(&BIO_free_all)> connection_;
+  SSL* ssl_ = nullptr;  // owned by connection_
+  std::string answer_;
+};
+
+TEST_F(DoorsTest, TlsConnectionsThatHaveAnEndSaySo) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  const ServerProcess server(database(),
+                             {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
+                              (folder_ / "key.pem").string(), "--auto-train", "false"});
+  const std::string host = "Host: localhost\r\n";
+  const std::string one = "GET /livez HTTP/1.1\r\n" + host + "\r\n";
+  std::string many;  // as many as a connection carries
+  for (int i = 0; i < 1000; ++i) many += one;
+  const std::string refused = "POST " + std::string(kImages) + " HTTP/1.1\r\n" + host;
+  for (const auto& [end, request] :
+       {std::pair{"asked for", "GET /livez HTTP/1.1\r\n" + host + "Connection: close\r\n\r\n"},
+        std::pair{"of HTTP/1.0", std::string("GET /livez HTTP/1.0\r\n\r\n")},
+        std::pair{"of the count", many},
+        std::pair{"of a refused body", refused + "Content-Length: 9999999999\r\n\r\n"},
+        std::pair{"of nonsense", "GET /" + std::string(100'000, 'x')}}) {
+    TlsTalk talk(server.port());
+    talk.Send(request);
+    EXPECT_EQ(talk.AwaitEnd(), SSL_ERROR_ZERO_RETURN) << end;
+    EXPECT_THAT(talk.answer(), HasSubstr("HTTP/1.1 ")) << end;
+  }
+
+  TlsTalk first(server.port());
+  first.Send(one);
+  first.End();
+  EXPECT_EQ(first.AwaitEnd(), SSL_ERROR_ZERO_RETURN);
+  EXPECT_THAT(first.answer(), HasSubstr("200 OK"));
+
+  TlsTalk silent(server.port());
+  silent.End();
+  EXPECT_EQ(silent.AwaitEnd(), SSL_ERROR_ZERO_RETURN);
 }
 
 TEST_F(DoorsTest, TlsFilesThatDoNotFitAreNamed) {
