@@ -131,6 +131,7 @@ DescriptorResult Average(const std::vector<Measured>& measured, const Contenders
     sift += m.measurement.figures[contenders.sift].ms();
     result.mma += figures.mma();
     result.mutual_precision += figures.mutual_precision();
+    result.correct_matches += figures.correct_mutual;
     result.keypoints += 0.5 * (figures.first + figures.second);
     result.true_pairs += figures.true_pairs;
     seconds += m.measurement.describe_seconds[row];
@@ -139,8 +140,8 @@ DescriptorResult Average(const std::vector<Measured>& measured, const Contenders
   if (result.pairs == 0) return result;
   const double n = result.pairs;
   result.ms_ratio_to_sift = sift > 0 ? result.ms / sift : 0;
-  for (double* mean :
-       {&result.ms, &result.mma, &result.mutual_precision, &result.keypoints, &result.true_pairs}) {
+  for (double* mean : {&result.ms, &result.mma, &result.mutual_precision, &result.correct_matches,
+                       &result.keypoints, &result.true_pairs}) {
     *mean /= n;
   }
   const double variance = std::max(0.0, squares / n - result.ms * result.ms);

@@ -56,6 +56,7 @@ struct DescriptorResult {
   double ms_error = 0;  // standard error of the mean
   double mma = 0;
   double mutual_precision = 0;
+  double correct_matches = 0;   // per picture pair: correct mutual nearest neighbours
   double ms_ratio_to_sift = 0;  // mean MS / SIFT's on the same pairs; 0 where SIFT's is 0
   double keypoints = 0;         // per picture, on the object
   double true_pairs = 0;        // per picture pair

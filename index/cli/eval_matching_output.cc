@@ -15,10 +15,11 @@ std::string ResultTable(const std::vector<DescriptorResult>& results) {
   for (const DescriptorResult& r : results) {
     rows.push_back({r.label, FormatFixed(r.ms, 3), FormatFixed(r.ms_error, 3),
                     FormatFixed(r.mma, 3), FormatFixed(r.mutual_precision, 3),
-                    FormatFixed(r.ms_ratio_to_sift, 2), FormatFixed(r.keypoints, 0),
-                    FormatFixed(r.true_pairs, 0), FormatFixed(r.describe_us, 0)});
+                    FormatFixed(r.correct_matches, 0), FormatFixed(r.ms_ratio_to_sift, 2),
+                    FormatFixed(r.keypoints, 0), FormatFixed(r.true_pairs, 0),
+                    FormatFixed(r.describe_us, 0)});
   }
-  return FormatTable({"descriptor", "MS", "+-", "MMA", "mutual precision", "MS / SIFT's",
+  return FormatTable({"descriptor", "MS", "+-", "MMA", "mutual precision", "correct", "MS / SIFT's",
                       "key points", "true pairs", "us / key point"},
                      rows);
 }
@@ -49,6 +50,7 @@ Json ResultsJson(const std::vector<DescriptorResult>& results) {
                     {"ms_error", r.ms_error},
                     {"mma", r.mma},
                     {"mutual_precision", r.mutual_precision},
+                    {"correct_matches", r.correct_matches},
                     {"ms_ratio_to_sift", r.ms_ratio_to_sift},
                     {"keypoints", r.keypoints},
                     {"true_pairs", r.true_pairs},
@@ -99,8 +101,8 @@ void AddCsvRows(const std::string& set, const std::string& value,
            std::to_string(r.pairs);
     for (const double figure : {r.ms, r.ms_error, r.mma, r.mutual_precision, r.ms_ratio_to_sift})
       csv += ',' + FormatFixed(figure, 6);
-    csv += ',' + FormatFixed(r.keypoints, 1) + ',' + FormatFixed(r.true_pairs, 1) + ',' +
-           FormatFixed(r.describe_us, 1) + '\n';
+    csv += ',' + FormatFixed(r.correct_matches, 1) + ',' + FormatFixed(r.keypoints, 1) + ',' +
+           FormatFixed(r.true_pairs, 1) + ',' + FormatFixed(r.describe_us, 1) + '\n';
   }
 }
 
@@ -141,7 +143,7 @@ Json MatchingReportJson(const MatchingReport& report, const evaluation::Matching
 std::string MatchingReportCsv(const MatchingReport& report) {
   std::string csv =
       "set,value,descriptor,model_id,pairs,ms,ms_error,mma,mutual_precision,ms_ratio_to_sift,"
-      "keypoints,true_pairs,describe_us\n";
+      "correct_matches,keypoints,true_pairs,describe_us\n";
   AddCsvRows("all", "", report.results, csv);
   for (const Subset& group : report.groups) AddCsvRows(group.name, "", group.results, csv);
   for (const Subset& point : report.curve)

@@ -75,6 +75,7 @@ TEST_F(CliMatching, JsonTableCsvAndPlotTellTheSame) {
       EXPECT_GE(row[figure].get<double>(), 0);
       EXPECT_LE(row[figure].get<double>(), 1);
     }
+    EXPECT_GT(row["correct_matches"], 0);
   }
   ASSERT_EQ(report["curves"].size(), 1U);
   const json& curve = report["curves"][0];

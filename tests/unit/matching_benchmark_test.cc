@@ -72,6 +72,8 @@ TEST_F(MatchingBenchmark, FiguresOfPicturesWhoseTruthIsKnown) {
   EXPECT_DOUBLE_EQ(report.results[0].ms_ratio_to_sift, 1);
   EXPECT_GT(report.results[0].mma, 0.9);
   EXPECT_GT(report.results[0].mutual_precision, 0.8);
+  EXPECT_GT(report.results[0].correct_matches, 0.5 * report.results[0].true_pairs);
+  EXPECT_LE(report.results[0].correct_matches, report.results[0].keypoints);
   ASSERT_EQ(report.groups.size(), 2U);
   EXPECT_EQ(report.groups[0].name, "illumination");
   EXPECT_EQ(report.groups[1].name, "viewpoint");
