@@ -160,9 +160,9 @@ void FaissExact(benchmark::State& state) {
   rows.floats.erase(rows.floats.begin(), rows.floats.end() - 4000 * kDim);
   omp_set_num_threads(static_cast<int>(state.range(1)));
   faiss::IndexFlatL2 index(kDim);
-  index.add(static_cast<faiss::Index::idx_t>(words.rows), words.floats.data());
+  index.add(static_cast<std::int64_t>(words.rows), words.floats.data());
   std::vector<float> distances(4000);
-  std::vector<faiss::Index::idx_t> labels(4000);
+  std::vector<std::int64_t> labels(4000);
   for (auto _ : state) index.search(4000, rows.floats.data(), 1, distances.data(), labels.data());
   const auto assigned = static_cast<double>(state.iterations() * 4000);
   state.counters["descriptors/s"] = {assigned, benchmark::Counter::kIsRate};

@@ -95,7 +95,16 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   EXPECT_EQ(image["metadata"]["shelf"], 4);
   EXPECT_EQ(image["source"], "a b.png");
   const std::string path = created->get_header_value("Location");
-  EXPECT_EQ(path, std::string(kImages) + "/shelf:4");  // the client decodes header values
+  // cpp-httplib 0.11 decodes the values of headers, 0.18 leaves this one as it was sent.
+  EXPECT_THAT(path, ::testing::AnyOf(std::string(kImages) + "/shelf:4",
+                                     std::string(kImages) + "/shelf%3A4"));
+  const std::string sent = server_->Talk("PUT " + std::string(kImages) +
+                                         "/shelf%3A5 HTTP/1.1\r\nHost: localhost\r\nConnection: "
+                                         "close\r\nContent-Type: image/png\r\nContent-Length: " +
+                                         std::to_string(picture.size()) + "\r\n\r\n" + picture);
+  EXPECT_THAT(sent, ::testing::StartsWith("HTTP/1.1 201 "));
+  EXPECT_THAT(sent,
+              ::testing::HasSubstr("\r\nLocation: " + std::string(kImages) + "/shelf%3A5\r\n"));
 
   const auto content = client.Get(path + "/content");
   EXPECT_EQ(content->body, picture);

@@ -53,7 +53,7 @@ class MatchingBenchmark : public ::testing::Test {
     return options;
   }
   static const DescriptorResult& Row(const std::vector<DescriptorResult>& results,
-                                     const std::string& label) {
+                                     const char* label) {
     for (const DescriptorResult& r : results) {
       if (r.label == label) return r;
     }
