@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
@@ -19,6 +20,13 @@
 
 namespace pliant {
 namespace {
+
+// The i-th of little-endian halves (IEEE 754 binary16).
+float HalfAt(std::span<const std::uint8_t> data, std::size_t i) {
+  std::uint16_t bits = 0;
+  std::memcpy(&bits, data.data() + i * sizeof(bits), sizeof(bits));
+  return static_cast<float>(Eigen::numext::bit_cast<Eigen::half>(bits));
+}
 
 namespace fs = std::filesystem;
 
@@ -165,10 +173,15 @@ std::vector<float> SafetensorsFile::Floats(const std::string& tensor) const {
   const auto found = tensors().find(tensor);
   if (found == tensors().end()) fail("is missing");
   const TensorInfo& info = found->second;
-  if (info.dtype != "F32") fail("is of type " + info.dtype + ", not F32");
+  const bool is_half = info.dtype == "F16";
+  if (!is_half && info.dtype != "F32") fail("is of type " + info.dtype + ", not F32 or F16");
   std::vector<float> values(info.count());
   const std::span<const std::uint8_t> data = Data(info);
-  if (!values.empty()) std::memcpy(values.data(), data.data(), data.size());
+  if (is_half) {
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = HalfAt(data, i);
+  } else if (!values.empty()) {
+    std::memcpy(values.data(), data.data(), data.size());
+  }
   const bool finite =
       std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
   if (!finite) fail("holds NaN or infinity");

@@ -126,7 +126,7 @@ def export(arguments: argparse.Namespace, device: torch.device) -> None:
         shutil.copyfile(arguments.against, kept)
         against = {"previous weights": kept}
     target = arguments.model / "deal.safetensors"
-    save_model(target, model, {k: v for k, v in metadata.items() if k != "format"})
+    save_model(target, model, {k: v for k, v in metadata.items() if k != "format"}, half=True)
     rows = compare({"deal": target, **against}, pairs, device)
     for path in against.values():
         path.unlink()

@@ -185,6 +185,10 @@ def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, 
     return model.eval(), metadata
 
 
-def save_model(path: str | os.PathLike, model: Deal, metadata: dict[str, str]) -> None:
-    """metadata must hold radius_per_size; 'format' is added."""
-    tensor_file.save(path, export_tensors(model), {"format": model.format, **metadata})
+def save_model(path: str | os.PathLike, model: Deal, metadata: dict[str, str], half: bool = False) -> None:
+    """metadata must hold radius_per_size; 'format' is added. With `half`, matrices and filters are
+    rounded to half precision, which halves the file; vectors (biases, batch norm) are not."""
+    tensors = export_tensors(model)
+    if half:
+        tensors = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in tensors.items()}
+    tensor_file.save(path, tensors, {"format": model.format, **metadata})

@@ -83,6 +83,20 @@ class ExportTest(unittest.TestCase):
         np.testing.assert_allclose(folded["localization.fc4.weight"], plain[0], atol=1e-6)
         np.testing.assert_allclose(folded["localization.fc4.bias"], plain[1], atol=1e-6)
 
+    def test_half_precision_halves_the_file_and_rounds_matrices_alone(self):
+        network = fresh_model(4)
+        with tempfile.TemporaryDirectory() as folder:
+            whole, half = Path(folder) / "w.safetensors", Path(folder) / "h.safetensors"
+            model.save_model(whole, network, {"radius_per_size": "7"})
+            model.save_model(half, network, {"radius_per_size": "7"}, half=True)
+            self.assertLess(half.stat().st_size, 0.55 * whole.stat().st_size)
+            back, _ = model.load_model(half)
+            for name, value in network.state_dict().items():
+                found = back.state_dict()[name]
+                self.assertEqual(found.dtype, value.dtype, name)
+                rounded = value.half().to(value.dtype) if value.ndim > 1 else value
+                self.assertTrue(torch.equal(rounded, found), name)
+
     def test_saved_model_comes_back_with_its_widths(self):
         network = fresh_model(4)
         with tempfile.TemporaryDirectory() as folder:

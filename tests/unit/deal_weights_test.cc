@@ -53,7 +53,15 @@ class DealWeightsTest : public ::testing::Test {
     std::memcpy(&length, shipped.bytes().data(), 8);
     const char* text = reinterpret_cast<const char*>(shipped.bytes().data()) + 8;
     header_ = Json::parse(text, text + length);
-    data_.assign(shipped.bytes().begin() + 8 + static_cast<long>(length), shipped.bytes().end());
+    for (auto& [name, entry] : header_.items()) {  // all in single precision
+      if (name == "__metadata__") continue;
+      const std::vector<float> values = shipped.Floats(name);
+      const auto* bytes = reinterpret_cast<const std::uint8_t*>(values.data());
+      const std::size_t begin = data_.size();
+      data_.insert(data_.end(), bytes, bytes + values.size() * sizeof(float));
+      entry["dtype"] = "F32";
+      entry["data_offsets"] = {begin, data_.size()};
+    }
   }
 
   static const SafetensorsFile& Shipped() {

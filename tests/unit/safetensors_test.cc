@@ -65,6 +65,18 @@ std::string Replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
+TEST(SafetensorsTest, ReadsHalfPrecision) {
+  // 1, -2, the largest, the smallest above 0; then infinity.
+  std::vector<std::uint8_t> data = {0x00, 0x3c, 0x00, 0xc0, 0xff, 0x7b, 0x01, 0x00, 0x00, 0x7c};
+  const SafetensorsFile file = SafetensorsFile::Parse(
+      FileOf(R"({"h": {"dtype": "F16", "shape": [2, 2], "data_offsets": [0, 8]},
+                 "i": {"dtype": "F16", "shape": [1], "data_offsets": [8, 10]}})",
+             data),
+      "w");
+  EXPECT_EQ(file.Floats("h"), (std::vector<float>{1, -2, 65504, 0x1p-24F}));
+  EXPECT_THAT(Fault([&] { file.Floats("i"); }), HasSubstr("holds NaN or infinity"));
+}
+
 TEST(SafetensorsTest, ReadsSoundFile) {
   std::vector<std::uint8_t> data(32);
   const float values[] = {1, 2, 3, 4, 5, 6, 7, 8};
