@@ -76,8 +76,8 @@ class SafetensorsFile {
   // The bytes of a tensor of this file.
   std::span<const std::uint8_t> Data(const TensorInfo& tensor) const;
 
-  // The values of an F32 or F16 tensor, row-major. Throws kCorrupt when the tensor is missing, of another
-  // type, or holds NaN or infinity.
+  // The values of an F32 or F16 tensor, row-major. Throws kCorrupt when the tensor is missing, of
+  // another type, or holds NaN or infinity.
   std::vector<float> Floats(const std::string& tensor) const;
 
  private:
