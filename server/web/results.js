@@ -23,11 +23,14 @@ function scoreBar(score, grade) {
   return make("span", { class: "bar", "aria-hidden": "true" }, fill);
 }
 
+// Never 100 %: objects that share most of their print are told apart by little.
+const percent = (probability) => (probability > 0.99 ? "> 99 %" : `${Math.round(100 * probability)} %`);
+
 // onChoose(hit) is called when the hit is picked for comparison.
 export function hitCard(hit, onChoose) {
   const { words, grade } = scoreWords(hit);
   const sureness = hit.probability ?? hit.score;
-  const facts = [`${hit.probability === null ? "score" : "probability"} ${sureness.toFixed(2)}`];
+  const facts = [hit.probability === null ? `score ${sureness.toFixed(2)}` : percent(sureness)];
   if (hit.inliers) facts.push(`${count(hit.inliers, "point")} agree${hit.inliers === 1 ? "s" : ""}`);
   const button = make(
     "button", { type: "button", class: "hit-choose", "aria-pressed": "false",
