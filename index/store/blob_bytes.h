@@ -19,6 +19,7 @@ static_assert(std::endian::native == std::endian::little,
               "the blob formats are little-endian and written by memcpy");
 
 inline constexpr std::size_t kChecksumBytes = 4;
+inline constexpr std::uint32_t kMaxDim = 1u << 14;  // of what a blob may claim
 
 // Throws kCorrupt: "stored " and `what`.
 [[noreturn]] void ThrowCorruptBlob(const std::string& what);

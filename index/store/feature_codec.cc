@@ -17,7 +17,6 @@ constexpr std::uint8_t kFeatureVersion = 1;
 constexpr std::size_t kFeatureHeaderBytes = 24;
 constexpr std::size_t kKeypointBytes = 24;
 constexpr std::uint32_t kMaxRows = 1u << 20;
-constexpr std::uint32_t kMaxDim = 1u << 14;
 
 DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
   if (descriptors.kind == DescriptorKind::kBinary) return DescriptorEncoding::kBits;

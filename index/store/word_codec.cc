@@ -13,7 +13,6 @@ constexpr std::uint8_t kBowVersion = 1;        // words only
 constexpr std::uint8_t kSignedBowVersion = 2;  // and a signature each
 constexpr std::uint8_t kCodedBowVersion = 3;   // and a code per descriptor
 constexpr std::uint8_t kCodebookVersion = 1;
-constexpr std::uint32_t kMaxDim = 1u << 14;
 
 }  // namespace
 

@@ -60,15 +60,16 @@ void CheckAgainst(Baseline& baseline, const Figures& figures) {
   }
 }
 
-// Whatever the vocabulary and the set: looking at the matches makes no answer worse. A picture that
-// six key points confuse with the query may push another out of the first K in one answer.
+// Whatever the vocabulary and the set: looking at the matches makes no answer worse. Far down,
+// where nothing verifies, one picture that six key points confuse with the query may push one other
+// out.
 void ExpectVerificationNeverLowers(const Figures& figures, const std::string& descriptor) {
   const RetrievalResult& with = figures.Row(descriptor, "default");
   const RetrievalResult& without = figures.Row(descriptor, "unverified");
   const double answers = static_cast<double>(figures.report.queries) * figures.report.seeds;
   EXPECT_GE(with.mean.map, without.mean.map) << descriptor;
   for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
-    const double one_picture = k == 0 ? 0 : 1 / (answers * static_cast<double>(k + 1));
+    const double one_picture = k < 5 ? 0 : 1 / (answers * static_cast<double>(k + 1));
     EXPECT_GE(with.mean.accuracy_at[k], without.mean.accuracy_at[k] - one_picture - 1e-9)
         << descriptor << ", K = " << k + 1;
   }
