@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Jobs in memory and over restarts, what may be imported, names of backups, and rate limits.
+// Jobs in memory and over restarts, what may be imported, and names of backups.
 #include <atomic>
 #include <fstream>
 #include <future>
@@ -12,8 +12,6 @@
 
 #include "index/engine/engine.h"
 #include "index/store/open_store.h"
-#include "server/auth/api_keys.h"
-#include "server/auth/rate_limiter.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/import_job.h"
 #include "tests/unit/index_test_pictures.h"
@@ -282,45 +280,6 @@ TEST_F(JobsTest, BackupsSayNothingOfTheDirectory) {
   ASSERT_TRUE(job.problem);
   EXPECT_EQ(job.problem->code, "internal") << "no space is another matter";
   EXPECT_THAT(job.problem->detail, ::testing::Not(::testing::HasSubstr(folder_.path().string())));
-}
-
-TEST(ApiKeys, AreRandomAndHashed) {
-  const NewKey first = MakeApiKey("a", Scope::kWrite);
-  const NewKey second = MakeApiKey("a", Scope::kWrite);
-  EXPECT_NE(first.key, second.key);
-  EXPECT_NE(first.record.hash, second.record.hash);
-  EXPECT_EQ(first.record.hash.size(), 64U);
-  EXPECT_EQ(first.record.scope, "write");
-  EXPECT_EQ(first.key.find(first.record.id), 4U);
-}
-
-TEST(RateLimiter, RefillsAndKeepsClientsApart) {
-  RateLimiter limiter(2, 3);  // 2 a second, 3 at once
-  auto now = RateLimiter::Clock::now();
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_EQ(limiter.Take("a", now), 1);
-  EXPECT_EQ(limiter.Take("b", now), 0);
-  now += milliseconds(500);
-  EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_EQ(limiter.Take("a", now), 1);
-  now += std::chrono::seconds(100);
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_GT(limiter.Take("a", now), 0) << "no more than the burst is saved up";
-  RateLimiter slow(0.1, 1);
-  EXPECT_EQ(slow.Take("a", now), 0);
-  EXPECT_EQ(slow.Take("a", now), 10);
-  RateLimiter off(0, 1);
-  for (int i = 0; i < 100; ++i) EXPECT_EQ(off.Take("a", now), 0);
-}
-
-TEST(RateLimiter, RemembersOnlySoMany) {
-  RateLimiter limiter(1, 1);
-  const auto now = RateLimiter::Clock::now();
-  for (std::size_t i = 0; i < RateLimiter::kMaxBuckets; ++i) {
-    EXPECT_EQ(limiter.Take(std::to_string(i), now), 0);
-  }
-  EXPECT_EQ(limiter.Take("one more", now), 1);
-  EXPECT_EQ(limiter.Take("one more", now + std::chrono::seconds(2)), 0) << "the others are full";
 }
 
 }  // namespace
