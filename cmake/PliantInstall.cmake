@@ -35,8 +35,8 @@ set(PLIANT_PUBLIC_HEADERS
     index/records/location.h
     index/records/records.h
     index/records/search.h
-    index/verify/explanation.h
-    index/verify/location.h
+    index/verify/explain.h
+    index/verify/locate.h
     index/verify/verification.h
     index/verify/warp_mesh.h
     vocab/k_medoids.h

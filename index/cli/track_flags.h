@@ -5,7 +5,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 
 namespace pliant::cli {
 

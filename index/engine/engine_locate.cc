@@ -8,7 +8,7 @@
 #include "descriptor/base/parallel.h"
 #include "index/engine/engine_impl.h"
 #include "index/store/feature_codec.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 
 namespace pliant {
 namespace {

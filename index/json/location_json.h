@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "index/json/json.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 #include "index/verify/warp_mesh.h"
 
 namespace pliant {

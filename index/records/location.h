@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where one object is in one picture. Plain values; index/verify/location.h works them out.
+// Where one object is in one picture. Plain values; index/verify/locate.h works them out.
 #pragma once
 
 #include <cstdint>

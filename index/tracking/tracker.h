@@ -10,7 +10,7 @@
 
 #include "descriptor/features/descriptor.h"
 #include "descriptor/image/image.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 
 namespace pliant {
 

@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "descriptor/evaluation/dataset.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 
 namespace pliant {
 

@@ -12,7 +12,7 @@
 #include "descriptor/features/features.h"
 #include "index/rank/ranker.h"
 #include "index/records/search.h"
-#include "index/verify/explanation.h"
+#include "index/verify/explain.h"
 #include "index/verify/verification.h"
 
 namespace pliant {

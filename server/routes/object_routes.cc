@@ -4,7 +4,7 @@
 #include <chrono>
 
 #include "index/json/location_json.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"

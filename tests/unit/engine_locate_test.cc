@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "index/engine/engine.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

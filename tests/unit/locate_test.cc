@@ -9,7 +9,7 @@
 
 #include "descriptor/warp/local_affine.h"
 #include "index/json/location_json.h"
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verify/location.h"
+#include "index/verify/locate.h"
 
 #include <algorithm>
 #include <cmath>

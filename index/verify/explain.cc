@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verify/explanation.h"
+#include "index/verify/explain.h"
 
 #include "index/verify/warp_mesh.h"
 
