@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <span>
+#include <utility>
 
-#include "descriptor/features/keypoints.h"
+#include "descriptor/features/enlarged_keypoints.h"
 
 namespace pliant::evaluation {
 
@@ -14,8 +16,19 @@ SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
   ViewFeatures& features = place->second;
   if (!is_new) return features;
   const KeypointOptions options{options_.max_keypoints, repeats};
-  for (const Keypoint& k : DetectKeypoints(scene_.Picture(view), options)) {
+  const Image& picture = scene_.Picture(view);
+  const std::vector<Keypoint> found = DetectKeypoints(picture, options);
+  for (const Keypoint& k : found) {
     if (scene_.OnObject(view, {k.x, k.y})) features.keypoints.push_back(k);
+  }
+  if (!options_.enlarge) return features;
+  EnlargedKeypoints more = DetectEnlarged(picture, found, /*max_side_px=*/0, options);
+  features.enlarged = std::move(more.picture);
+  for (std::size_t i = 0; i < more.placed.size(); ++i) {
+    const Keypoint& k = more.placed[i];
+    if (!scene_.OnObject(view, {k.x, k.y})) continue;
+    features.keypoints.push_back(k);
+    features.inside.push_back(more.inside[i]);
   }
   return features;
 }
@@ -46,8 +59,13 @@ const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
   const auto [place, is_new] = features.descriptors.try_emplace(contender);
   if (!is_new) return place->second;
   const auto start = std::chrono::steady_clock::now();
-  place->second = contenders_[contender].descriptor->Describe(scene_.Picture(view),
-                                                              features.keypoints, /*threads=*/1);
+  const Descriptor& descriptor = *contenders_[contender].descriptor;
+  const std::span<const Keypoint> keypoints(features.keypoints);
+  const std::size_t plain = keypoints.size() - features.inside.size();
+  place->second = descriptor.Describe(scene_.Picture(view), keypoints.first(plain), /*threads=*/1);
+  if (!features.inside.empty()) {
+    place->second.Append(descriptor.Describe(features.enlarged, features.inside, /*threads=*/1));
+  }
   measurement.describe_seconds[contender] +=
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   measurement.described[contender] += static_cast<double>(features.keypoints.size());

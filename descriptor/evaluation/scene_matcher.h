@@ -25,6 +25,7 @@ struct Contender {
 
 struct MatcherOptions {
   int max_keypoints = 2048;
+  bool enlarge = false;
   double tolerance_px = 3;
   int min_true_pairs = 12;
 };
@@ -50,6 +51,9 @@ class SceneMatcher {
   // A view's key points on the object, and their descriptors.
   struct ViewFeatures {
     std::vector<Keypoint> keypoints;
+    // Enlarged, and where the last inside.size() of `keypoints` are in it.
+    Image enlarged;
+    std::vector<Keypoint> inside;
     std::map<std::size_t, Descriptors> descriptors;  // by contender
   };
   // The key points of both views that count in this pair, and the truth between them.

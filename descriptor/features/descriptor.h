@@ -62,11 +62,9 @@ std::filesystem::path DefaultModelPath();
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
-  // A picture in which fewer key points than this are found is also described enlarged, to twice
-  // its size, but not beyond 1024 pixels or decode.max_side_px on the longer side. What is found
-  // there and not before is added, at most keypoints.max_keypoints more. Small prints have few key
-  // points, and most of them are too fine for a detector that begins at the picture's own size. 0 =
-  // never.
+  // A picture in which fewer key points than this are found is also described enlarged
+  // (enlarged_keypoints.h). What is found there and not before is added, at most
+  // keypoints.max_keypoints more. 0 = never.
   int enlarge_below = 0;
 };
 
@@ -108,7 +106,7 @@ class FeatureExtractor {
   FeatureExtractor WithEnlargeBelow(int keypoints) const;
 
  private:
-  void AddEnlarged(const DecodedImage& decoded, int threads, PictureRole role, Features* features,
+  void AddEnlarged(const Image& image, int threads, PictureRole role, Features* features,
                    ExtractionTimings* timings) const;
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
                        int threads) const;

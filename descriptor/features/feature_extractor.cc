@@ -8,6 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/features/descriptor.h"
+#include "descriptor/features/enlarged_keypoints.h"
 
 namespace pliant {
 namespace {
@@ -25,49 +26,6 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
-
-// From pixels of the decoded picture to pixels of the original: centres are at integers.
-void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
-  if (scale == 1.0) return;
-  const auto inverse = static_cast<float>(1.0 / scale);
-  for (Keypoint& k : keypoints) {
-    k.x = (k.x + 0.5F) * inverse - 0.5F;
-    k.y = (k.y + 0.5F) * inverse - 0.5F;
-    k.size *= inverse;
-  }
-}
-
-constexpr double kEnlargement = 2;
-constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger picture is not a small one
-constexpr double kLeastEnlargement = 1.25;  // below, nothing new comes to light
-
-// How much larger a picture of this size may be described again; 1 = not at all.
-double EnlargementOf(const Image& image, int most) {
-  const int longer = std::max(image.width, image.height);
-  const int side = most > 0 ? std::min(most, kEnlargedSide) : kEnlargedSide;
-  const double factor = std::min(kEnlargement, static_cast<double>(side) / longer);
-  return factor < kLeastEnlargement ? 1 : factor;
-}
-
-// The detector finds most key points at both sizes. Twins would spoil the ratio test of matching,
-// in which the second nearest must be clearly farther away.
-bool IsTwin(const Keypoint& a, const Keypoint& b) {
-  constexpr float kPlace = 0.25F;   // of the size
-  constexpr float kOctaves = 1.2F;  // ratio of sizes
-  const float size = std::min(a.size, b.size);
-  return std::abs(a.x - b.x) < kPlace * size && std::abs(a.y - b.y) < kPlace * size &&
-         a.size < kOctaves * b.size && b.size < kOctaves * a.size;
-}
-
-void Append(const Features& more, Features* features) {
-  features->keypoints.insert(features->keypoints.end(), more.keypoints.begin(),
-                             more.keypoints.end());
-  Descriptors& all = features->descriptors;
-  all.rows += more.descriptors.rows;
-  all.floats.insert(all.floats.end(), more.descriptors.floats.begin(),
-                    more.descriptors.floats.end());
-  all.bytes.insert(all.bytes.end(), more.descriptors.bytes.begin(), more.descriptors.bytes.end());
-}
 
 }  // namespace
 
@@ -129,44 +87,26 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
   const double detect_ms = watch.Lap();
 
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
-  ScaleToOriginal(features.keypoints, decoded.scale);
   if (timings != nullptr) {
     timings->detect_ms = detect_ms;
     timings->describe_ms = watch.Lap();
   }
   if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    AddEnlarged(decoded, threads, role, &features, timings);
+    AddEnlarged(decoded.image, threads, role, &features, timings);
   }
+  ScaleToOriginal(features.keypoints, decoded.scale);
   return features;
 }
 
-void FeatureExtractor::AddEnlarged(const DecodedImage& decoded, int threads, PictureRole role,
+void FeatureExtractor::AddEnlarged(const Image& image, int threads, PictureRole role,
                                    Features* features, ExtractionTimings* timings) const {
-  const double factor = EnlargementOf(decoded.image, options_.decode.max_side_px);
-  if (factor == 1) return;
   Stopwatch watch;
-  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  const Image large =
-      ResizeImage(decoded.image, scaled(decoded.image.width), scaled(decoded.image.height));
-  Features more;
-  more.keypoints = DetectKeypoints(large, options_.keypoints);
-  const std::vector<Keypoint> in_large = more.keypoints;
-  ScaleToOriginal(more.keypoints, decoded.scale * factor);
-  std::vector<Keypoint> kept;  // in the enlarged picture
-  std::vector<Keypoint> placed;
-  for (std::size_t i = 0; i < in_large.size(); ++i) {
-    const Keypoint& found = more.keypoints[i];
-    if (std::any_of(features->keypoints.begin(), features->keypoints.end(),
-                    [&](const Keypoint& known) { return IsTwin(found, known); })) {
-      continue;
-    }
-    kept.push_back(in_large[i]);
-    placed.push_back(found);
-  }
+  const EnlargedKeypoints more = DetectEnlarged(image, features->keypoints,
+                                                options_.decode.max_side_px, options_.keypoints);
   if (timings != nullptr) timings->detect_ms += watch.Lap();
-  more.descriptors = Describe(large, kept, role, threads);
-  more.keypoints = std::move(placed);
-  Append(more, features);
+  if (more.inside.empty()) return;
+  features->descriptors.Append(Describe(more.picture, more.inside, role, threads));
+  features->keypoints.insert(features->keypoints.end(), more.placed.begin(), more.placed.end());
   if (timings != nullptr) timings->describe_ms += watch.Lap();
 }
 

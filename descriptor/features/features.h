@@ -47,6 +47,12 @@ struct Descriptors {
   std::span<const std::uint8_t> binary_row(std::size_t i) const {
     return {bytes.data() + i * dim, static_cast<std::size_t>(dim)};
   }
+  // Adds the rows of `more`, which must be of the same kind and dim.
+  void Append(const Descriptors& more) {
+    rows += more.rows;
+    floats.insert(floats.end(), more.floats.begin(), more.floats.end());
+    bytes.insert(bytes.end(), more.bytes.begin(), more.bytes.end());
+  }
 };
 
 // The features of one picture. Key points are in pixels of the ORIGINAL upright picture

@@ -125,6 +125,7 @@ Json MatchingReportJson(const MatchingReport& report, const evaluation::Matching
                {"left_out", report.left_out},
                {"layout", ToString(report.layout)},
                {"keypoints", options.max_keypoints},
+               {"enlarge", options.enlarge},
                {"tolerance_px", options.tolerance_px},
                {"min_true_pairs", options.min_true_pairs},
                {"seed", options.seed},

@@ -15,9 +15,7 @@ std::vector<PictureWords> QuantizeBatch(const Quantizer& quantizer,
   for (const StoredFeatures& picture : batch) {
     const Descriptors own = DecodeFeatures(picture.encoded).descriptors;
     rows.push_back(own.rows);
-    all.rows += own.rows;
-    all.floats.insert(all.floats.end(), own.floats.begin(), own.floats.end());
-    all.bytes.insert(all.bytes.end(), own.bytes.begin(), own.bytes.end());
+    all.Append(own);
   }
   const std::vector<std::uint32_t> words = quantizer.Assign(all, threads);
   std::vector<PictureWords> result;

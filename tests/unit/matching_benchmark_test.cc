@@ -92,6 +92,25 @@ TEST_F(MatchingBenchmark, FiguresOfPicturesWhoseTruthIsKnown) {
               (2 * report.groups[0].results[0].ms + report.groups[1].results[0].ms) / 3, 1e-12);
 }
 
+// Key points of the enlarged picture are described there and placed in the picture's own pixels:
+// described or placed elsewhere, they would match wrongly.
+TEST_F(MatchingBenchmark, EnlargedPicturesGiveMoreRightMatches) {
+  const Dataset dataset = OpenDataset(folder_.path());
+  MatchingOptions options = Options({"sift", "rootsift"});
+  const MatchingReport plain = RunMatchingBenchmark(dataset, options);
+  options.enlarge = true;
+  const MatchingReport enlarged = RunMatchingBenchmark(dataset, options);
+  ASSERT_EQ(enlarged.pairs, plain.pairs);
+  for (std::size_t row = 0; row < plain.results.size(); ++row) {
+    const DescriptorResult& before = plain.results[row];
+    const DescriptorResult& after = enlarged.results[row];
+    EXPECT_GT(after.keypoints, 1.1 * before.keypoints) << after.label;
+    EXPECT_GT(after.correct_matches, 1.1 * before.correct_matches) << after.label;
+    EXPECT_GT(after.mma, 0.85) << after.label;
+  }
+  EXPECT_DOUBLE_EQ(enlarged.groups[1].results[0].ms, 1) << "a picture and itself";
+}
+
 TEST_F(MatchingBenchmark, TheRatioToSiftNeedsNoSiftInTheTable) {
   const Dataset dataset = OpenDataset(folder_.path());
   const MatchingReport with = RunMatchingBenchmark(dataset, Options({"orb", "sift"}));

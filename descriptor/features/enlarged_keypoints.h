@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Key points of a picture that is enlarged first. Small prints have few key points, and most of
+// them are too fine for a detector that begins at the picture's own size.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "descriptor/features/keypoints.h"
+
+namespace pliant {
+
+struct EnlargedKeypoints {
+  Image picture;                 // grey; empty when the given one is too large to be enlarged
+  std::vector<Keypoint> inside;  // in pixels of `picture`, where they are described
+  std::vector<Keypoint> placed;  // the same ones in pixels of the given picture
+};
+
+// Enlarges `grey` to twice its size, but not beyond 1024 pixels or `max_side_px` (0 = no such
+// limit) on the longer side, and detects key points there, at most options.max_keypoints. Leaves
+// out those that `known` (in pixels of `grey`) has already: twins would spoil the ratio test of
+// matching, in which the second nearest must be clearly farther away. Thread-safe.
+EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
+                                 int max_side_px, const KeypointOptions& options);
+
+// From pixels of a picture scaled by `scale` to pixels of the original: centres are at integers.
+void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale);
+
+}  // namespace pliant
