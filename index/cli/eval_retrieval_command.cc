@@ -23,6 +23,7 @@ struct Options {
   fs::path folder;
   RetrievalLayout layout = RetrievalLayout::kAuto;
   std::vector<fs::path> distractors;
+  std::vector<fs::path> absent;
   std::vector<fs::path> peers;
   EvalFiles files;
   bool json = false;
@@ -50,7 +51,8 @@ class Steps {
 
 ExitStatus Run(Options& options) {
   CheckEvalFiles(options.files);
-  const RetrievalSet set = ReadRetrievalSet(options.folder, options.layout, options.distractors);
+  const RetrievalSet set =
+      ReadRetrievalSet(options.folder, options.layout, options.distractors, options.absent);
   if (options.list) {
     for (const SkippedFile& file : set.skipped)
       Message("skipped " + file.file + ": " + file.reason);
@@ -94,6 +96,12 @@ void AddSetFlags(CLI::App& app, Options& options) {
       ->option_text("auto|objects|ukbench|pairs|labels");
   app.add_option("--distractors", options.distractors,
                  "folder of pictures that show none of the objects; may be given more than once")
+      ->allow_extra_args(false)
+      ->type_name("DIR");
+  app.add_option(
+         "--absent", options.absent,
+         "folder of further queries that show none of the objects, so that whatever is found "
+         "is a false alarm; may be given more than once")
       ->allow_extra_args(false)
       ->type_name("DIR");
 }

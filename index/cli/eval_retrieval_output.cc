@@ -65,6 +65,21 @@ std::string CostTable(const RetrievalReport& report) {
                      rows);
 }
 
+// What answers say is found (probability 0.9 or more); empty where no protocol knows probabilities.
+std::string FoundTable(const RetrievalReport& report) {
+  std::vector<std::vector<std::string>> rows;
+  for (const RetrievalResult& row : report.results) {
+    if (row.mean.found_right + row.mean.found_wrong == 0) continue;
+    rows.push_back({row.descriptor, row.protocol, FormatWords(row),
+                    FormatFixed(row.mean.found_right, 3), FormatFixed(row.mean.found_wrong, 3),
+                    std::to_string(row.absent.asked), std::to_string(row.absent.alarms)});
+  }
+  if (rows.empty()) return "";
+  return "\n\nsaid to be found: share of the queries; and queries that show none of the objects\n" +
+         FormatTable(
+             {"descriptor", "protocol", "words", "right", "wrong", "absent", "false alarms"}, rows);
+}
+
 Json AccuracyJson(const RetrievalMetrics& metrics) {
   Json list = Json::array();
   for (const double value : metrics.accuracy_at) list.push_back(value);
@@ -89,6 +104,10 @@ Json ResultJson(const RetrievalResult& row) {
           {"object_top1", row.object ? Json(row.object->top1) : Json(nullptr)},
           {"object_mrr", row.object ? Json(row.object->mrr) : Json(nullptr)},
           {"refused_queries", row.refused},
+          {"found_right", row.mean.found_right},
+          {"found_wrong", row.mean.found_wrong},
+          {"absent_queries", row.absent.asked},
+          {"false_alarms", row.absent.alarms},
           {"spread",
            {{"accuracy_at", AccuracyJson(row.spread)},
             {"map", row.spread.map},
@@ -152,8 +171,8 @@ std::string RetrievalReportText(const RetrievalReport& report) {
       " pictures of " + std::to_string(report.objects) + " objects, " +
       std::to_string(report.distractors) + " of them distractors (layout " +
       ToString(report.layout) + "), mean of " + std::to_string(report.seeds) + " seeds\n\n";
-  text += AccuracyTable(report) + "\n\nmilliseconds a query by stage, and bytes a picture\n";
-  return text + CostTable(report);
+  text += AccuracyTable(report) + FoundTable(report);
+  return text + "\n\nmilliseconds a query by stage, and bytes a picture\n" + CostTable(report);
 }
 
 Json RetrievalReportJson(const RetrievalReport& report) {
@@ -163,10 +182,15 @@ Json RetrievalReportJson(const RetrievalReport& report) {
   for (const SkippedFile& file : report.skipped) {
     skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
   }
-  return {{"layout", ToString(report.layout)}, {"pictures", report.pictures},
-          {"distractors", report.distractors}, {"queries", report.queries},
-          {"objects", report.objects},         {"seeds", report.seeds},
-          {"results", std::move(results)},     {"skipped", std::move(skipped)},
+  return {{"layout", ToString(report.layout)},
+          {"pictures", report.pictures},
+          {"distractors", report.distractors},
+          {"queries", report.queries},
+          {"absent", report.absent},
+          {"objects", report.objects},
+          {"seeds", report.seeds},
+          {"results", std::move(results)},
+          {"skipped", std::move(skipped)},
           {"seconds", report.seconds}};
 }
 
@@ -221,7 +245,8 @@ Json RetrievalSetJson(const RetrievalSet& set) {
     pictures.push_back({{"file", ToDisplayText(picture.path.string())},
                         {"object", picture.object.empty() ? Json(nullptr) : Json(picture.object)},
                         {"query", picture.is_query},
-                        {"searched", picture.is_searched}});
+                        {"searched", picture.is_searched},
+                        {"absent", picture.is_absent}});
   }
   return {{"layout", ToString(set.layout)},
           {"counts_itself", set.counts_itself},

@@ -163,6 +163,7 @@ class Run {
     row->times.detect = extraction_.detect;
     row->times.describe = extraction_.describe;
     row->refused = gallery_.refused_queries();
+    row->absent = gallery_.AskAbsent(search);
     const auto& pictures = gallery_.set().pictures;
     if (std::none_of(pictures.begin(), pictures.end(), [](const RetrievalPicture& picture) {
           return picture.is_query && picture.is_searched;
@@ -189,12 +190,13 @@ class Run {
 
 void DescribeSet(const RetrievalSet& set, RetrievalReport* report) {
   report->layout = set.layout;
-  report->pictures = report->distractors = report->queries = 0;
+  report->pictures = report->distractors = report->queries = report->absent = 0;
   std::set<std::string> objects;
   for (const RetrievalPicture& picture : set.pictures) {
     report->pictures += picture.is_searched ? 1 : 0;
     report->queries += picture.is_query ? 1 : 0;
-    report->distractors += picture.object.empty() ? 1 : 0;
+    report->distractors += picture.is_searched && picture.object.empty() ? 1 : 0;
+    report->absent += picture.is_absent ? 1 : 0;
     if (!picture.object.empty()) objects.insert(picture.object);
   }
   report->objects = objects.size();

@@ -55,6 +55,7 @@ struct RetrievalResult {
   std::optional<double> ns_score;      // UKBench layout only
   std::optional<ObjectAnswer> object;  // first seed; not when queries are searched themselves
   std::size_t refused = 0;             // queries, which count as misses
+  AbsentAnswers absent;                // first seed
   RetrievalTimes times;                // first seed
   double stored_bytes_per_picture = 0;
   double index_bytes_per_picture = 0;
@@ -65,6 +66,7 @@ struct RetrievalReport {
   std::size_t pictures = 0;  // searched, distractors included
   std::size_t distractors = 0;
   std::size_t queries = 0;
+  std::size_t absent = 0;
   std::size_t objects = 0;
   int seeds = 0;
   std::vector<RetrievalResult> results;  // by descriptor, words, protocol

@@ -115,7 +115,7 @@ void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& i
   AddRequest request;
   request.bytes = bytes;
   request.id = id;
-  request.as_query = picture.is_query && !picture.is_searched;
+  request.as_query = !picture.is_searched;
   if (options_.keep_features) {  // the others then find the features there, by the same bytes
     request.collection = kFeatures;
     engine_.Add(request);
@@ -125,7 +125,7 @@ void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& i
     request.collection = kSearched;
     engine_.Add(request);
   }
-  if (picture.is_query) {
+  if (picture.is_query || picture.is_absent) {
     request.collection = kQueries;
     engine_.Add(request);
   }
@@ -166,6 +166,7 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
       const SearchResult result = engine_.SearchFeatures(QueryFeatures(q), search);
       for (const Hit& hit : result.hits) {
         if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
+        if (answer.right.empty()) answer.found = hit.probability.value_or(0) >= kFoundProbability;
         answer.right.push_back(hit.object == set_.pictures[q].object);
       }
       if (times != nullptr) {
@@ -194,6 +195,18 @@ ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
     }
   }
   return mean;
+}
+
+AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
+  search.collection = kSearched;
+  search.limit = 1;
+  AbsentAnswers answers;
+  for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
+    if (!set_.pictures[i].is_absent || ids_[i].empty()) continue;
+    ++answers.asked;
+    if (engine_.SearchFeatures(QueryFeatures(i), search).found > 0) ++answers.alarms;
+  }
+  return answers;
 }
 
 std::size_t RetrievalGallery::refused_queries() const {

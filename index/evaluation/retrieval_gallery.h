@@ -45,6 +45,12 @@ struct ObjectAnswer {
   double mrr = 0;   // 1 / rank of the right object; 0 when it is not found
 };
 
+// Of the pictures whose object is absent.
+struct AbsentAnswers {
+  std::size_t asked = 0;   // without those that were refused
+  std::size_t alarms = 0;  // answered with something said to be found
+};
+
 // Not thread-safe.
 class RetrievalGallery {
  public:
@@ -68,6 +74,9 @@ class RetrievalGallery {
   // The same by object. Only for sets whose queries are not searched themselves are the ranks worth
   // anything.
   ObjectAnswer AskForObjects(SearchOptions search);
+
+  // Asks the absent pictures of the set.
+  AbsentAnswers AskAbsent(SearchOptions search);
 
   // Queries that were refused.
   std::size_t refused_queries() const;

@@ -22,6 +22,8 @@ RetrievalMetrics Fieldwise(const Function& of) {
   result.top1 = of([](const RetrievalMetrics& m) { return m.top1; });
   result.mrr = of([](const RetrievalMetrics& m) { return m.mrr; });
   result.ns = of([](const RetrievalMetrics& m) { return m.ns; });
+  result.found_right = of([](const RetrievalMetrics& m) { return m.found_right; });
+  result.found_wrong = of([](const RetrievalMetrics& m) { return m.found_wrong; });
   return result;
 }
 
@@ -49,6 +51,7 @@ RetrievalMetrics MeasureAnswer(const RetrievalAnswer& answer) {
   }
   result.map /= static_cast<double>(answer.possible);
   result.top1 = result.accuracy_at[0];
+  if (answer.found) (result.top1 == 1 ? result.found_right : result.found_wrong) = 1;
   return result;
 }
 

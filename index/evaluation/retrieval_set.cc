@@ -175,7 +175,8 @@ const char* ToString(RetrievalLayout layout) {
 }
 
 RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
-                              const std::vector<fs::path>& distractors) {
+                              const std::vector<fs::path>& distractors,
+                              const std::vector<fs::path>& absent) {
   RetrievalSet set;
   Reader reader(folder, &set);
   set.layout = layout == RetrievalLayout::kAuto ? reader.Guess() : layout;
@@ -193,13 +194,21 @@ RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
     default:
       reader.ReadObjects();
   }
-  for (const fs::path& more : distractors) {
-    const std::vector<fs::path> files = reader.PicturesBelow(more);
-    if (files.empty()) {
-      ThrowUnprocessable("no_distractors", ToDisplayText(more.string()) + " holds no pictures");
+  const auto add_all = [&](const std::vector<fs::path>& folders, const char* reason,
+                           const RetrievalPicture& as) {
+    for (const fs::path& more : folders) {
+      const std::vector<fs::path> files = reader.PicturesBelow(more);
+      if (files.empty()) {
+        ThrowUnprocessable(reason, ToDisplayText(more.string()) + " holds no pictures");
+      }
+      for (const fs::path& file : files) {
+        set.pictures.push_back(as);
+        set.pictures.back().path = file;
+      }
     }
-    for (const fs::path& file : files) set.pictures.push_back({file, "", false, true});
-  }
+  };
+  add_all(distractors, "no_distractors", {{}, "", false, true, false});
+  add_all(absent, "no_absent", {{}, "", false, false, true});
   CheckRetrievalSet(&set);
   return set;
 }
@@ -238,10 +247,10 @@ void CheckRetrievalSet(RetrievalSet* set) {
     }
     queries += picture.is_query ? 1 : 0;
     searched += picture.is_searched ? 1 : 0;
-    if (picture.object.empty()) {
-      has_distractors = true;
-    } else {
+    if (!picture.object.empty()) {
       objects.insert(picture.object);
+    } else if (picture.is_searched) {
+      has_distractors = true;
     }
     kept.push_back(std::move(picture));
   }

@@ -30,6 +30,8 @@ struct RetrievalPicture {
   std::string object;  // empty: a distractor, which is never a right answer
   bool is_query = false;
   bool is_searched = false;  // belongs to the gallery
+  // Is asked, too, but shows none of the objects: whatever is found is a false alarm.
+  bool is_absent = false;
 };
 
 struct RetrievalSet {
@@ -41,11 +43,13 @@ struct RetrievalSet {
   std::vector<SkippedFile> skipped;  // files that do not fit the layout, with the reason
 };
 
-// Reads the names only, not the pictures. `distractors`: folders of pictures that show none of the
-// objects. Throws kNotFound for a folder that is not there, kUnprocessable "layout_unknown" and
-// what CheckRetrievalSet throws.
+// Reads the names only, not the pictures. `distractors` and `absent`: folders of pictures that show
+// none of the objects, to be searched or asked. Throws kNotFound for a folder that is not there,
+// kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without pictures,
+// and what CheckRetrievalSet throws.
 RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayout layout,
-                              const std::vector<std::filesystem::path>& distractors = {});
+                              const std::vector<std::filesystem::path>& distractors = {},
+                              const std::vector<std::filesystem::path>& absent = {});
 
 // For each picture of the set, how many other pictures (itself too when counts_itself) are right
 // answers to it.

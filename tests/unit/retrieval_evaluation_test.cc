@@ -169,6 +169,38 @@ TEST_F(RetrievalEvaluationTest, NamesWhatCannotBeUsedAndCountsItAsMissed) {
   EXPECT_EQ(report.skipped[2].code, "image_type_unknown");
 }
 
+TEST_F(RetrievalEvaluationTest, AbsentObjectsAreFalseAlarmsWhenTheyAreFound) {
+  for (std::uint64_t i = 1; i <= 5; ++i)
+    WriteBytes(folder_ / ("absent/" + std::to_string(i) + ".png"), RandomPng(300 + i));
+  WriteText(folder_ / "absent/broken.png", "no picture");
+  // Not absent at all: another picture of an object that is searched.
+  WriteBytes(folder_ / "alarming/1.png", OtherViewPng(3));
+  options_.protocols = {RetrievalProtocol::kDefault, RetrievalProtocol::kUnverified};
+  options_.words = {0};
+  options_.seeds = 1;
+  const auto evaluate = [&](const std::vector<std::filesystem::path>& absent) {
+    return EvaluateRetrieval(ReadRetrievalSet(folder_ / "set", RetrievalLayout::kAuto, {}, absent),
+                             options_);
+  };
+  const RetrievalReport none = evaluate({});
+  const RetrievalReport quiet = evaluate({folder_ / "absent"});
+  EXPECT_EQ(quiet.absent, 6U);
+  EXPECT_EQ(quiet.queries, none.queries);
+  EXPECT_EQ(quiet.distractors, 0U);
+  ASSERT_THAT(quiet.results, SizeIs(2));
+  ExpectEqual(quiet.results[0].mean, none.results[0].mean);
+  EXPECT_EQ(quiet.results[0].refused, 0U);
+  EXPECT_EQ(quiet.results[0].absent.asked, 5U);
+  EXPECT_EQ(quiet.results[0].absent.alarms, 0U);
+  EXPECT_DOUBLE_EQ(quiet.results[0].mean.found_right, 1);
+  EXPECT_DOUBLE_EQ(quiet.results[0].mean.found_wrong, 0);
+  EXPECT_DOUBLE_EQ(quiet.results[1].mean.found_right, 0) << "without verification nothing is";
+
+  const RetrievalReport loud = evaluate({folder_ / "absent", folder_ / "alarming"});
+  EXPECT_EQ(loud.results[0].absent.asked, 6U);
+  EXPECT_EQ(loud.results[0].absent.alarms, 1U);
+}
+
 TEST_F(RetrievalEvaluationTest, TheCacheChangesNothing) {
   TemporaryFolder more;
   for (std::uint64_t i = 1; i <= 4; ++i)

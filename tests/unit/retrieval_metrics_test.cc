@@ -53,6 +53,21 @@ TEST(RetrievalMetricsTest, PerfectAndEmptyAnswers) {
 }
 
 // A right picture far beyond rank 20 counts for the average precision.
+TEST(RetrievalMetricsTest, WhatIsSaidToBeFoundIsRightOrWrong) {
+  RetrievalAnswer answer{{false, true}, 1};
+  RetrievalMetrics m = MeasureAnswer(answer);
+  EXPECT_DOUBLE_EQ(m.found_right + m.found_wrong, 0);
+  answer.found = true;
+  m = MeasureAnswer(answer);
+  EXPECT_DOUBLE_EQ(m.found_right, 0);
+  EXPECT_DOUBLE_EQ(m.found_wrong, 1);
+  answer.right = {true, false};
+  const RetrievalMetrics right = MeasureAnswer(answer);
+  EXPECT_DOUBLE_EQ(right.found_right, 1);
+  EXPECT_DOUBLE_EQ(right.found_wrong, 0);
+  EXPECT_DOUBLE_EQ(Mean(std::vector{m, right}).found_wrong, 0.5);
+}
+
 TEST(RetrievalMetricsTest, AveragePrecisionReadsTheWholeAnswer) {
   RetrievalAnswer answer{std::vector<bool>(50, false), 2};
   answer.right[0] = true;

@@ -139,6 +139,9 @@ TEST_F(RetrievalSetTest, BadFoldersAreRefusedWithTheReason) {
   TemporaryFolder empty;
   ExpectError(ErrorCode::kUnprocessable, "no_distractors",
               [&] { Read(RetrievalLayout::kAuto, {empty.path()}); });
+  ExpectError(ErrorCode::kUnprocessable, "no_absent", [&] {
+    ReadRetrievalSet(folder_.path(), RetrievalLayout::kAuto, {}, {empty.path()});
+  });
   ExpectError(ErrorCode::kNotFound, "input_not_found",
               [&] { Read(RetrievalLayout::kAuto, {empty / "absent"}); });
 }
