@@ -17,6 +17,16 @@ namespace {
 constexpr std::size_t kCentroids = 16;
 
 using Sums = std::array<std::uint16_t, kCodeBlock>;
+using Biases = std::array<std::int16_t, kCodeBlock>;
+using Distances = std::array<float, kCodeBlock>;
+
+// distance = base + step * sum + bias_step * bias
+struct Scale {
+  float base = 0;
+  float step = 0;
+  float bias_step = 0;
+  float limit = 0;
+};
 
 // sums[i] = what the table has for code i of a block of n codes, i < n. Whole numbers: at most 255
 // for each of at most 256 parts, so 16 bits hold them, and every processor gives the same.
@@ -31,6 +41,18 @@ void SumBlock(const std::uint8_t* codes, std::size_t n, std::size_t bytes,
       (*sums)[i] = static_cast<std::uint16_t>((*sums)[i] + low[code & 15U] + high[code >> 4U]);
     }
   }
+}
+
+// Bit i of the result: code i is nearer than the limit.
+std::uint32_t Compare(const Sums& sums, const Biases& biases, const Scale& scale,
+                      Distances* distances) {
+  std::uint32_t nearer = 0;
+  for (std::size_t i = 0; i < kCodeBlock; ++i) {
+    (*distances)[i] = scale.base + scale.step * static_cast<float>(sums[i]) +
+                      scale.bias_step * static_cast<float>(biases[i]);
+    nearer |= static_cast<std::uint32_t>((*distances)[i] < scale.limit) << i;
+  }
+  return nearer;
 }
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -64,39 +86,64 @@ __attribute__((target("avx2"))) void SumBlockAvx2(const std::uint8_t* codes, std
                       _mm256_permute2x128_si256(first, second, 0x31));
 }
 
+// No fused multiply-add, so that the rounding is Compare's.
+__attribute__((target("avx2"))) std::uint32_t CompareAvx2(const Sums& sums, const Biases& biases,
+                                                          const Scale& scale,
+                                                          Distances* distances) {
+  const __m256 base = _mm256_set1_ps(scale.base);
+  const __m256 step = _mm256_set1_ps(scale.step);
+  const __m256 bias_step = _mm256_set1_ps(scale.bias_step);
+  const __m256 limit = _mm256_set1_ps(scale.limit);
+  std::uint32_t nearer = 0;
+  for (std::size_t i = 0; i < kCodeBlock; i += 8) {
+    const auto* sum = reinterpret_cast<const __m128i*>(sums.data() + i);
+    const auto* bias = reinterpret_cast<const __m128i*>(biases.data() + i);
+    const __m256 s = _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(sum)));
+    const __m256 b = _mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(_mm_loadu_si128(bias)));
+    const __m256 distance =
+        _mm256_add_ps(_mm256_add_ps(base, _mm256_mul_ps(step, s)), _mm256_mul_ps(bias_step, b));
+    _mm256_storeu_ps(distances->data() + i, distance);
+    const int mask = _mm256_movemask_ps(_mm256_cmp_ps(distance, limit, _CMP_LT_OQ));
+    nearer |= static_cast<std::uint32_t>(mask) << i;
+  }
+  return nearer;
+}
+
 bool HasAvx2() {
   __builtin_cpu_init();
   return __builtin_cpu_supports("avx2") != 0;
 }
 #endif
 
-using Kernel = void (*)(const std::uint8_t*, std::size_t, std::size_t, const std::uint8_t*, Sums*);
+struct KernelSet {
+  void (*sum)(const std::uint8_t*, std::size_t, std::size_t, const std::uint8_t*, Sums*) = SumBlock;
+  std::uint32_t (*compare)(const Sums&, const Biases&, const Scale&, Distances*) = Compare;
+};
 
-Kernel Choose() {
+KernelSet Choose() {
 #if defined(__x86_64__) && defined(__GNUC__)
-  if (HasAvx2()) return SumBlockAvx2;
+  if (HasAvx2()) return {SumBlockAvx2, CompareAvx2};
 #endif
-  return SumBlock;
+  return {};
 }
 
 std::size_t ScanFloats(const CodeList& list, const CodeQuery& query, NearCode* near) {
-  static const Kernel sum_block = Choose();
+  static const KernelSet kernels = Choose();
   const LookupTable& table = *query.table;
-  const float base = query.base + table.offset;
+  const Scale scale{query.base + table.offset, table.step, query.bias_step, query.limit};
   std::size_t found = 0;
   Sums sums;
+  Biases biases = {};
+  Distances distances;
   for (std::size_t first = 0; first < list.size; first += kCodeBlock) {
     const std::size_t n = std::min(kCodeBlock, list.size - first);
-    sum_block(list.codes + first * list.bytes, n, list.bytes, table.entries.data(), &sums);
-    std::array<float, kCodeBlock> distances;
-    for (std::size_t i = 0; i < n; ++i) {
-      distances[i] = base + table.step * static_cast<float>(sums[i]) +
-                     query.bias_step * static_cast<float>(list.biases[first + i]);
-    }
-    for (std::size_t i = 0; i < n; ++i) {
-      if (distances[i] < query.limit) {
-        near[found++] = {static_cast<std::uint32_t>(first + i), std::max(0.0F, distances[i])};
-      }
+    kernels.sum(list.codes + first * list.bytes, n, list.bytes, table.entries.data(), &sums);
+    std::copy_n(list.biases + first, n, biases.begin());
+    std::uint32_t nearer = kernels.compare(sums, biases, scale, &distances);
+    if (n < kCodeBlock) nearer &= (std::uint32_t{1} << n) - 1;  // the rest is what came before
+    for (; nearer != 0; nearer &= nearer - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(nearer));
+      near[found++] = {static_cast<std::uint32_t>(first + i), std::max(0.0F, distances[i])};
     }
   }
   return found;
@@ -141,6 +188,16 @@ void CopyCode(const CodeList& list, std::size_t i, std::uint8_t* code) {
   for (std::size_t j = 0; j < list.bytes; ++j) {
     code[j] = list.codes[first * list.bytes + j * n + (i - first)];
   }
+}
+
+void Prefetch(const CodeList& list) {
+#if defined(__GNUC__)
+  constexpr std::size_t kLine = 64;
+  constexpr std::size_t kAhead = 16 * kLine;  // what follows, the processor sees coming
+  const std::size_t bytes = std::min(kAhead, list.size * list.bytes);
+  for (std::size_t i = 0; i < bytes; i += kLine) __builtin_prefetch(list.codes + i);
+  if (list.biases != nullptr) __builtin_prefetch(list.biases);
+#endif
 }
 
 std::size_t ScanCodes(const CodeList& list, const CodeQuery& query, NearCode* near) {

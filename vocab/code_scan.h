@@ -46,6 +46,9 @@ struct CodeQuery {
   float limit = 0;                     // only distances below it
 };
 
+// Asks for the beginning of a list from memory, so that a scan soon afterwards need not wait.
+void Prefetch(const CodeList& list);
+
 // Writes those codes of the list that are nearer than query.limit to `near`, which has room for
 // list.size, in order; returns how many. The same on every processor.
 std::size_t ScanCodes(const CodeList& list, const CodeQuery& query, NearCode* near);

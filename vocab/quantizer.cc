@@ -56,6 +56,7 @@ Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
       words_(Checked(vocabulary_).words),
       project_(words_.kind(), words_.dim()) {
   const Descriptors& words = vocabulary_->words;
+  if (words.rows >= WordGroups::kLeastWords) groups_ = std::make_unique<WordGroups>(words);
   if (!vocabulary_->codebook.empty()) coder_ = std::make_unique<ResidualCoder>(vocabulary_);
   if (words.kind != DescriptorKind::kFloat) return;
   for (std::size_t w = 0; w < words.rows; ++w) {
@@ -75,6 +76,7 @@ void Quantizer::CheckFits(const Descriptors& descriptors) const {
 
 std::vector<std::uint32_t> Quantizer::Assign(const Descriptors& descriptors, int threads) const {
   CheckFits(descriptors);
+  if (groups_) return AssignSeveral(descriptors, 1, threads);
   std::vector<std::uint32_t> words(descriptors.rows);
   ParallelFor((words.size() + kRowsATask - 1) / kRowsATask, threads, [&](std::size_t t) {
     const std::size_t first = t * kRowsATask;
@@ -133,10 +135,17 @@ std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, in
   const std::size_t k = words_.rows();
   const std::size_t wanted = std::min(static_cast<std::size_t>(count), k);
   std::vector<NearWord> nearest(descriptors.rows * wanted);
-  constexpr std::size_t kAtATime = 16;
-  ParallelFor((descriptors.rows + kAtATime - 1) / kAtATime, threads, [&](std::size_t t) {
-    const std::size_t first = t * kAtATime;
-    const std::size_t rows = std::min(kAtATime, descriptors.rows - first);
+  // Groups pay where many rows look into the same one.
+  const auto workers = static_cast<std::size_t>(ResolveThreads(threads));
+  const std::size_t share = (descriptors.rows + workers - 1) / workers;
+  const std::size_t at_a_time = groups_ ? std::clamp<std::size_t>(share, 64, 1024) : 16;
+  ParallelFor((descriptors.rows + at_a_time - 1) / at_a_time, threads, [&](std::size_t t) {
+    const std::size_t first = t * at_a_time;
+    const std::size_t rows = std::min(at_a_time, descriptors.rows - first);
+    if (groups_) {
+      groups_->FindNearest(descriptors, first, rows, wanted, nearest.data() + first * wanted);
+      return;
+    }
     std::vector<float> distances(rows * k);
     words_.Distances(descriptors, first, rows, distances.data());
     for (std::size_t i = 0; i < rows; ++i) {

@@ -14,6 +14,7 @@
 #include "vocab/residual_codes.h"
 #include "vocab/signature.h"
 #include "vocab/vocabulary.h"
+#include "vocab/word_groups.h"
 
 namespace pliant {
 
@@ -32,11 +33,6 @@ struct Bow {
   // Of each descriptor (vocab/residual_codes.h), in order of its word: those of a word stand side
   // by side, as many as its count. Empty when the vocabulary has no codebook.
   std::vector<std::uint8_t> codes;
-};
-
-struct NearWord {
-  std::uint32_t word = 0;
-  float distance = 0;  // Euclidean or Hamming
 };
 
 // Immutable and thread-safe.
@@ -81,6 +77,7 @@ class Quantizer {
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   PackedDescriptors words_;
+  std::unique_ptr<const WordGroups> groups_;  // large vocabularies only
   std::unique_ptr<const ResidualCoder> coder_;
   SignatureProjection project_;
   double largest_squared_norm_ = 0;  // of a word; floats only

@@ -70,11 +70,13 @@ class ResidualCoder {
   LookupTable TableOf(std::span<const float> query) const;
 
  private:
+  void CopyRotation();
   std::vector<float> Rotated(std::span<const float> vector) const;
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   bool binary_;
   std::size_t code_bytes_;
+  std::vector<float> columns_;        // of the rotation: dim x padded_dim
   std::vector<float> rotated_words_;  // words x padded_dim
   float bias_step_ = 0;
 };

@@ -135,20 +135,36 @@ void PackedDescriptors::CheckQueries(const Descriptors& queries, std::size_t fir
 
 void PackedDescriptors::Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                                   float* out) const {
+  AllDistances(queries, first, count, false, out);
+}
+
+void PackedDescriptors::DistancesByProduct(const Descriptors& queries, std::size_t first,
+                                           std::size_t count, float* out) const {
+  AllDistances(queries, first, count, true, out);
+}
+
+void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t first,
+                                     std::size_t count, bool by_product, float* out) const {
   CheckQueries(queries, first, count);
   const bool is_float = kind_ == DescriptorKind::kFloat;
   const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
+  const auto& kernel = Kernels();
   alignas(64) float tile[kRowBlock * kPanel];
+  float norms[kRowBlock] = {};
   for (std::size_t r0 = 0; r0 < count; r0 += kRowBlock) {
     const std::size_t block = std::min(kRowBlock, count - r0);
+    const float* a = is_float ? queries.floats.data() + (first + r0) * dim_ : nullptr;
+    if (is_float && by_product) kernel.squared_norms(a, block, dim_, norms);
     for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
       const std::size_t columns = std::min(kPanel, rows_ - j0);
-      if (is_float) {
-        Kernels().squared_distance_tile(queries.floats.data() + (first + r0) * dim_, block, dim_,
-                                        panels_.get() + j0 * dim_, tile);
+      if (is_float && by_product) {
+        kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
+        kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
+      } else if (is_float) {
+        kernel.squared_distance_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
       } else {
-        Kernels().hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
-                               columns, tile);
+        kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
+                            columns, tile);
       }
       for (std::size_t r = 0; r < block; ++r) {
         float* to = out + (r0 + r) * rows_ + j0;

@@ -55,6 +55,10 @@ class PackedDescriptors {
   void Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                  float* out) const;
 
+  // As Distances, but by |a|^2 + |b|^2 - 2 a.b: twice as fast, and as uncertain as FindNearest.
+  void DistancesByProduct(const Descriptors& queries, std::size_t first, std::size_t count,
+                          float* out) const;
+
   // The two nearest packed rows for each of the rows first .. first + count - 1 of `queries`, by
   // |a|^2 + |b|^2 - 2 a.b (twice as fast as Distances; distances below about 1e-3 |a| are
   // uncertain by that amount). `nearest_query`, if not null, has rows() elements and receives the
@@ -63,6 +67,8 @@ class PackedDescriptors {
                    NearestTwo* nearest, NearestOne* nearest_query = nullptr) const;
 
  private:
+  void AllDistances(const Descriptors& queries, std::size_t first, std::size_t count,
+                    bool by_product, float* out) const;
   void CheckQueries(const Descriptors& queries, std::size_t first, std::size_t count) const;
 
   DescriptorKind kind_;

@@ -7,17 +7,33 @@
 
 namespace pliant {
 
+std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
+                                            const IndexSnapshot& snapshot, int threads) {
+  // Parts differ in size: slices of them keep all threads busy to the end.
+  const auto slices = static_cast<std::size_t>(ResolveThreads(threads));
+  std::vector<std::vector<Vote>> found(snapshot.parts.size() * slices);
+  ParallelFor(found.size(), threads, [&](std::size_t i) {
+    const IndexSnapshot::Part& part = snapshot.parts[i / slices];
+    query.Collect(*part.codes, part.dead.get(), i % slices, slices, &found[i]);
+  });
+  std::vector<std::vector<Vote>> votes(snapshot.parts.size());
+  ParallelFor(votes.size(), threads, [&](std::size_t i) {
+    for (std::size_t s = 0; s < slices; ++s) {
+      const std::vector<Vote>& slice = found[i * slices + s];
+      votes[i].insert(votes[i].end(), slice.begin(), slice.end());
+    }
+    KeepBest(&votes[i]);
+  });
+  return votes;
+}
+
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
                                          const Descriptors& descriptors,
                                          const RankOptions& options) {
   NeighbourOptions neighbours;
   neighbours.threads = options.threads;
   const NeighbourQuery query(quantizer, descriptors, neighbours);
-  std::vector<std::vector<Vote>> votes(snapshot.parts.size());
-  ParallelFor(votes.size(), options.threads, [&](std::size_t i) {
-    const IndexSnapshot::Part& part = snapshot.parts[i];
-    query.Collect(*part.codes, part.segment->size(), part.dead.get(), &votes[i]);
-  });
+  std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
   query.WeighByRarity(votes);
   std::vector<std::vector<Candidate>> found(votes.size());
   ParallelFor(votes.size(), options.threads, [&](std::size_t i) {

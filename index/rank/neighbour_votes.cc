@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "descriptor/base/parallel.h"
 
@@ -14,17 +15,12 @@ namespace {
 // A picture with hardly any descriptor must not come first by one vote.
 constexpr double kLeastDescriptors = 8;
 
+// Lists are asked for from memory this many cells before they are read.
+constexpr std::size_t kCellsAhead = 2;
+
 double Root(double descriptors) { return std::sqrt(std::max(kLeastDescriptors, descriptors)); }
 
 }  // namespace
-
-// Of the present row: the best vote of each picture.
-struct NeighbourQuery::Scratch {
-  std::vector<float> best;  // by picture; 0 = none
-  std::vector<std::uint64_t> code;
-  std::vector<std::uint16_t> touched;
-  std::vector<NearCode> near;
-};
 
 NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& descriptors,
                                const NeighbourOptions& options)
@@ -33,16 +29,20 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
   const ResidualCoder& coder = *quantizer.coder();
   const std::vector<NearWord> words =
       quantizer.NearestWords(descriptors, options.cells, options.threads);
-  cells_per_row_ = words.size() / descriptors.rows;
+  const std::size_t cells_per_row = words.size() / descriptors.rows;
   cells_.reserve(words.size());
-  for (const NearWord& word : words) {
-    cells_.push_back({word.word, coder.binary() ? word.distance : word.distance * word.distance});
-  }
   double most = 0;
-  for (std::size_t row = 0; row < descriptors.rows; ++row) {
-    limits_.push_back(options.reach * cells_[row * cells_per_row_].base);
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const auto [word, distance] = words[i];
+    const float base = coder.binary() ? distance : distance * distance;
+    cells_.push_back({word, static_cast<std::uint32_t>(i / cells_per_row), base});
+    if (i % cells_per_row != 0) continue;
+    limits_.push_back(options.reach * base);
     most += limits_.back();
   }
+  std::sort(cells_.begin(), cells_.end(), [](const Cell& a, const Cell& b) {
+    return std::pair(a.word, a.row) < std::pair(b.word, b.row);
+  });
   if (most > 0) norm_ = Root(static_cast<double>(descriptors.rows)) / most;
   if (coder.binary()) return;
   tables_.resize(descriptors.rows);
@@ -56,51 +56,46 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
               });
 }
 
-void NeighbourQuery::Collect(const CodeLists& lists, std::size_t pictures,
-                             const std::vector<bool>* dead, std::vector<Vote>* votes) const {
-  Scratch scratch;
-  scratch.best.assign(pictures, 0.0F);
-  scratch.code.resize(pictures);
-  for (std::size_t row = 0; row < limits_.size(); ++row) {
-    VoteOf(row, lists, dead, &scratch);
-    std::sort(scratch.touched.begin(), scratch.touched.end());
-    for (const std::uint16_t picture : scratch.touched) {
-      votes->push_back(
-          {static_cast<std::uint32_t>(row), picture, scratch.code[picture], scratch.best[picture]});
-      scratch.best[picture] = 0;
+void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* dead,
+                             std::size_t slice, std::size_t slices,
+                             std::vector<Vote>* votes) const {
+  const std::size_t end = cells_.size() * (slice + 1) / slices;
+  CodeQuery query;
+  query.bias_step = bias_step_;
+  std::vector<NearCode> near;
+  for (std::size_t c = cells_.size() * slice / slices; c < end; ++c) {
+    const Cell& cell = cells_[c];
+    if (c + kCellsAhead < end) Prefetch(lists.List(cells_[c + kCellsAhead].word));
+    const CodeList list = lists.List(cell.word);
+    if (list.size == 0) continue;
+    near.resize(std::max(near.size(), list.size));
+    query.limit = limits_[cell.row];
+    query.base = cell.base;
+    if (tables_.empty()) {
+      query.bits = descriptors_.binary_row(cell.row);
+    } else {
+      query.table = &tables_[cell.row];
     }
-    scratch.touched.clear();
+    const std::size_t found = ScanCodes(list, query, near.data());
+    const std::uint16_t* pictures = lists.Pictures(cell.word);
+    for (std::size_t i = 0; i < found; ++i) {
+      const std::uint16_t picture = pictures[near[i].index];
+      const float weight = query.limit - near[i].squared_distance;
+      if (dead != nullptr && (*dead)[picture]) continue;
+      votes->push_back({cell.row, picture, lists.First(cell.word) + near[i].index, weight});
+    }
   }
 }
 
-void NeighbourQuery::VoteOf(std::size_t row, const CodeLists& lists, const std::vector<bool>* dead,
-                            Scratch* scratch) const {
-  CodeQuery query;
-  query.limit = limits_[row];
-  query.bias_step = bias_step_;
-  if (tables_.empty()) {
-    query.bits = descriptors_.binary_row(row);
-  } else {
-    query.table = &tables_[row];
-  }
-  for (std::size_t c = 0; c < cells_per_row_; ++c) {
-    const Cell& cell = cells_[row * cells_per_row_ + c];
-    const CodeList list = lists.List(cell.word);
-    if (list.size == 0) continue;
-    scratch->near.resize(std::max(scratch->near.size(), list.size));
-    query.base = cell.base;
-    const std::size_t found = ScanCodes(list, query, scratch->near.data());
-    const std::uint16_t* pictures = lists.Pictures(cell.word);
-    for (std::size_t i = 0; i < found; ++i) {
-      const NearCode& near = scratch->near[i];
-      const std::uint16_t picture = pictures[near.index];
-      const float vote = query.limit - near.squared_distance;
-      if (vote <= scratch->best[picture] || (dead != nullptr && (*dead)[picture])) continue;
-      if (scratch->best[picture] == 0) scratch->touched.push_back(picture);
-      scratch->best[picture] = vote;
-      scratch->code[picture] = lists.First(cell.word) + near.index;
-    }
-  }
+void KeepBest(std::vector<Vote>* votes) {
+  std::sort(votes->begin(), votes->end(), [](const Vote& a, const Vote& b) {
+    return std::tuple(a.row, a.picture, -a.weight, a.code) <
+           std::tuple(b.row, b.picture, -b.weight, b.code);
+  });
+  const auto same = [](const Vote& a, const Vote& b) {
+    return a.row == b.row && a.picture == b.picture;
+  };
+  votes->erase(std::unique(votes->begin(), votes->end(), same), votes->end());
 }
 
 void NeighbourQuery::WeighByRarity(std::span<std::vector<Vote>> votes_of_lists) const {

@@ -50,10 +50,11 @@ class NeighbourQuery {
   NeighbourQuery(const Quantizer& quantizer, const Descriptors& descriptors,
                  const NeighbourOptions& options);
 
-  // Appends the votes for the lists' pictures that are alive, by row, then by picture. `dead`:
+  // Appends what votes for the lists' pictures that are alive, in no order, a picture perhaps more
+  // than once: see KeepBest. Slice `slice` of `slices` looks into its share of the cells. `dead`:
   // nullptr = all are alive.
-  void Collect(const CodeLists& lists, std::size_t pictures, const std::vector<bool>* dead,
-               std::vector<Vote>* votes) const;
+  void Collect(const CodeLists& lists, const std::vector<bool>* dead, std::size_t slice,
+               std::size_t slices, std::vector<Vote>* votes) const;
 
   // Divides each vote by the square root of the number of votes of its row, over all the lists.
   void WeighByRarity(std::span<std::vector<Vote>> votes_of_lists) const;
@@ -65,20 +66,22 @@ class NeighbourQuery {
  private:
   struct Cell {
     std::uint32_t word = 0;
+    std::uint32_t row = 0;
     float base = 0;  // |q - word|^2
   };
-  struct Scratch;
-  void VoteOf(std::size_t row, const CodeLists& lists, const std::vector<bool>* dead,
-              Scratch* scratch) const;
 
   const Descriptors& descriptors_;
   float bias_step_ = 0;
-  std::size_t cells_per_row_ = 0;
-  std::vector<Cell> cells_;          // rows x cells_per_row_
+  // By word, then by row: a list that several rows look into is read from memory once.
+  std::vector<Cell> cells_;
   std::vector<LookupTable> tables_;  // by row; none for binary descriptors
   std::vector<float> limits_;        // by row: a |q - w|^2
   double norm_ = 0;                  // 1 / (sum of limits_ / sqrt(rows))
 };
+
+// Of each row's votes for a picture the best, by row, then by picture; of equal ones the lowest
+// code.
+void KeepBest(std::vector<Vote>* votes);
 
 // sums[picture] = its votes, weighed against bursts. Sorts `votes`.
 void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "index/rank/inverted_index.h"
+#include "index/rank/neighbour_votes.h"
 #include "index/rank/ranker.h"
 
 namespace pliant {
@@ -21,6 +22,10 @@ struct Candidate {
 // on how the pictures are spread over segments.
 std::vector<Candidate> ScoreByWords(const IndexSnapshot& snapshot, const Bow& query,
                                     const RankOptions& options);
+// The query's votes for the pictures of each part, by row, then by picture. The snapshot must have
+// codes.
+std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
+                                            const IndexSnapshot& snapshot, int threads);
 // The snapshot must have codes.
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
                                          const Descriptors& query, const RankOptions& options);
