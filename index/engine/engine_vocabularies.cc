@@ -5,6 +5,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine_impl.h"
+#include "index/engine/vocabulary_size.h"
 #include "index/store/quantize_batch.h"
 
 namespace pliant {
@@ -25,13 +26,11 @@ void Validate(const TrainOptions& options) {
   if (options.threads < 0) fail("threads", "must not be negative");
 }
 
-// For 4000 words where there are descriptors enough; ten a word, and 10 000 at least, when the
-// words are given.
-std::size_t ChooseSample(const TrainOptions& options) {
-  constexpr int kDefault = 40'000;
+// Ten a word, and 10 000 at least, when the words are given.
+std::size_t ChooseSample(const TrainOptions& options, std::uint64_t descriptors) {
   constexpr int kLeast = 10'000;
   if (options.sample > 0) return static_cast<std::size_t>(options.sample);
-  if (options.words == 0) return kDefault;
+  if (options.words == 0) return DefaultVocabularySample(descriptors);
   return static_cast<std::size_t>(std::max(kLeast, 10 * options.words));
 }
 
@@ -67,8 +66,9 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
   Validate(options);
   const std::lock_guard lock(training_mutex_);
   const CollectionState collection = catalogue().RequireCollection(options.collection);
-  const DescriptorSample sample =
-      catalogue().SampleDescriptors(collection.key, ChooseSample(options), options.seed);
+  const std::uint64_t descriptors = catalogue().DescribeCollection(options.collection).descriptors;
+  const DescriptorSample sample = catalogue().SampleDescriptors(
+      collection.key, ChooseSample(options, descriptors), options.seed);
   KMedoidsOptions k_medoids;
   k_medoids.k = ChooseWords(options, sample);
   k_medoids.seed = options.seed;

@@ -7,6 +7,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "index/engine/vocabulary_size.h"
 #include "server/jobs/training_job.h"
 
 namespace pliant::server {
@@ -74,6 +75,12 @@ void AutoTrainer::Run() {
   }
 }
 
+bool AutoTrainer::HasOutgrown(const CollectionRecord& record) {
+  const VocabularyOrigin& origin = record.vocabulary->origin;
+  if (origin.sampled < kFullSample) return record.descriptors >= kGrowth * origin.available;
+  return DefaultVocabularySample(record.descriptors) >= kWordGrowth * origin.sampled;
+}
+
 std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) {
   const std::lock_guard lock(train_mutex_);
   if (auto active = jobs_.Active("train", collection)) {
@@ -82,17 +89,10 @@ std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) 
   }
   const CollectionRecord record = engine_.GetCollection(collection);
   if (record.descriptors == 0) return std::nullopt;
-  if (record.vocabulary) {
-    const VocabularyOrigin& origin = record.vocabulary->origin;
-    if (!record.automatic || origin.sampled >= kFullSample ||
-        record.descriptors < kGrowth * origin.available) {
-      return std::nullopt;
-    }
-  }
+  if (record.vocabulary && (!record.automatic || !HasOutgrown(record))) return std::nullopt;
   TrainOptions options;
   options.collection = collection;
   options.seed = kSeed;
-  options.sample = static_cast<int>(kFullSample);
   options.automatic = true;
   return AddTrainingJob(jobs_, options, /*activate=*/true);
 }

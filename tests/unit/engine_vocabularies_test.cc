@@ -4,6 +4,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "index/engine/vocabulary_size.h"
 #include "tests/unit/engine_fixture.h"
 
 namespace pliant::testing {
@@ -76,6 +77,13 @@ TEST_F(EngineTest, TheNumberOfWordsIsChosenFromTheSample) {
   train.sample = -1;
   ExpectError(ErrorCode::kInvalidArgument, "sample_invalid",
               [&] { engine.TrainVocabulary(train); });
+}
+
+TEST(VocabularySize, GrowsWithTheCollectionFromFourMillionDescriptorsOn) {
+  EXPECT_EQ(DefaultVocabularySample(0), 40'000u);
+  EXPECT_EQ(DefaultVocabularySample(4'000'000), 40'000u);
+  EXPECT_EQ(DefaultVocabularySample(8'000'000), 80'000u);
+  EXPECT_EQ(DefaultVocabularySample(70'000'000), 655'360u);
 }
 
 TEST_F(EngineTest, ACancelledTrainingLeavesNothing) {
