@@ -99,18 +99,22 @@ WordGroups::WordGroups(const Descriptors& words) : centres_(MakeCentres(words)) 
 
 std::vector<std::uint32_t> WordGroups::NearestGroups(std::span<const float> distances,
                                                      std::size_t wanted) const {
-  std::vector<std::uint32_t> order(distances.size());
-  std::iota(order.begin(), order.end(), 0U);
-  const std::size_t sorted = std::min(kLookedInto, order.size());
-  const auto nearer = [&](std::uint32_t a, std::uint32_t b) {
-    return distances[a] < distances[b] || (distances[a] == distances[b] && a < b);
-  };
-  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(sorted), order.end(),
-                    nearer);
+  std::vector<float> sorted(distances.begin(), distances.end());
+  const std::size_t last = std::min(kLookedInto, sorted.size()) - 1;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(last),
+                   sorted.end());
+  std::vector<std::uint32_t> groups;
   std::size_t words = 0;
-  for (std::size_t g = 0; g < sorted; ++g) words += groups_[order[g]].words.size();
-  if (words >= wanted) order.resize(sorted);  // else all: rare, and never too few
-  return order;
+  for (std::uint32_t g = 0; g < distances.size(); ++g) {
+    if (distances[g] > sorted[last]) continue;
+    groups.push_back(g);
+    words += groups_[g].words.size();
+  }
+  if (words < wanted) {  // rare
+    groups.resize(distances.size());
+    std::iota(groups.begin(), groups.end(), 0U);
+  }
+  return groups;
 }
 
 void WordGroups::FindNearest(const Descriptors& descriptors, std::size_t first, std::size_t count,
@@ -141,6 +145,10 @@ void WordGroups::FindNearest(const Descriptors& descriptors, std::size_t first, 
         if (row[w] <= kept.back().distance) Offer({group.words[w], row[w]}, kept);
       }
     }
+  }
+  if (centres_.kind() != DescriptorKind::kFloat) return;
+  for (std::size_t i = 0; i < count * wanted; ++i) {
+    nearest[i].distance = std::sqrt(nearest[i].distance);
   }
 }
 

@@ -169,7 +169,9 @@ void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t fir
       for (std::size_t r = 0; r < block; ++r) {
         float* to = out + (r0 + r) * rows_ + j0;
         const float* from = tile + r * kPanel;
-        for (std::size_t j = 0; j < columns; ++j) to[j] = is_float ? std::sqrt(from[j]) : from[j];
+        std::copy_n(from, columns, to);
+        if (!is_float || by_product) continue;
+        for (std::size_t j = 0; j < columns; ++j) to[j] = std::sqrt(to[j]);
       }
     }
   }

@@ -55,7 +55,7 @@ class PackedDescriptors {
   void Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                  float* out) const;
 
-  // As Distances, but by |a|^2 + |b|^2 - 2 a.b: twice as fast, and as uncertain as FindNearest.
+  // As Distances, but squared (floats), by |a|^2 + |b|^2 - 2 a.b: faster; precise as FindNearest.
   void DistancesByProduct(const Descriptors& queries, std::size_t first, std::size_t count,
                           float* out) const;
 

@@ -41,6 +41,25 @@ TEST_P(DistanceShapes, AgreeWithTheDefinition) {
   ExpectDistances(RandomBits(queries, dim, 3), RandomBits(rows, dim, 4), 0);
 }
 
+TEST_P(DistanceShapes, ByProductTheyAreSquaredFloats) {
+  const auto [queries, rows, dim] = GetParam();
+  const Descriptors a = RandomGrid(queries, dim, 3, 9);
+  const Descriptors b = RandomGrid(rows, dim, 3, 10);
+  std::vector<float> squared(queries * rows);
+  PackedDescriptors(b).DistancesByProduct(a, 0, queries, squared.data());
+  const Descriptors c = RandomBits(queries, dim, 11);
+  const Descriptors d = RandomBits(rows, dim, 12);
+  std::vector<float> bits(queries * rows);
+  PackedDescriptors(d).DistancesByProduct(c, 0, queries, bits.data());
+  for (std::size_t i = 0; i < queries; ++i) {
+    for (std::size_t j = 0; j < rows; ++j) {
+      const double distance = PlainDistance(a, i, b, j);
+      ASSERT_NEAR(squared[i * rows + j], distance * distance, 1e-3);
+      ASSERT_EQ(bits[i * rows + j], PlainDistance(c, i, d, j));
+    }
+  }
+}
+
 // Oracle with the tie rule, on values where both sides are exact.
 void ExpectNearest(const Descriptors& a, const Descriptors& b) {
   const PackedDescriptors packed(b);
