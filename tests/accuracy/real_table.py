@@ -49,6 +49,8 @@ def measure(real_set, options):
     command = [options.pliant, "eval", "retrieval", str(options.real / real_set.folder),
                "--layout", real_set.layout, "--descriptor", options.descriptor, "--protocol", options.protocol,
                "--seeds", str(options.seeds), "--json"]
+    if options.words:
+        command += ["--words", options.words]
     if options.cache:
         command += ["--cache", str(options.cache / real_set.folder)]
     if options.jobs:
@@ -60,10 +62,10 @@ def measure(real_set, options):
 
 
 def table(rows):
-    lines = ["| set | descriptor | protocol | figure | value | queries | refused | ms per query |",
-             "|---|---|---|---|---|---|---|---|"]
+    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | ms per query |",
+             "|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
-        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['metric']} | {row['value']:.3f} "
+        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {row['value']:.3f} "
                      f"| {row['queries']} | {row['refused_queries']} | {1000 * row['seconds_per_query']:.0f} |")
     return "\n".join(lines)
 
@@ -74,6 +76,7 @@ def parse_arguments():
     parser.add_argument("--pliant", default="pliant", metavar="BIN")
     parser.add_argument("--descriptor", default="deal,rootsift")
     parser.add_argument("--protocol", default="default,unverified")
+    parser.add_argument("--words", help="sizes of the vocabulary, separated by commas; default: the program's own")
     parser.add_argument("--seeds", type=int, default=1, help="vocabularies a row")
     parser.add_argument("--model", type=pathlib.Path, help="weights to measure; default: the program's own")
     parser.add_argument("--cache", type=pathlib.Path, help="keeps the features for the next run, a folder a set")

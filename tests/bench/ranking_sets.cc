@@ -1,0 +1,156 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/ranking_sets.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "descriptor/match/distance.h"
+#include "index/store/feature_codec.h"
+#include "index/store/sqlite/connection.h"
+
+namespace pliant::bench {
+namespace {
+
+constexpr int kDim = 128;
+constexpr std::size_t kRegions = 200;
+constexpr std::size_t kCentres = 4000;
+
+// A unit vector at about `spread` from `centre`.
+void Around(const float* centre, float spread, std::mt19937_64& random, float* out) {
+  std::normal_distribution<float> normal(0, spread / std::sqrt(static_cast<float>(kDim)));
+  double squared = 0;
+  for (int d = 0; d < kDim; ++d) {
+    out[d] = centre[d] + normal(random);
+    squared += static_cast<double>(out[d]) * out[d];
+  }
+  const auto scale = static_cast<float>(1 / std::sqrt(squared));
+  for (int d = 0; d < kDim; ++d) out[d] *= scale;
+}
+
+Descriptors MakeCentres(std::mt19937_64& random) {
+  Descriptors regions = Descriptors::Float(kRegions, kDim);
+  const std::vector<float> origin(kDim, 0.0F);
+  for (std::size_t r = 0; r < kRegions; ++r) {
+    Around(origin.data(), 1, random, regions.floats.data() + r * kDim);
+  }
+  Descriptors centres = Descriptors::Float(kCentres, kDim);
+  for (std::size_t c = 0; c < kCentres; ++c) {
+    Around(regions.floats.data() + random() % kRegions * kDim, 0.9F, random,
+           centres.floats.data() + c * kDim);
+  }
+  return centres;
+}
+
+// A picture like `bow`: the same words, but of each code every fourth half byte is another.
+Bow WithNoise(const Bow& bow, std::mt19937_64& random) {
+  Bow noisy = bow;
+  for (std::uint8_t& byte : noisy.codes) {
+    const std::uint64_t bits = random();
+    if (bits % 4 == 0) byte = static_cast<std::uint8_t>((byte & 0xF0U) | (bits >> 8U & 0x0FU));
+    if (bits / 4 % 4 == 0) byte = static_cast<std::uint8_t>((byte & 0x0FU) | (bits >> 8U & 0xF0U));
+  }
+  return noisy;
+}
+
+std::vector<IndexedPicture> Quantized(const std::vector<LabelledPicture>& pictures,
+                                      const Quantizer& quantizer) {
+  std::vector<IndexedPicture> indexed;
+  for (const LabelledPicture& picture : pictures) {
+    const std::vector<std::uint32_t> words = quantizer.Assign(picture.descriptors);
+    indexed.push_back({0, 0, "", quantizer.BowOf(picture.descriptors, 0, words)});
+  }
+  return indexed;
+}
+
+}  // namespace
+
+RankingSet ReadSet(const std::filesystem::path& database) {
+  constexpr int kBusyMs = 10'000;
+  Connection db(database, Connection::Mode::kReadOnly, kBusyMs);
+  Cursor row = db.Prepare(
+      "SELECT c.name, o.name, f.data FROM pictures p JOIN collections c ON c.key = p.collection "
+      "JOIN features f ON f.picture = p.key LEFT JOIN objects o ON o.key = p.object "
+      "WHERE c.name IN ('gallery', 'queries') ORDER BY p.id");
+  RankingSet set;
+  while (row.Next()) {
+    auto& to = row.Text(0) == "queries" ? set.queries : set.gallery;
+    to.push_back({row.IsNull(1) ? "" : row.Text(1), DecodeFeatures(row.Blob(2)).descriptors});
+  }
+  return set;
+}
+
+RankingSet MakeSet(std::size_t pictures, std::size_t queries, std::size_t descriptors) {
+  std::mt19937_64 random(1);
+  const Descriptors centres = MakeCentres(random);
+  std::vector<double> weights;
+  for (std::size_t r = 1; r <= kCentres; ++r) {
+    weights.push_back(1 / std::sqrt(static_cast<double>(r)));
+  }
+  std::discrete_distribution<std::size_t> draw(weights.begin(), weights.end());
+  RankingSet set;
+  for (std::size_t p = 0; p < pictures; ++p) {
+    LabelledPicture picture{std::to_string(p), Descriptors::Float(descriptors, kDim)};
+    for (std::size_t i = 0; i < descriptors; ++i) {
+      Around(centres.floats.data() + draw(random) * kDim, 0.8F, random,
+             picture.descriptors.floats.data() + i * kDim);
+    }
+    set.gallery.push_back(std::move(picture));
+  }
+  for (std::size_t q = 0; q < queries; ++q) {
+    LabelledPicture query = set.gallery[random() % pictures];
+    for (std::size_t i = 0; i < descriptors; ++i) {
+      float* values = query.descriptors.floats.data() + i * kDim;
+      Around(values, 0.5F, random, values);
+    }
+    set.queries.push_back(std::move(query));
+  }
+  return set;
+}
+
+Descriptors DrawRows(const Descriptors& descriptors, std::size_t count, std::mt19937_64& random) {
+  if (descriptors.rows <= count) return descriptors;
+  std::vector<std::uint32_t> rows(descriptors.rows);
+  std::iota(rows.begin(), rows.end(), 0U);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::swap(rows[i], rows[i + random() % (rows.size() - i)]);
+  }
+  rows.resize(count);
+  std::sort(rows.begin(), rows.end());
+  return SelectRows(descriptors, rows);
+}
+
+GrowingIndex::GrowingIndex(const std::vector<LabelledPicture>& gallery,
+                           const std::vector<LabelledPicture>& distractors,
+                           std::shared_ptr<const Quantizer> quantizer)
+    : index_(quantizer->vocabulary().size(), quantizer),
+      distractors_(Quantized(distractors, *quantizer)) {
+  Add(Quantized(gallery, *quantizer));
+}
+
+std::shared_ptr<const IndexSnapshot> GrowingIndex::Grow(std::size_t pictures) {
+  while (static_cast<std::size_t>(key_) < pictures && !distractors_.empty()) {
+    std::vector<IndexedPicture> chunk;
+    while (chunk.size() < IndexSegment::kMaxPictures && key_ + chunk.size() < pictures) {
+      const std::size_t next = drawn_++;
+      IndexedPicture picture = distractors_[next % distractors_.size()];
+      if (next >= distractors_.size()) picture.bow = WithNoise(picture.bow, random_);
+      chunk.push_back(std::move(picture));
+    }
+    Add(std::move(chunk));
+  }
+  index_.Refresh();
+  return index_.snapshot();
+}
+
+void GrowingIndex::Add(std::vector<IndexedPicture> pictures) {
+  for (IndexedPicture& picture : pictures) {
+    picture.key = ++key_;
+    picture.id = std::to_string(key_);
+  }
+  index_.Append(std::move(pictures));
+}
+
+}  // namespace pliant::bench
