@@ -43,7 +43,8 @@ set(PLIANT_PUBLIC_HEADERS
     vocab/quantizer.h
     vocab/residual_codes.h
     vocab/signature.h
-    vocab/vocabulary.h)
+    vocab/vocabulary.h
+    vocab/word_groups.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)
   cmake_path(GET header PARENT_PATH folder)
   install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/${folder})
