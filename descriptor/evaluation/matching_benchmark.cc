@@ -99,8 +99,8 @@ std::vector<std::optional<Measured>> MeasureAll(const Dataset& dataset,
   for (std::size_t i = 0; i < candidates.size(); ++i) by_scene[candidates[i].scene].push_back(i);
   const std::vector<std::pair<std::size_t, std::vector<std::size_t>>> tasks(by_scene.begin(),
                                                                             by_scene.end());
-  const MatcherOptions matcher_options{options.max_keypoints, options.enlarge,
-                                       options.tolerance_px, options.min_true_pairs};
+  const MatcherOptions matcher_options{options.max_keypoints, options.enlarge, options.tolerance_px,
+                                       options.min_true_pairs};
   std::vector<std::optional<Measured>> measured(candidates.size());
   ParallelFor(tasks.size(), options.jobs, [&](std::size_t t) {
     const std::unique_ptr<TruthScene> scene = dataset.scenes[tasks[t].first].load();

@@ -101,8 +101,8 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
 void FeatureExtractor::AddEnlarged(const Image& image, int threads, PictureRole role,
                                    Features* features, ExtractionTimings* timings) const {
   Stopwatch watch;
-  const EnlargedKeypoints more = DetectEnlarged(image, features->keypoints,
-                                                options_.decode.max_side_px, options_.keypoints);
+  const EnlargedKeypoints more =
+      DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, options_.keypoints);
   if (timings != nullptr) timings->detect_ms += watch.Lap();
   if (more.inside.empty()) return;
   features->descriptors.Append(Describe(more.picture, more.inside, role, threads));

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Locate on key points that are placed by hand.
+#include "index/verify/locate.h"
+
 #include <cmath>
 #include <functional>
 #include <set>
@@ -9,7 +11,6 @@
 
 #include "descriptor/warp/local_affine.h"
 #include "index/json/location_json.h"
-#include "index/verify/locate.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {
