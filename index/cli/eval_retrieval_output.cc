@@ -65,11 +65,12 @@ std::string CostTable(const RetrievalReport& report) {
                      rows);
 }
 
-// What answers say is found (probability 0.9 or more); empty where no protocol knows probabilities.
+// What answers say is found (probability 0.9 or more); empty where nothing is.
 std::string FoundTable(const RetrievalReport& report) {
   std::vector<std::vector<std::string>> rows;
   for (const RetrievalResult& row : report.results) {
-    if (row.mean.found_right + row.mean.found_wrong == 0) continue;
+    const double found = row.mean.found_right + row.mean.found_wrong;
+    if (found == 0 && row.absent.alarms == 0) continue;
     rows.push_back({row.descriptor, row.protocol, FormatWords(row),
                     FormatFixed(row.mean.found_right, 3), FormatFixed(row.mean.found_wrong, 3),
                     std::to_string(row.absent.asked), std::to_string(row.absent.alarms)});
