@@ -31,6 +31,21 @@ void CheckLimits(const ImageHeader& header, const DecodeOptions& options) {
   }
 }
 
+// What decoding and the conversions to 8 bits may take, by what the file says of itself.
+void CheckMemory(const ScannedImage& scanned, int reduction, const DecodeOptions& options) {
+  const std::int64_t pixels = scanned.header.width * scanned.header.height;
+  const std::int64_t needed = pixels / (std::int64_t{reduction} * reduction) * scanned.pixel_bytes;
+  if (needed <= options.max_decode_bytes &&
+      scanned.buffer_bytes <= options.max_decode_bytes - needed) {
+    return;
+  }
+  throw Error(ErrorCode::kTooLarge, "image_too_large",
+              "Decoding the picture of " + std::to_string(scanned.header.width) + " x " +
+                  std::to_string(scanned.header.height) + " pixels takes more than " +
+                  std::to_string(options.max_decode_bytes >> 20) +
+                  " MiB of memory. Scale it down, or save it as JPEG that is not progressive.");
+}
+
 // libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
 int JpegReduction(const ImageHeader& header, int max_side_px) {
   if (header.format != ImageFormat::kJpeg || max_side_px <= 0) return 1;
@@ -72,10 +87,10 @@ cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
   return bgr;
 }
 
-cv::Mat ToChannels(cv::Mat pixels, bool colour) {
+// To 8 bits, without transparency; grey stays grey, also where colours are wanted.
+cv::Mat Simplified(cv::Mat pixels, bool colour) {
   if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1.0 / 257);
   if (pixels.channels() == 4) pixels = ComposeOnWhite(pixels);
-  if (colour && pixels.channels() == 1) cv::cvtColor(pixels, pixels, cv::COLOR_GRAY2BGR);
   if (!colour && pixels.channels() == 3) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2GRAY);
   return pixels;
 }
@@ -131,6 +146,20 @@ cv::Mat DecodePixels(Bytes bytes, int flags) {
   return pixels;
 }
 
+// The decoder must have understood the file as the limits did.
+void CheckSize(const cv::Mat& pixels, const ImageHeader& header, int reduction) {
+  const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
+  const std::int64_t width = reduced(header.width);
+  const std::int64_t height = reduced(header.height);
+  const bool turned = header.format == ImageFormat::kTiff && header.exif_orientation >= 5;
+  if (pixels.cols == (turned ? height : width) && pixels.rows == (turned ? width : height)) return;
+  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
+              "The picture contradicts itself: its header says " + std::to_string(header.width) +
+                  " x " + std::to_string(header.height) + " pixels, its data are of " +
+                  std::to_string(pixels.cols) + " x " + std::to_string(pixels.rows) +
+                  ". Save it again as JPEG or PNG.");
+}
+
 // OpenCV turns TIFF upright itself, whatever the flags; the other formats are ours to turn.
 int OrientationLeft(const ImageHeader& header) {
   return header.format == ImageFormat::kTiff ? 1 : header.exif_orientation;
@@ -155,14 +184,19 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
                 "The picture file has " + std::to_string(bytes.size()) + " bytes; at most " +
                     std::to_string(options.max_bytes) + " are accepted.");
   }
-  const ScannedImage scanned = ScanImage(bytes);
+  ScannedImage scanned = ScanImage(bytes);
   const ImageHeader& header = scanned.header;
-  CheckLimits(header, options);
-  CheckComplete(bytes, scanned);
-
   const int reduction = JpegReduction(header, options.max_side_px);
-  cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, options, reduction));
-  pixels = TurnUpright(ToChannels(std::move(pixels), options.colour), OrientationLeft(header));
+  CheckLimits(header, options);
+  CheckMemory(scanned, reduction, options);
+  CheckStructure(bytes, scanned);
+  CheckMemory(scanned, reduction, options);  // now all that is needed is known
+
+  const std::vector<std::uint8_t> essential = WithoutMetadata(bytes, header.format);
+  cv::Mat pixels = DecodePixels(essential.empty() ? bytes : Bytes(essential),
+                                ReadFlags(header, options, reduction));
+  CheckSize(pixels, header, reduction);
+  pixels = TurnUpright(Simplified(std::move(pixels), options.colour), OrientationLeft(header));
 
   DecodedImage decoded;
   decoded.format = header.format;
@@ -178,7 +212,9 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
     cv::resize(pixels, pixels, {scaled(decoded.original_width), scaled(decoded.original_height)}, 0,
                0, cv::INTER_AREA);
   }
-  if (options.colour) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2RGB);
+  if (options.colour) {
+    cv::cvtColor(pixels, pixels, pixels.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  }
   decoded.image = CopyFromMat(pixels);
   return decoded;
 }

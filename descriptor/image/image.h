@@ -38,8 +38,11 @@ struct DecodeOptions {
   int max_side_px = 1024;                       // longer side; larger pictures are scaled; 0 = no
   std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
   std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
-  int min_side_px = 16;                         // smaller pictures are refused
-  bool colour = false;                          // decode to 3 channels instead of 1
+  // Of memory while decoding, estimated before from what the file says: 100 megapixels of baseline
+  // JPEG take little, of 16-bit colours with transparency 1.2 GB.
+  std::int64_t max_decode_bytes = 1LL << 30;
+  int min_side_px = 16;  // smaller pictures are refused
+  bool colour = false;   // decode to 3 channels instead of 1
 };
 
 struct DecodedImage {
@@ -58,7 +61,7 @@ ImageFormat SniffFormat(Bytes bytes);
 ImageHeader ReadImageHeader(Bytes bytes);
 
 // Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
-// "image_too_large" (bytes or pixels), kUnprocessable "image_too_small", "image_corrupt",
+// "image_too_large" (bytes, pixels or memory), kUnprocessable "image_too_small", "image_corrupt",
 // "image_truncated" (an incomplete picture is refused, never padded with grey).
 // Thread-safe.
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});

@@ -3,6 +3,7 @@
 #include "descriptor/image/image.h"
 
 #include <array>
+#include <cstring>
 #include <random>
 #include <set>
 
@@ -149,6 +150,67 @@ TEST(DecodeImage, NamesWhatIsWrong) {
 TEST(DecodeImage, RefusesABombByItsHeader) {
   EXPECT_EQ(ReasonOf(testing::PngClaiming(60'000, 60'000)), "image_too_large");
   EXPECT_EQ(ReasonOf(testing::PngClaiming(0xFFFFFFFF, 0xFFFFFFFF)), "image_too_large");
+}
+
+TEST(DecodeImage, RefusesWhatWouldTakeTooMuchMemory) {
+  // 96 x 64 pixels: 3 bytes each and one of grey as PNG.
+  const FileBytes png = EncodeAs(CornerPicture(), ".png");
+  EXPECT_EQ(ReasonOf(png, {.max_decode_bytes = 4 * 96 * 64}), "decoded");
+  EXPECT_EQ(ReasonOf(png, {.max_decode_bytes = 4 * 96 * 64 - 1}), "image_too_large");
+  const FileBytes jpeg = EncodeAs(CornerPicture(), ".jpg");
+  EXPECT_EQ(ReasonOf(jpeg, {.max_decode_bytes = 3 * 96 * 64}), "decoded");
+  // Progressive: all coefficients are kept, of 16 bits; those of colours at half the size.
+  FileBytes progressive;
+  cv::imencode(".jpg", CornerPicture(), progressive, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  EXPECT_EQ(ReasonOf(progressive, {.max_decode_bytes = 3 * 96 * 64}), "image_too_large");
+  EXPECT_EQ(ReasonOf(progressive, {.max_decode_bytes = 6 * 96 * 64}), "decoded");
+}
+
+// One TIFF tag again, with another value, at the place where the directory's entries end.
+FileBytes WithTagTwice(FileBytes tiff, int tag, std::uint32_t value) {
+  std::uint32_t directory = 0;
+  std::memcpy(&directory, tiff.data() + 4, 4);
+  FileBytes entry;
+  testing::Append(entry, tag, 2, false);
+  testing::Append(entry, 4, 2, false);
+  testing::Append(entry, 1, 4, false);
+  testing::Append(entry, value, 4, false);
+  const std::size_t end = directory + 2 + 12 * std::size_t{tiff[directory]};
+  tiff.insert(tiff.begin() + static_cast<std::ptrdiff_t>(end), entry.begin(), entry.end());
+  ++tiff[directory];
+  return tiff;
+}
+
+TEST(DecodeImage, RefusesWhatContradictsItself) {
+  cv::Mat grey;
+  cv::cvtColor(CornerPicture(), grey, cv::COLOR_BGR2GRAY);
+  const FileBytes tiff = testing::GreyTiff(grey, 1);
+  EXPECT_EQ(ReasonOf(tiff), "decoded");
+  for (const int tag : {256, 257, 258, 273, 277, 278, 279}) {
+    EXPECT_EQ(ReasonOf(WithTagTwice(tiff, tag, 12'000)), "image_corrupt") << tag;
+  }
+  EXPECT_EQ(ReasonOf(WithTagTwice(tiff, 40'000, 1)), "decoded") << "an unknown tag";
+  // The header says less than the data hold.
+  const cv::Mat flat(1000, 1000, CV_8UC1, cv::Scalar(7));
+  FileBytes png = EncodeAs(flat, ".png");
+  const FileBytes small = testing::PngClaiming(100, 100);
+  std::copy(small.begin() + 16, small.begin() + 24, png.begin() + 16);
+  FileBytes crc;
+  testing::Append(crc, testing::PngCrc(png.data() + 12, 17), 4, true);
+  std::copy(crc.begin(), crc.end(), png.begin() + 29);
+  EXPECT_EQ(ReasonOf(png), "image_corrupt") << "a megabyte of data for ten kilobytes of rows";
+}
+
+TEST(DecodeImage, MetadataDoNotMatter) {
+  const FileBytes png = EncodeAs(CornerPicture(), ".png");
+  const FileBytes with = testing::WithPngChunk(png, "tEXt", {'a', 0, 'b'});
+  EXPECT_EQ(DecodeImage(with).image.pixels, DecodeImage(png).image.pixels);
+  const FileBytes jpeg = EncodeAs(CornerPicture(), ".jpg");
+  EXPECT_EQ(DecodeImage(testing::WithJpegExif(jpeg, 1, false)).image.pixels,
+            DecodeImage(jpeg).image.pixels);
+  // Only the first EXIF block counts.
+  const FileBytes twice = testing::WithJpegExif(testing::WithJpegExif(jpeg, 1, false), 6, false);
+  EXPECT_EQ(ReadImageHeader(twice).exif_orientation, 6);
 }
 
 TEST(DecodeImage, ScalesTheLongerSide) {

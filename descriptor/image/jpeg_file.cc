@@ -1,0 +1,145 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// JPEG (ITU T.81): a list of marker segments; entropy-coded data follows SOS.
+#include <algorithm>
+
+#include "descriptor/image/byte_reader.h"
+#include "descriptor/image/image_header.h"
+#include "descriptor/image/tiff_directory.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kEndOfImage = 0xD9;
+constexpr int kStartOfScan = 0xDA;
+constexpr int kComment = 0xFE;
+constexpr int kApp0 = 0xE0;   // JFIF
+constexpr int kApp1 = 0xE1;   // EXIF, XMP
+constexpr int kApp14 = 0xEE;  // Adobe: says which colour transform the pixels have gone through
+constexpr int kLastApp = 0xEF;
+
+// Programs write ten scans or so, one that separates every coefficient some hundred.
+constexpr int kMostScans = 200;
+// A decoder goes through all blocks in every scan, however few bytes the scan has.
+constexpr std::int64_t kMostScannedPixels = 1'000'000'000;
+
+bool IsStartOfFrame(int marker) {
+  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+}
+
+bool IsProgressive(int marker) { return (marker & 3) == 2; }
+
+bool HasNoPayload(int marker) { return marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8); }
+
+bool IsMetadata(int marker) {
+  return marker == kComment || (marker > kApp0 && marker <= kLastApp && marker != kApp14);
+}
+
+// Calls visit(marker, payload) for each segment from `at` up to EOI, leaving `at` at the segment
+// for which visit said false; false when the file ends before EOI. Entropy-coded data hold no
+// marker by themselves: an 0xFF in them is followed by a stuffed 0x00 (B.1.1.5), so they are
+// skipped bytewise.
+template <typename Visit>
+bool WalkJpeg(Bytes bytes, std::size_t& at, Visit visit) {
+  while (at + 1 < bytes.size()) {
+    if (bytes[at] != 0xFF) {  // entropy-coded data, or padding
+      ++at;
+      continue;
+    }
+    const int marker = bytes[at + 1];
+    if (marker == 0xFF) {
+      ++at;
+      continue;
+    }
+    if (marker == kEndOfImage) return true;
+    if (marker == 0x00 || HasNoPayload(marker)) {
+      at += 2;
+      continue;
+    }
+    const auto length = ByteReader(bytes, true).U16(at + 2);
+    if (!length || *length < 2 || bytes.size() - at - 2 < *length) return false;
+    if (!visit(marker, bytes.subspan(at + 4, *length - 2))) return true;
+    at += 2 + *length;
+  }
+  return false;
+}
+
+// Bytes of all components' coefficients (16 bits each) a pixel of the picture, times 16 to stay
+// whole: component i has h_i v_i samples where the finest has h_max v_max (A.1.1).
+std::int64_t CoefficientBytesBy16(const ByteReader& frame) {
+  const int components = frame.U8(5).value_or(0);
+  std::int64_t sum = 0;
+  std::int64_t most_h = 1;
+  std::int64_t most_v = 1;
+  for (int i = 0; i < components; ++i) {
+    const int sampling = frame.U8(std::size_t{7} + std::size_t{3} * i).value_or(0);
+    const std::int64_t h = sampling >> 4;
+    const std::int64_t v = sampling & 15;
+    sum += h * v;
+    most_h = std::max(most_h, h);
+    most_v = std::max(most_v, v);
+  }
+  return 2 * 16 * sum / (most_h * most_v);
+}
+
+}  // namespace
+
+ScannedImage ScanJpeg(Bytes bytes) {
+  ScannedImage scanned{.header = {.format = ImageFormat::kJpeg}, .jpeg_rest = 2};
+  ImageHeader& header = scanned.header;
+  bool exif = false;
+  WalkJpeg(bytes, scanned.jpeg_rest, [&](int marker, Bytes payload) {
+    const ByteReader reader(payload, true);
+    if (!exif && marker == kApp1 && payload.size() > 6 && reader.StartsWith(0, "Exif")) {
+      header.exif_orientation = ReadOrientation(reader.From(6));
+      exif = true;
+    }
+    if (!IsStartOfFrame(marker)) return true;
+    header.height = reader.U16(1).value_or(0);
+    header.width = reader.U16(3).value_or(0);
+    return false;
+  });
+  return scanned;
+}
+
+void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
+  const std::int64_t pixels = scanned.header.width * scanned.header.height;
+  int components = 0;
+  int scans = 0;
+  std::int64_t coefficients = 0;
+  std::size_t at = scanned.jpeg_rest;
+  scanned.complete = WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
+    const ByteReader reader(payload, true);
+    if (IsStartOfFrame(marker) && components == 0) {
+      components = reader.U8(5).value_or(0);
+      coefficients = pixels * CoefficientBytesBy16(reader) / 16;
+      if (IsProgressive(marker)) scanned.buffer_bytes = coefficients;
+    }
+    if (marker != kStartOfScan) return true;
+    // A decoder keeps all coefficients where one scan does not bring all components.
+    if (reader.U8(0).value_or(0) < components) scanned.buffer_bytes = coefficients;
+    ++scans;
+    return scans <= kMostScans && scans * pixels <= kMostScannedPixels;
+  });
+  if (scans > kMostScans || (scans > 1 && scans * pixels > kMostScannedPixels)) {
+    scanned.defect = "it has so many scans that decoding it would take minutes";
+  }
+}
+
+std::vector<std::uint8_t> JpegWithoutMetadata(Bytes bytes) {
+  std::vector<std::uint8_t> kept;
+  std::size_t at = 2;
+  std::size_t from = 0;
+  WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
+    if (!IsMetadata(marker)) return true;
+    kept.insert(kept.end(), bytes.begin() + static_cast<std::ptrdiff_t>(from),
+                bytes.begin() + static_cast<std::ptrdiff_t>(at));
+    from = at + 4 + payload.size();
+    return true;
+  });
+  if (from == 0) return {};
+  kept.insert(kept.end(), bytes.begin() + static_cast<std::ptrdiff_t>(from), bytes.end());
+  return kept;
+}
+
+}  // namespace pliant

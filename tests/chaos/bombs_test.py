@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sends every hostile picture of bombs.py to a running server, to be added and as thumbnail of what was added, and
+prints what each cost.
+
+    tests/chaos/bombs_test.py --bin build/release/bin [--only NAME]
+
+Fails when an answer is none of those that are documented, when a picture takes more processor time or
+memory than the limits below, when a good client beside has to wait, or when the server is gone.
+"""
+import argparse
+import contextlib
+import http.client
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import bombs
+
+MOST_MEMORY_MB = 300  # above the size before the picture came
+ANSWERS = {200, 201, 400, 413, 415, 422}
+IMAGES = "/v1/collections/default/images"
+
+
+class Server:
+    """A pliant-server in a folder of its own."""
+
+    def __init__(self, binaries, folder):
+        self.log = open(folder / "log", "w+", encoding="utf-8")
+        self.process = subprocess.Popen(
+            [binaries / "pliant-server", "--db", folder / "db", "--listen", "127.0.0.1:0", "--descriptor",
+             "rootsift", "--auto-train", "false"], stdout=subprocess.PIPE, stderr=self.log, text=True)
+        said = self.process.stdout.readline()
+        found = re.search(r"http://([\d.]+):(\d+)", said)
+        if not found:
+            self.log.seek(0)
+            sys.exit(f"the server did not start: {said}{self.log.read()}")
+        self.address = found.group(1), int(found.group(2))
+
+    def ask(self, method, path, body=None):
+        connection = http.client.HTTPConnection(*self.address, timeout=120)
+        with contextlib.closing(connection):
+            connection.request(method, path, body, {"Content-Type": "application/octet-stream"} if body is not None else {})
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+
+    def cpu_s(self):
+        fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def memory_mb(self, key):
+        status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(rf"{key}:\s+(\d+)", status).group(1)) / 1024
+
+    def forget_peak(self):
+        pathlib.Path(f"/proc/{self.process.pid}/clear_refs").write_text("5")
+
+
+class GoodClient(threading.Thread):
+    """Replaces a small picture again and again, and keeps the longest wait."""
+
+    def __init__(self, server):
+        super().__init__(daemon=True)
+        self.server, self.longest_s, self.failures, self.stopped = server, 0.0, [], False
+
+    def run(self):
+        count = 0
+        while not self.stopped:
+            count += 1  # other bytes, so that the picture is decoded and described again
+            picture = bombs.small_png(bombs.chunk(b"tEXt", b"Count\0%d" % count))
+            begin = time.monotonic()
+            status, _ = self.server.ask("PUT", IMAGES + "/good", picture)
+            self.longest_s = max(self.longest_s, time.monotonic() - begin)
+            if status not in (200, 201):
+                self.failures.append(status)
+            time.sleep(0.05)
+
+
+def attack(server, name, data):
+    """(row of the table, what is wrong)"""
+    server.forget_peak()
+    before_cpu, before_memory = server.cpu_s(), server.memory_mb("VmRSS")
+    path = f"{IMAGES}/bomb"
+    status, body = server.ask("PUT", path, data)
+    if status in (200, 201):
+        status, body = server.ask("GET", path + "/thumbnail")
+        server.ask("DELETE", path)
+    cpu, memory = server.cpu_s() - before_cpu, server.memory_mb("VmHWM") - before_memory
+    code = json.loads(body)["code"] if status >= 400 else "accepted"
+    wrong = []
+    if status not in ANSWERS:
+        wrong.append(f"{name}: answered {status} {code}")
+    if memory > MOST_MEMORY_MB:
+        wrong.append(f"{name}: took {memory:.0f} MB")
+    return (name, len(data), status, code, cpu, memory), wrong
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser.add_argument("--bin", required=True, type=pathlib.Path, metavar="DIR")
+    parser.add_argument("--only", help="pictures whose names hold this text")
+    parser.add_argument("--cpu", type=float, default=2, help="most seconds of processor time for a picture and its thumbnail")
+    parser.add_argument("--wait", type=float, default=2, help="most seconds that a good client waits")
+    options = parser.parse_args()
+    wrong, slowest = [], 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(options.bin.resolve(), pathlib.Path(folder))
+        server.ask("PUT", IMAGES + "/good", bombs.small_png())
+        print("| picture | bytes | status | code | CPU s | MB | longest wait of another s |\n|---|---|---|---|---|---|---|")
+        for name, make in bombs.BOMBS.items():
+            if options.only and options.only not in name:
+                continue
+            data = make()
+            good = GoodClient(server)
+            good.start()
+            try:
+                row, found = attack(server, name, data)
+            except (OSError, http.client.HTTPException) as error:
+                sys.exit(f"{name}: {error!r}; the server {'runs' if server.process.poll() is None else 'is gone'}")
+            good.stopped = True
+            good.join()
+            if row[4] > options.cpu:
+                found.append(f"{name}: took {row[4]:.1f} s of processor time")
+            found += [f"{name}: a good client was answered {status}" for status in good.failures]
+            if good.longest_s > options.wait:
+                found.append(f"{name}: a good client waited {good.longest_s:.1f} s")
+            wrong += found
+            slowest = max(slowest, good.longest_s)
+            print("| {} | {} | {} | {} | {:.2f} | {:.0f} | {:.2f} |".format(*row, good.longest_s), flush=True)
+        server.process.terminate()
+        if server.process.wait(60) != 0:
+            wrong.append(f"the server ended with {server.process.returncode}")
+    print("\n".join(wrong) or f"{len(bombs.BOMBS)} pictures, nothing wrong; longest wait of a good client {slowest:.2f} s")
+    sys.exit(bool(wrong))
+
+
+if __name__ == "__main__":
+    main()
