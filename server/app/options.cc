@@ -65,6 +65,8 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.keep_originals = options.keep_originals;
   engine.originals_dir = ParseOriginalsDir(options.originals_dir);
   engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
+  engine.extraction.decode.max_decode_bytes =
+      std::int64_t{options.max_decode_mb} * std::int64_t{kMiB};
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
   if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
   if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
@@ -126,6 +128,8 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   }
   http.threads = options.http_threads;
   http.connection_queue = options.connection_queue;
+  http.max_connections = options.max_connections;
+  http.connections_per_address = options.connections_per_address;
   http.max_inflight_bytes = static_cast<std::size_t>(options.max_inflight_mb) * kMiB;
   http.limits.idle_timeout = std::chrono::seconds(options.idle_timeout_s);
   http.limits.header_timeout = std::chrono::seconds(options.header_timeout_s);

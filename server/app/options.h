@@ -25,8 +25,10 @@ struct ServerOptions {
   bool auto_train = true;      // train vocabularies automatically, see AutoTrainer
 
   int cores = 0;          // for describing and ranking; 0 = all
-  int http_threads = 64;  // connections served at once
+  int http_threads = 64;  // requests served at once
   int connection_queue = 256;
+  int max_connections = 2048;
+  int connections_per_address = 512;
   int queue_length = 64;  // searches, and uploads, that may wait
   int queue_timeout_s = 30;
 
@@ -34,8 +36,9 @@ struct ServerOptions {
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;
   int max_megapixels = 100;
-  int max_keypoints = 0;  // 0 = as the database was made
-  int max_side_px = 0;    // 0 = as the database was made
+  int max_decode_mb = 256;  // of memory, a picture
+  int max_keypoints = 0;    // 0 = as the database was made
+  int max_side_px = 0;      // 0 = as the database was made
 
   int idle_timeout_s = 5;
   int header_timeout_s = 10;

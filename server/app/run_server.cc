@@ -11,6 +11,7 @@
 
 #include <pthread.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include "index/cli/flag_names.h"
 #include "server/app/logging.h"
@@ -45,6 +46,22 @@ std::string AddressText(const HttpOptions& http, int port) {
   const bool v6 = http.host.find(':') != std::string::npos;
   const std::string scheme = http.tls_certificate.empty() ? "http" : "https";
   return scheme + "://" + (v6 ? "[" + http.host + "]" : http.host) + ":" + std::to_string(port);
+}
+
+// Sockets are files: the usual limit of 1024 is meant for select(), which is not used here.
+void AllowConnections(int connections) {
+  constexpr rlim_t kOthers = 256;  // database, log, pictures
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  files.rlim_cur = files.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &files);
+  if (files.rlim_max != RLIM_INFINITY &&
+      files.rlim_max < static_cast<rlim_t>(connections) + kOthers) {
+    spdlog::warn(
+        "the system allows {} open files: too few for --max-connections {}; raise the "
+        "limit (ulimit -Hn, LimitNOFILE) or lower the option",
+        files.rlim_max, connections);
+  }
 }
 
 // After a stop signal: a thread that cannot be joined in time must not keep the process.
@@ -97,6 +114,7 @@ int RunServer(const ServerOptions& options) {
   StartLog(options);
   try {
     CheckOptions(options);
+    AllowConnections(options.max_connections);
     const HttpOptions http_options = MakeHttpOptions(options);
     KeyRing keys(options.database);
     CheckExposure(options, keys.InUse());

@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
+#include <utility>
 
+#include <fcntl.h>
 #include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include "server/http/library.h"
 
@@ -17,10 +21,9 @@ namespace pliant::server {
 
 namespace {
 
-constexpr std::size_t kBufferBytes = 16 * 1024;
-constexpr std::size_t kLingerBytes = 4 * 1024 * 1024;
-constexpr std::chrono::milliseconds kLingerTime{1'000};
-// What chunked encoding and part headers may add to the body itself.
+constexpr std::size_t kReceiveBytes = 64 * 1024;
+constexpr std::size_t kMostSwallowedBytes = 4 * 1024 * 1024;
+// What chunked encoding may add to the body itself, beside a share of it.
 constexpr std::size_t kFramingBytes = 64 * 1024;
 
 int MillisecondsLeft(Clock::time_point deadline) {
@@ -47,156 +50,258 @@ void NumericName(const sockaddr_storage& address, socklen_t length, std::string&
   }
 }
 
+// A line feed without the carriage return before it: the head may then have no end that counts.
+bool HasBareLineFeed(std::string_view text, std::size_t from) {
+  for (std::size_t at = text.find('\n', from); at != std::string_view::npos;
+       at = text.find('\n', at + 1)) {
+    if (at == 0 || text[at - 1] != '\r') return true;
+  }
+  return false;
+}
+
 }  // namespace
 
-Connection::Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits,
+bool MemoryBudget::Take(std::size_t bytes) {
+  if (used.fetch_add(bytes) + bytes <= most) return true;
+  used -= bytes;
+  return false;
+}
+
+Connection::Connection(int socket_fd, const ConnectionLimits& limits, MemoryBudget* budget,
                        std::unique_ptr<TlsSession> tls)
-    : tls_(std::move(tls)),
-      socket_fd_(socket_fd),
-      wake_fd_(wake_fd),
-      limits_(limits),
-      buffer_(kBufferBytes) {}
-
-bool Connection::Handshake() {
-  return tls_ == nullptr || tls_->Handshake(Clock::now() + limits_.header_timeout);
+    : tls_(std::move(tls)), socket_fd_(socket_fd), limits_(limits), budget_(budget) {
+  fcntl(socket_fd, F_SETFL, fcntl(socket_fd, F_GETFL) | O_NONBLOCK);
+  sockaddr_storage address{};
+  socklen_t length = sizeof(address);
+  if (getpeername(socket_fd_, reinterpret_cast<sockaddr*>(&address), &length) == 0) {
+    NumericName(address, length, address_, port_);
+  }
 }
 
-bool Connection::AwaitRequest(std::chrono::milliseconds idle_timeout) {
-  if (begin_ < end_ || (tls_ && tls_->HasPending())) return true;  // pipelined
-  std::array<pollfd, 2> fds = {{{socket_fd_, POLLIN, 0}, {wake_fd_, POLLIN, 0}}};
-  if (PollUntil(fds.data(), fds.size(), Clock::now() + idle_timeout) <= 0) return false;
-  return fds[0].revents != 0;
+Connection::~Connection() {
+  budget_->Give(held_);
+  tls_.reset();
+  close(socket_fd_);
 }
 
-void Connection::BeginHeaders() {
-  in_body_ = false;
-  answering_ = false;
-  line_bytes_ = 0;
-  header_bytes_ = 0;
+Connection::Step Connection::Greet() {
+  if (tls_ == nullptr) return Step::kDone;
+  const ssize_t done = tls_->Handshake(Clock::now());
+  if (done > 0) return Step::kDone;
+  if (done != -2) return Step::kOver;
+  return tls_->wants_output() ? Step::kWantsOutput : Step::kWantsInput;
+}
+
+Connection::Step Connection::Receive() {
+  const std::size_t before = received_.size();
+  received_.resize(before + kReceiveBytes);
+  ssize_t got = 0;
+  bool wait = false;
+  if (tls_) {
+    got = tls_->Read(received_.data() + before, kReceiveBytes, Clock::now());
+    wait = got == -2;
+  } else {
+    do {
+      got = recv(socket_fd_, received_.data() + before, kReceiveBytes, 0);
+    } while (got < 0 && errno == EINTR);
+    wait = got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
+  }
+  received_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  if (got > 0) return Step::kDone;
+  if (!wait) return Step::kOver;
+  return tls_ && tls_->wants_output() ? Step::kWantsOutput : Step::kWantsInput;
+}
+
+Connection::Step Connection::ReceiveHead() {
+  while (true) {
+    // Empty lines before a request are tolerated (RFC 9112, section 2.2).
+    while (received_.compare(begin_, 2, "\r\n") == 0) begin_ += 2;
+    searched_ = std::max(searched_, begin_);
+    const std::string_view received = received_;
+    head_end_ = EndOfHead(received, searched_);
+    const std::size_t known = std::min(head_end_, received.size());
+    const std::size_t line = received.rfind('\n') + 1;  // 0 when there is none
+    if (known - begin_ > limits_.max_header_bytes ||
+        (head_end_ == std::string_view::npos &&
+         received.size() - std::max(line, begin_) >= kMaxLineBytes)) {
+      fault_ = Fault::kHeadersTooLarge;
+      return Step::kDone;
+    }
+    if (HasBareLineFeed(received.substr(0, known), searched_)) head_end_ = known;
+    if (head_end_ != std::string_view::npos) {
+      head_ = ReadRequestHead(received.substr(begin_, head_end_ - begin_));
+      if (!head_.fault.empty()) fault_ = Fault::kBadHead;
+      end_ = head_end_;
+      chunks_ = ChunkedBody(limits_.max_body_bytes);
+      return Step::kDone;
+    }
+    searched_ = received.size();
+    const Step step = Receive();
+    if (step != Step::kDone) return step;
+  }
+}
+
+Connection::Step Connection::ReceiveBody() {
+  while (true) {
+    if (const Step step = JudgeBody(); step == Step::kDone) return step;
+    if (const Step step = Receive(); step != Step::kDone) return step;
+  }
+}
+
+// kDone: the body is there or refused.
+Connection::Step Connection::JudgeBody() {
+  const std::size_t there = received_.size() - head_end_;
+  if (head_.framing == BodyFraming::kNone) {
+    body_received_ = true;
+  } else if (head_.framing == BodyFraming::kLength) {
+    if (head_.length > limits_.max_body_bytes) {
+      fault_ = Fault::kBodyTooLarge;
+      return Step::kDone;
+    }
+    end_ = head_end_ + std::min<std::size_t>(head_.length, there);
+    body_received_ = end_ - head_end_ == head_.length;
+  } else {
+    std::size_t used = 0;
+    const auto state = chunks_.Take(std::string_view(received_).substr(end_), &used);
+    end_ += used;
+    body_received_ = state == ChunkedBody::State::kEnded;
+    if (state == ChunkedBody::State::kBroken) fault_ = Fault::kBadBody;
+    if (state == ChunkedBody::State::kTooLarge ||
+        end_ - head_end_ > 2 * limits_.max_body_bytes + kFramingBytes) {
+      fault_ = Fault::kBodyTooLarge;
+    }
+  }
+  body_bytes_ = end_ - head_end_;
+  if (fault_ == Fault::kNone) Hold(body_bytes_);
+  return body_received_ || fault_ != Fault::kNone ? Step::kDone : Step::kWantsInput;
+}
+
+// Makes `bytes` the connection's share of the budget.
+void Connection::Hold(std::size_t bytes) {
+  if (bytes <= held_) return;
+  if (budget_->Take(bytes - held_)) {
+    held_ = bytes;
+  } else {
+    fault_ = Fault::kBusy;
+  }
+}
+
+void Connection::Rewind() {
+  read_ = begin_;
+  drop_output_ = false;
+}
+
+void Connection::ForgetRequest() {
+  received_.erase(0, std::min(end_, received_.size()));
+  if (received_.empty()) received_.shrink_to_fit();
+  begin_ = read_ = searched_ = head_end_ = end_ = 0;
+  head_ = {};
+  body_received_ = false;
   body_bytes_ = 0;
   fault_ = Fault::kNone;
-  deadline_ = Clock::now() + limits_.header_timeout;
-}
-
-void Connection::BeginBody() {
-  in_body_ = true;
-  deadline_ = Clock::now() + limits_.body_timeout;
-}
-
-bool Connection::FillFromTls() {
-  const ssize_t got = tls_->Read(buffer_.data(), buffer_.size(), deadline_);
-  if (got <= 0) {
-    fault_ = got == -2 ? Fault::kTimeout : Fault::kClosed;
-    return false;
+  const std::size_t keep = unsent_.size() - sent_;
+  if (held_ > keep) {
+    budget_->Give(held_ - keep);
+    held_ = keep;
   }
-  begin_ = 0;
-  end_ = static_cast<std::size_t>(got);
-  return true;
-}
-
-bool Connection::Fill() {
-  if (tls_) return FillFromTls();
-  pollfd fd = {socket_fd_, POLLIN, 0};
-  const int ready = PollUntil(&fd, 1, deadline_);
-  if (ready <= 0) {
-    fault_ = ready == 0 ? Fault::kTimeout : Fault::kClosed;
-    return false;
-  }
-  ssize_t got = 0;
-  do {
-    got = recv(socket_fd_, buffer_.data(), buffer_.size(), 0);
-  } while (got < 0 && errno == EINTR);
-  if (got <= 0) {
-    fault_ = Fault::kClosed;
-    return false;
-  }
-  begin_ = 0;
-  end_ = static_cast<std::size_t>(got);
-  return true;
 }
 
 ssize_t Connection::read(char* data, size_t size) {
-  if (fault_ != Fault::kNone) return -1;
-  // A drip of bytes keeps every single read short, so the deadline is checked here too.
-  if (begin_ == end_ && (Clock::now() >= deadline_ ? (fault_ = Fault::kTimeout, true) : !Fill())) {
-    return fault_ == Fault::kClosed ? 0 : -1;
+  const std::size_t count = std::min(size, std::max(end_, read_) - read_);
+  std::memcpy(data, received_.data() + read_, count);
+  read_ += count;
+  return static_cast<ssize_t>(count);  // 0, as at the end of a connection, for more than there is
+}
+
+ssize_t Connection::SendSome(std::string_view bytes) {
+  if (tls_) {
+    const ssize_t sent = tls_->Write(bytes.data(), bytes.size(), Clock::now());
+    return sent > 0 ? sent : sent == -2 ? 0 : -1;
   }
-  const std::size_t count = std::min(size, end_ - begin_);
-  if (in_body_) {
-    body_bytes_ += count;
-    if (body_bytes_ > limits_.max_body_bytes + kFramingBytes) fault_ = Fault::kBodyTooLarge;
-  } else {
-    header_bytes_ += count;
-    if (header_bytes_ > limits_.max_header_bytes) fault_ = Fault::kHeadersTooLarge;
+  ssize_t sent = 0;
+  do {
+    sent = send(socket_fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  } while (sent < 0 && errno == EINTR);
+  return sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? 0 : sent;
+}
+
+bool Connection::SendWaiting(std::string_view bytes) {
+  const Clock::time_point end = Clock::now() + limits_.answer_timeout;
+  while (!bytes.empty()) {
+    const ssize_t sent = SendSome(bytes);
+    if (sent < 0) return false;
+    bytes.remove_prefix(static_cast<std::size_t>(sent));
+    if (sent > 0) continue;
+    pollfd fd = {socket_fd_, POLLOUT, 0};
+    if (PollUntil(&fd, 1, std::min(end, Clock::now() + limits_.write_timeout)) <= 0) return false;
   }
-  // The library reads lines, also those between chunks of a body, byte by byte.
-  line_bytes_ = size == 1 && buffer_[begin_] != '\n' ? line_bytes_ + 1 : 0;
-  if (line_bytes_ >= kMaxLineBytes) {
-    fault_ = in_body_ ? Fault::kBodyTooLarge : Fault::kHeadersTooLarge;
-  }
-  if (fault_ != Fault::kNone) return -1;
-  std::memcpy(data, buffer_.data() + begin_, count);
-  begin_ += count;
-  return static_cast<ssize_t>(count);
+  return true;
 }
 
 ssize_t Connection::write(const char* data, size_t size) {
-  if (!answering_) {
-    answering_ = true;
-    answer_deadline_ = Clock::now() + limits_.answer_timeout;
+  if (drop_output_) return static_cast<ssize_t>(size);
+  if (over_) return -1;
+  std::string_view bytes(data, size);
+  if (unsent_.empty()) {
+    const ssize_t sent = SendSome(bytes);
+    over_ = sent < 0;
+    if (over_) return -1;
+    bytes.remove_prefix(static_cast<std::size_t>(sent));
   }
-  const Clock::time_point deadline =
-      std::min(answer_deadline_, Clock::now() + limits_.write_timeout);
-  if (tls_) {
-    const ssize_t sent = tls_->Write(data, size, deadline);
-    return sent > 0 ? sent : -1;
+  if (bytes.empty()) return static_cast<ssize_t>(size);
+  if (budget_->Take(bytes.size())) {
+    held_ += bytes.size();
+    unsent_.append(bytes);
+    return static_cast<ssize_t>(size);
   }
-  pollfd fd = {socket_fd_, POLLOUT, 0};
-  if (Clock::now() >= answer_deadline_ || PollUntil(&fd, 1, deadline) <= 0) return -1;
-  ssize_t sent = 0;
-  do {
-    sent = send(socket_fd_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
-  } while (sent < 0 && errno == EINTR);
-  if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return 0;
-  return sent;
+  over_ = !SendWaiting(std::string_view(unsent_).substr(sent_)) || !SendWaiting(bytes);
+  unsent_.clear();
+  sent_ = 0;
+  return over_ ? -1 : static_cast<ssize_t>(size);
 }
 
-bool Connection::is_readable() const { return begin_ < end_; }
-
-bool Connection::is_writable() const { return true; }
-
-void Connection::SendNow(const std::string& text) {
-  if (tls_) {
-    tls_->Write(text.data(), text.size(), Clock::now());
-    return;
+Connection::Step Connection::Send() {
+  while (sent_ < unsent_.size()) {
+    const ssize_t sent = SendSome(std::string_view(unsent_).substr(sent_));
+    if (sent < 0 || over_) return Step::kOver;
+    if (sent == 0) {
+      return tls_ && !tls_->wants_output() ? Step::kWantsInput : Step::kWantsOutput;
+    }
+    sent_ += static_cast<std::size_t>(sent);
   }
-  [[maybe_unused]] const ssize_t sent =
-      send(socket_fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  unsent_.clear();
+  unsent_.shrink_to_fit();
+  sent_ = 0;
+  return over_ ? Step::kOver : Step::kDone;
+}
+
+Connection::Step Connection::Swallow() {
+  received_.clear();
+  while (swallowed_ < kMostSwallowedBytes) {
+    std::array<char, 16 * 1024> nothing;  // below TLS: nobody reads it
+    const ssize_t got = recv(socket_fd_, nothing.data(), nothing.size(), MSG_DONTWAIT);
+    if (got == 0) return Step::kOver;
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) {
+      return errno == EAGAIN || errno == EWOULDBLOCK ? Step::kWantsInput : Step::kOver;
+    }
+    swallowed_ += static_cast<std::size_t>(got);
+  }
+  return Step::kOver;
 }
 
 void Connection::Farewell() {
   if (tls_) tls_->Close();
 }
 
-void Connection::LingeringClose() {
+void Connection::EndSending() {
   Farewell();
   shutdown(socket_fd_, SHUT_WR);
-  const Clock::time_point deadline = Clock::now() + kLingerTime;
-  std::size_t swallowed = 0;
-  pollfd fd = {socket_fd_, POLLIN, 0};
-  while (swallowed < kLingerBytes && PollUntil(&fd, 1, deadline) > 0) {
-    const ssize_t got = recv(socket_fd_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
-    if (got == 0 || (got < 0 && errno != EINTR && errno != EAGAIN)) return;
-    if (got > 0) swallowed += static_cast<std::size_t>(got);
-  }
 }
 
 void Connection::get_remote_ip_and_port(std::string& ip, int& port) const {
-  sockaddr_storage address{};
-  socklen_t length = sizeof(address);
-  if (getpeername(socket_fd_, reinterpret_cast<sockaddr*>(&address), &length) == 0) {
-    NumericName(address, length, ip, port);
-  }
+  ip = address_;
+  port = port_;
 }
 
 void Connection::get_local_ip_and_port(std::string& ip, int& port) const {

@@ -1,17 +1,20 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A client's connection as the HTTP library sees it, with the limits the library lacks: a deadline
-// for a whole request (not only for each read), and bounds on the bytes of lines, headers and body.
+// A client's connection. Requests are received as a whole before the HTTP library reads them, and
+// what the client does not take at once of an answer is sent later: a thread that serves a request
+// never waits for a client. Receiving and sending are steps that do not wait; Reception takes them.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <memory>
 #include <string>
-#include <vector>
+#include <string_view>
 
 #include <httplib.h>
 
+#include "server/http/request_head.h"
 #include "server/http/tls.h"
 
 namespace pliant::server {
@@ -28,71 +31,113 @@ struct ConnectionLimits {
   std::size_t max_body_bytes = 32 * 1024 * 1024;
 };
 
-// Used by one thread.
+// Bytes of all connections that are in memory at once: bodies that were received, answers that
+// were not taken. Thread-safe.
+struct MemoryBudget {
+  std::size_t most = 0;
+  std::atomic<std::size_t> used{0};
+
+  bool Take(std::size_t bytes);  // false: that would be too many, none are taken
+  void Give(std::size_t bytes) { used -= bytes; }
+};
+
+// Used by one thread at a time.
 class Connection final : public httplib::Stream {
  public:
-  enum class Fault { kNone, kClosed, kTimeout, kHeadersTooLarge, kBodyTooLarge };
+  enum class Fault {
+    kNone,
+    kTimeout,
+    kHeadersTooLarge,
+    kBadHead,  // head().fault says why
+    kBodyTooLarge,
+    kBadBody,
+    kBusy,  // the budget is used up
+  };
+  // What a step has come to: kDone, or what must happen before it is taken again. kOver: the
+  // connection has ended.
+  enum class Step { kDone, kWantsInput, kWantsOutput, kOver };
 
-  // `wake_fd` turns readable when idle connections shall end. Neither descriptor is owned.
+  // Owns the socket and makes it non-blocking. `limits` and `budget` must outlive the connection;
   // `tls` may be null.
-  Connection(int socket_fd, int wake_fd, const ConnectionLimits& limits,
-             std::unique_ptr<TlsSession> tls = nullptr);
+  Connection(int socket_fd, const ConnectionLimits& limits, MemoryBudget* budget,
+             std::unique_ptr<TlsSession> tls);
+  ~Connection() override;
 
-  // Greets the client where there is TLS, within the time for headers. False: it cannot be served.
-  bool Handshake();
+  Step Greet();        // TLS, where there is one
+  Step ReceiveHead();  // kDone: it is there, or fault() says why it is refused
+  Step ReceiveBody();  // likewise, for the body that head() announces
+  Step Send();         // kDone: the client has taken all
+  Step Swallow();      // kOver: the client has ended, or sends without end
+
+  void SetFault(Fault fault) { fault_ = fault; }
+  Fault fault() const { return fault_; }
+  const RequestHead& head() const { return head_; }
+  bool has_bytes() const { return begin_ < received_.size(); }  // of a request
+  bool body_received() const { return body_received_; }
+  std::size_t body_bytes() const { return body_bytes_; }
+  const std::string& address() const { return address_; }
   bool encrypted() const { return tls_ != nullptr; }
 
-  // Waits for the first byte of the next request. False: closed, idle for too long, or woken.
-  bool AwaitRequest(std::chrono::milliseconds idle_timeout);
-  void BeginHeaders();
-  void BeginBody();
+  // The library may read the request (again) from its beginning.
+  void Rewind();
+  // What the library writes from now on until Rewind() is dropped.
+  void DropOutput() { drop_output_ = true; }
+  // The request was served: forgets it. What came after it stays.
+  void ForgetRequest();
 
-  Fault fault() const { return fault_; }
-  std::size_t header_bytes() const { return header_bytes_; }
-  std::size_t body_bytes() const { return body_bytes_; }
-
-  // Sends what can be sent without waiting.
-  void SendNow(const std::string& text);
-
-  // Under TLS, tells the client that no more comes (close_notify: RFC 8446, 6.1; RFC 9112, 9.8).
-  // For connections that end with an answer which said so, or that the client has ended. Not for
-  // one that waits for a request: clients that only look whether there are bytes to read
-  // (cpp-httplib 0.11) take the alert for a living connection, send the next request and fail,
-  // while a bare end makes them connect again. Nothing can be cut off there: every answer was
-  // complete by its length.
+  // Says that no more comes. Under TLS that is close_notify (RFC 8446, 6.1; RFC 9112, 9.8), for
+  // connections that end with an answer which said so, or that the client has ended. Not for one
+  // that waits for a request: clients that only look whether there are bytes to read (cpp-httplib
+  // 0.11) take the alert for a living connection, send the next request and fail, while a bare end
+  // makes them connect again. Nothing can be cut off there: every answer was complete by its
+  // length.
   void Farewell();
+  // Ends sending; the client can still read what was sent. Swallow() then reads what it still
+  // sends: closing with unread bytes would reset the connection (RFC 9112, 9.6).
+  void EndSending();
 
-  // Tells the client that no more comes and swallows what it still sends, so that it can read the
-  // answer before the connection ends: closing with unread bytes would reset it (RFC 9112, 9.6).
-  void LingeringClose();
-
-  bool is_readable() const override;
-  bool is_writable() const override;
+  bool is_readable() const override { return has_bytes(); }
+  bool is_writable() const override { return true; }
   ssize_t read(char* data, size_t size) override;
+  // Sends what can be sent without waiting and keeps the rest for Send(). Waits only when the
+  // budget is used up, for as long as the limits allow.
   ssize_t write(const char* data, size_t size) override;
   void get_remote_ip_and_port(std::string& ip, int& port) const override;
   void get_local_ip_and_port(std::string& ip, int& port) const override;
   socket_t socket() const override { return socket_fd_; }
 
  private:
-  bool FillFromTls();
-  bool Fill();  // the buffer is empty; false sets fault_
+  Step Receive();                            // what is there, appended to received_
+  ssize_t SendSome(std::string_view bytes);  // > 0 sent, 0 nothing now, -1 failed
+  bool SendWaiting(std::string_view bytes);
+  void Hold(std::size_t bytes);
+  Step JudgeBody();
 
   std::unique_ptr<TlsSession> tls_;
   int socket_fd_;
-  int wake_fd_;
-  ConnectionLimits limits_;
-  std::vector<char> buffer_;
-  std::size_t begin_ = 0;
-  std::size_t end_ = 0;
-  Clock::time_point deadline_;
-  Clock::time_point answer_deadline_;  // set by the first write after BeginHeaders
-  bool answering_ = false;
-  bool in_body_ = false;
-  std::size_t line_bytes_ = 0;  // so far of the line that is being read
-  std::size_t header_bytes_ = 0;
+  const ConnectionLimits& limits_;
+  MemoryBudget* budget_;
+  std::size_t held_ = 0;  // of the budget
+  std::string address_;
+  int port_ = 0;
+
+  std::string received_;
+  std::size_t begin_ = 0;     // of the request
+  std::size_t read_ = 0;      // how far the library is
+  std::size_t searched_ = 0;  // for the end of the head
+  std::size_t head_end_ = 0;
+  std::size_t end_ = 0;  // of the request, as far as it is known
+  RequestHead head_;
+  ChunkedBody chunks_{0};
+  bool body_received_ = false;
   std::size_t body_bytes_ = 0;
   Fault fault_ = Fault::kNone;
+
+  std::string unsent_;
+  std::size_t sent_ = 0;  // of unsent_
+  bool drop_output_ = false;
+  bool over_ = false;
+  std::size_t swallowed_ = 0;
 };
 
 }  // namespace pliant::server

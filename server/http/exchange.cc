@@ -58,8 +58,6 @@ Exchange::Exchange(ExchangeShared& shared, Connection& connection)
   request_.id = NewRequestId();
 }
 
-Exchange::~Exchange() { shared_.inflight_bytes -= reserved_bytes_; }
-
 void Exchange::ReadHead(const httplib::Request& raw) {
   if (const auto id = raw.get_header_value("X-Request-Id"); IsRequestId(id)) request_.id = id;
   request_.method = raw.method == "HEAD" ? "GET" : raw.method;
@@ -97,7 +95,7 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
     if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
       throw ProblemError("bad_request", "Content-Length is not a number.");
     }
-    if (error != std::errc() || length > shared_.max_body_bytes) ThrowBodyFault(true, false);
+    if (error != std::errc() || length > shared_.max_body_bytes) throw BodyProblem(true, false);
     request_.has_body = length > 0;
     must_close_ = length > 0;
   }
@@ -193,6 +191,19 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
   return complete_ = true;
 }
 
+bool Exchange::AwaitsBody(httplib::Response& answer) {
+  if (!connection_.body_received()) {
+    const bool settled = connection_.ReceiveBody() == Connection::Step::kDone;
+    awaits_body_ = !settled || connection_.fault() != Connection::Fault::kNone;
+  } else {
+    awaits_body_ = false;
+  }
+  if (!awaits_body_) return false;
+  answer.status = 200;  // goes nowhere
+  connection_.DropOutput();
+  return true;
+}
+
 void Exchange::RunHandler(httplib::Response& answer) {
   try {
     const Parameters parameters(*route_, request_);
@@ -246,14 +257,33 @@ void Exchange::OnLibraryError(const httplib::Request& raw, httplib::Response& an
   must_close_ = true;  // whatever it was, the rest of the connection cannot be trusted
   int status = answer.status;
   if (status == 400 && raw.headers.size() >= kMaxHeaderFields) status = 431;
-  if (connection_.fault() == Connection::Fault::kHeadersTooLarge) status = 431;
-  if (connection_.fault() == Connection::Fault::kTimeout) status = 408;
   AnswerProblem(ProblemForStatus(status), answer);
 }
 
 void Exchange::OnException(httplib::Response& answer) {
   must_close_ = true;
   AnswerProblem(CurrentProblem(), answer);
+}
+
+Problem Exchange::FaultProblem() const {
+  switch (connection_.fault()) {
+    case Connection::Fault::kHeadersTooLarge:
+      return ProblemForStatus(431);
+    case Connection::Fault::kBadHead:
+      return ProblemError("bad_request", connection_.head().fault).problem();
+    case Connection::Fault::kBusy:
+      return ProblemError("busy", "Too many requests at the moment. Try again shortly.")
+          .RetryAfter(2)
+          .problem();
+    case Connection::Fault::kTimeout:
+      if (!prepared_) return ProblemForStatus(408);
+      break;
+    case Connection::Fault::kBodyTooLarge:
+    case Connection::Fault::kBadBody:
+    case Connection::Fault::kNone:
+      break;
+  }
+  return BodyProblem(false, false).problem();
 }
 
 void Exchange::NoteAnswer(const httplib::Response& answer) {

@@ -27,28 +27,32 @@ struct ExchangeShared {
   const AllowedHosts allowed_hosts;
   const bool encrypted = false;
   std::size_t max_body_bytes = 0;
-  std::size_t max_inflight_bytes = 0;
-  std::atomic<std::size_t> inflight_bytes{0};
   std::atomic<bool> ready{false};
   std::atomic<bool> stopping{false};
 };
 
-// Used by one thread.
+// A request with a body goes through the library twice: when its head is there, and when its body
+// is there, too. Used by one thread at a time.
 class Exchange {
  public:
   Exchange(ExchangeShared& shared, Connection& connection);
-  ~Exchange();
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
 
   // Called when the headers are there. Returns true when the answer is complete: an error, or a
-  // route that takes no body.
+  // route that takes no body. The second time it returns the same.
   bool BeforeBody(const httplib::Request& raw, httplib::Response& answer);
+  // Called after it returned false. Returns true when the body has not arrived yet: the library is
+  // to be left without an answer, and called again when ReceiveBody() is done.
+  bool AwaitsBody(httplib::Response& answer);
+  bool awaits_body() const { return awaits_body_; }
   // Reads the body, then runs the handler.
   void WithBody(const httplib::ContentReader& reader, httplib::Response& answer);
   // Fills an answer that the library made by itself.
   void OnLibraryError(const httplib::Request& raw, httplib::Response& answer);
   void OnException(httplib::Response& answer);
+  // What the connection's fault means.
+  Problem FaultProblem() const;
 
   // The connection cannot carry another request, because this one's body was not read to its end.
   bool must_close() const { return must_close_; }
@@ -66,10 +70,9 @@ class Exchange {
   bool IsPreflight() const;
   void AnswerPreflight(httplib::Response& answer);
   void CheckSameSite() const;
-  void ReserveBody(std::size_t bytes);
   void ReadMultipart(const httplib::ContentReader& reader, const httplib::Response& answer);
   void ReadPlain(const httplib::ContentReader& reader, const httplib::Response& answer);
-  [[noreturn]] void ThrowBodyFault(bool too_large, bool too_many_parts) const;
+  ProblemError BodyProblem(bool too_large, bool too_many_parts) const;
   void RunHandler(httplib::Response& answer);
   void Answer(const Response& response, httplib::Response& answer);
   void AddSecurityHeaders(httplib::Response& answer) const;
@@ -82,8 +85,8 @@ class Exchange {
   bool prepared_ = false;  // BeforeBody has run
   bool complete_ = false;  // and gave the answer
   bool answered_ = false;
+  bool awaits_body_ = false;
   bool must_close_ = false;
-  std::size_t reserved_bytes_ = 0;
   RequestRecord record_;
 };
 

@@ -23,13 +23,6 @@ std::size_t MaxParts(const Route& route) {
 
 }  // namespace
 
-void Exchange::ReserveBody(std::size_t bytes) {
-  reserved_bytes_ += bytes;
-  if (shared_.inflight_bytes.fetch_add(bytes) + bytes > shared_.max_inflight_bytes) {
-    throw ProblemError("busy", "Too many uploads at the moment. Try again shortly.").RetryAfter(2);
-  }
-}
-
 void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response& answer) {
   try {
     if (request_.is_multipart()) {
@@ -50,11 +43,10 @@ void Exchange::ReadPlain(const httplib::ContentReader& reader, const httplib::Re
   const bool whole = reader([&](const char* data, std::size_t size) {
     too_large = request_.body.size() + size > shared_.max_body_bytes;
     if (too_large) return false;
-    ReserveBody(size);
     request_.body.append(data, size);
     return true;
   });
-  if (!whole) ThrowBodyFault(too_large || RefusedAsTooLarge(answer), false);
+  if (!whole) throw BodyProblem(too_large || RefusedAsTooLarge(answer), false);
 }
 
 void Exchange::ReadMultipart(const httplib::ContentReader& reader,
@@ -75,29 +67,28 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
         too_large = total > shared_.max_body_bytes ||
                     (part.name != "image" && part.content.size() + size > kMaxFieldBytes);
         if (too_large) return false;
-        ReserveBody(size);
         part.content.append(data, size);
         return true;
       });
-  if (!whole) ThrowBodyFault(too_large || RefusedAsTooLarge(answer), too_many);
+  if (!whole) throw BodyProblem(too_large || RefusedAsTooLarge(answer), too_many);
 }
 
-void Exchange::ThrowBodyFault(bool too_large, bool too_many_parts) const {
+ProblemError Exchange::BodyProblem(bool too_large, bool too_many_parts) const {
   if (too_many_parts) {
-    throw ProblemError("bad_request",
-                       fmt::format("The form has more than {} parts.", MaxParts(*route_)));
+    return ProblemError("bad_request",
+                        fmt::format("The form has more than {} parts.", MaxParts(*route_)));
   }
   if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
-    throw ProblemError("body_too_large",
-                       fmt::format("A body may have {} bytes, and a form field {}.",
-                                   shared_.max_body_bytes, kMaxFieldBytes));
+    return ProblemError("body_too_large",
+                        fmt::format("A body may have {} bytes, and a form field {}.",
+                                    shared_.max_body_bytes, kMaxFieldBytes));
   }
   if (connection_.fault() == Connection::Fault::kTimeout) {
-    throw ProblemError("request_timeout", "The body did not arrive in time.");
+    return ProblemError("request_timeout", "The body did not arrive in time.");
   }
-  throw ProblemError("bad_request", request_.is_multipart()
-                                        ? "The multipart/form-data body is damaged or incomplete."
-                                        : "The body is damaged or incomplete.");
+  return ProblemError("bad_request", request_.is_multipart()
+                                         ? "The multipart/form-data body is damaged or incomplete."
+                                         : "The body is damaged or incomplete.");
 }
 
 }  // namespace pliant::server

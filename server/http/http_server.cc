@@ -2,21 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/http_server.h"
 
-#include <condition_variable>
-#include <cstdint>
-#include <mutex>
-#include <set>
+#include <algorithm>
+#include <array>
+#include <string_view>
 #include <utility>
 
 #include <httplib.h>
-#include <sys/eventfd.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include "descriptor/base/error.h"
-#include "server/http/connection_queue.h"
 #include "server/http/exchange.h"
 #include "server/http/library.h"
+#include "server/http/reception.h"
+#include "server/http/visit_queue.h"
 
 namespace pliant::server {
 
@@ -25,8 +23,10 @@ namespace {
 constexpr std::size_t kMaxRequestsPerConnection = 1000;
 constexpr const char* kAnyPath = R"([\s\S]*)";
 constexpr int kListenBacklog = 512;
-// An idle connection gives its thread up this soon when others wait for one.
-constexpr std::chrono::milliseconds kIdleWhenCrowded{50};
+// Threads of their own for those who ask whether the server lives, so that they are answered when
+// all others are busy.
+constexpr int kHealthThreads = 2;
+constexpr int kHealthQueue = 64;
 
 // The library calls its handlers without saying for which connection. One thread serves one
 // connection at a time, so this is that thread's exchange.
@@ -38,9 +38,16 @@ void SetListenOptions(socket_t listener) {
   setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
 }
 
+bool AsksForHealth(const RequestHead& head) {
+  constexpr std::array<std::string_view, 3> kPaths = {"/livez", "/readyz", "/metrics"};
+  const std::string_view path = head.target.substr(0, head.target.find('?'));
+  return head.framing == BodyFraming::kNone &&
+         std::find(kPaths.begin(), kPaths.end(), path) != kPaths.end();
+}
+
 }  // namespace
 
-class HttpServer::Impl final : public LibraryServer {
+class HttpServer::Impl final : public LibraryServer, private Reception::Host {
  public:
   Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
@@ -51,12 +58,15 @@ class HttpServer::Impl final : public LibraryServer {
                 options_.allowed_origins,
                 AllowedHosts(options_.host, options_.allowed_hosts),
                 !options_.tls_certificate.empty(),
-                options_.limits.max_body_bytes,
-                options_.max_inflight_bytes},
-        wake_fd_(eventfd(0, EFD_CLOEXEC)) {
-    new_task_queue = [this] {
-      return new ConnectionQueue(options_.threads, options_.connection_queue, waiting_);
-    };
+                options_.limits.max_body_bytes},
+        budget_{options_.max_inflight_bytes},
+        reception_({options_.limits, static_cast<std::size_t>(options_.max_connections),
+                    static_cast<std::size_t>(options_.connections_per_address)},
+                   this),
+        requests_(std::make_unique<VisitQueue>(options_.threads, options_.connection_queue,
+                                               [this](auto visit) { Serve(std::move(visit)); })),
+        health_(std::make_unique<VisitQueue>(kHealthThreads, kHealthQueue,
+                                             [this](auto visit) { Serve(std::move(visit)); })) {
     set_socket_options([this](socket_t listener) {
       SetListenOptions(listener);
       listener_ = listener;  // of several addresses, the last tried is the one that is bound
@@ -73,18 +83,10 @@ class HttpServer::Impl final : public LibraryServer {
     Bind();
   }
 
-  ~Impl() override {
-    Finish(std::chrono::milliseconds(0));
-    close(wake_fd_);
-  }
+  ~Impl() override { Finish(std::chrono::milliseconds(0)); }
 
   void Start() {
-    accepting_ = std::thread([this] {
-      listen_after_bind();
-      const std::lock_guard lock(mutex_);
-      finished_ = true;
-      changed_.notify_all();
-    });
+    accepting_ = std::thread([this] { listen_after_bind(); });
     // The library's stop() is lost when it comes before the loop runs.
     while (!is_running()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -92,20 +94,15 @@ class HttpServer::Impl final : public LibraryServer {
   }
 
   std::size_t Finish(std::chrono::milliseconds deadline) {
-    if (!accepting_.joinable()) return 0;
+    if (!requests_) return 0;
     shared_.stopping = true;
-    const std::uint64_t one = 1;
-    [[maybe_unused]] const ssize_t woken = ::write(wake_fd_, &one, sizeof(one));
-    stop();
-    std::size_t cut_off = 0;
-    {
-      std::unique_lock lock(mutex_);
-      if (!changed_.wait_for(lock, deadline, [&] { return finished_; })) {
-        cut_off = open_sockets_.size();
-        for (const int fd : open_sockets_) shutdown(fd, SHUT_RDWR);
-      }
+    if (accepting_.joinable()) {
+      stop();
+      accepting_.join();
     }
-    accepting_.join();
+    const std::size_t cut_off = reception_.Stop(deadline);
+    requests_.reset();  // their threads end
+    health_.reset();
     return cut_off;
   }
 
@@ -115,8 +112,9 @@ class HttpServer::Impl final : public LibraryServer {
  private:
   void SetHandlers() {
     set_pre_routing_handler([](const httplib::Request& request, httplib::Response& answer) {
-      return current_exchange->BeforeBody(request, answer) ? HandlerResponse::Handled
-                                                           : HandlerResponse::Unhandled;
+      const bool handled =
+          current_exchange->BeforeBody(request, answer) || current_exchange->AwaitsBody(answer);
+      return handled ? HandlerResponse::Handled : HandlerResponse::Unhandled;
     });
     const auto with_body = [](const httplib::Request&, httplib::Response& answer,
                               const httplib::ContentReader& reader) {
@@ -165,81 +163,76 @@ class HttpServer::Impl final : public LibraryServer {
     ::listen(listener_, kListenBacklog);  // the library's own backlog is 5
   }
 
-  void ServeSocket(socket_t socket_fd) override {
+  void TakeSocket(socket_t socket_fd) override {
     std::unique_ptr<TlsSession> tls;
     if (tls_) tls = std::make_unique<TlsSession>(*tls_, socket_fd);
-    Connection connection(socket_fd, wake_fd_, options_.limits, std::move(tls));
-    if (ConnectionQueue::Rejecting()) {
-      Reject(connection);
-    } else {
-      Track(socket_fd, true);
-      if (connection.Handshake()) Serve(connection);
-      Track(socket_fd, false);
-    }
+    reception_.Admit(
+        std::make_unique<Connection>(socket_fd, options_.limits, &budget_, std::move(tls)));
   }
 
-  void Serve(Connection& connection) {
-    for (std::size_t served = 1; served <= kMaxRequestsPerConnection; ++served) {
-      const bool crowded = waiting_ > 0 && served > 1;
-      if (!connection.AwaitRequest(crowded ? kIdleWhenCrowded : options_.limits.idle_timeout)) {
-        return;
-      }
-      const bool last = served == kMaxRequestsPerConnection || shared_.stopping || waiting_ > 0;
-      if (!ServeOne(connection, last)) return;
-    }
+  void OnArrival(std::unique_ptr<Visit> visit) override {
+    VisitQueue& queue = AsksForHealth(visit->connection->head()) ? *health_ : *requests_;
+    if (queue.Offer(visit)) return;
+    visit->connection->SetFault(Connection::Fault::kBusy);
+    OnFault(*visit);
+    visit->exchange.reset();
+    reception_.Return(std::move(visit), Next::kLinger);
   }
 
-  // True when the connection can carry another request.
-  bool ServeOne(Connection& connection, bool last) {
-    const Clock::time_point start = Clock::now();
-    Exchange exchange(shared_, connection);
-    current_exchange = &exchange;
-    connection.BeginHeaders();
+  void OnFault(Visit& visit) override {
+    visit.connection->Rewind();  // its answer counts again
+    if (!visit.exchange) {
+      visit.exchange = std::make_unique<Exchange>(shared_, *visit.connection);
+    }
+    AnswerByHand(visit, visit.exchange->FaultProblem());
+  }
+
+  void OnCrowd(Visit& visit) override {
+    visit.begun = Clock::now();
+    visit.exchange = std::make_unique<Exchange>(shared_, *visit.connection);
+    AnswerByHand(
+        visit,
+        ProblemError("busy", "Too many connections. Try again shortly.").RetryAfter(2).problem());
+  }
+
+  void Serve(std::unique_ptr<Visit> visit) {
+    const Next next = ServeOne(*visit);
+    if (next != Next::kBody) {
+      visit->exchange.reset();
+      visit->connection->ForgetRequest();
+      ++visit->served;
+    }
+    reception_.Return(std::move(visit), next);
+  }
+
+  Next ServeOne(Visit& visit) {
+    Connection& connection = *visit.connection;
+    if (!visit.exchange) visit.exchange = std::make_unique<Exchange>(shared_, connection);
+    Exchange& exchange = *visit.exchange;
+    const bool last = visit.served + 1 >= kMaxRequestsPerConnection || shared_.stopping;
     bool client_closes = false;
+    connection.Rewind();
+    current_exchange = &exchange;
     const bool written =
         ProcessRequest(connection, last, client_closes, [&](httplib::Request& request) {
-          connection.BeginBody();
           // Answers are whole and plain: ranges and on-the-fly compression cost more than they
           // give for pictures and short JSON.
           request.ranges.clear();
           request.headers.erase("Accept-Encoding");
+          if (connection.body_received()) request.headers.erase("Expect");  // was answered
         });
     current_exchange = nullptr;
-    if (!exchange.answered() && AnswerBrokenRequestLine(exchange, connection)) return false;
+    if (exchange.awaits_body()) return Next::kBody;
     if (exchange.answered()) {
-      const std::chrono::duration<double> seconds = Clock::now() - start;
+      const std::chrono::duration<double> seconds = Clock::now() - visit.begun;
       on_request_(exchange.Record(seconds.count()));
     }
-    const bool goes_on = written && !last && !client_closes && !exchange.must_close();
-    if (exchange.must_close()) {
-      connection.LingeringClose();
-    } else if (!goes_on && (written || connection.fault() == Connection::Fault::kClosed)) {
-      connection.Farewell();
-    }
-    return goes_on;
+    if (exchange.must_close()) return Next::kLinger;
+    return written && !last && !client_closes ? Next::kRequest : Next::kEnd;
   }
 
-  void Reject(Connection& connection) {
-    const Exchange exchange(shared_, connection);
-    // Under TLS there is no answer without a greeting first, and this thread must not wait for one.
-    AnswerByHand(exchange, connection,
-                 ProblemError("busy", "Too many connections. Try again shortly.").problem());
-    shutdown(connection.socket(), SHUT_WR);
-  }
-
-  // The library gives no answer to a request line that is too long or never ends.
-  bool AnswerBrokenRequestLine(const Exchange& exchange, Connection& connection) {
-    const bool too_large = connection.fault() == Connection::Fault::kHeadersTooLarge;
-    const bool too_slow =
-        connection.fault() == Connection::Fault::kTimeout && connection.header_bytes() > 0;
-    if (!too_large && !too_slow) return false;
-    AnswerByHand(exchange, connection, ProblemForStatus(too_large ? 431 : 408));
-    connection.LingeringClose();
-    return true;
-  }
-
-  // One send that does not wait: this may be the accepting thread.
-  void AnswerByHand(const Exchange& exchange, Connection& connection, const Problem& problem) {
+  void AnswerByHand(const Visit& visit, const Problem& problem) {
+    const Exchange& exchange = *visit.exchange;
     const Response response = ProblemResponse(problem, exchange.request_id());
     std::string text = "HTTP/1.1 " + std::to_string(problem.status) + " " +
                        StatusTitle(problem.status) +
@@ -248,35 +241,26 @@ class HttpServer::Impl final : public LibraryServer {
                        "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\n";
     for (const auto& [name, value] : response.headers) text += name + ": " + value + "\r\n";
     text += "\r\n" + response.body;
-    connection.SendNow(text);
-    RequestRecord record = exchange.Record(0);
+    visit.connection->write(text.data(), text.size());
+    const std::chrono::duration<double> seconds = Clock::now() - visit.begun;
+    RequestRecord record = exchange.Record(seconds.count());
     record.status = problem.status;
     record.code = problem.code;
+    record.bytes_out = response.body.size();
     on_request_(record);
-  }
-
-  void Track(int socket_fd, bool open) {
-    const std::lock_guard lock(mutex_);
-    if (open) {
-      open_sockets_.insert(socket_fd);
-    } else {
-      open_sockets_.erase(socket_fd);
-    }
   }
 
   HttpOptions options_;
   std::unique_ptr<TlsContext> tls_;
   std::function<void(const RequestRecord&)> on_request_;
   ExchangeShared shared_;
-  int wake_fd_;
+  MemoryBudget budget_;
   int port_ = 0;
   socket_t listener_ = INVALID_SOCKET;  // owned by the library
-  std::atomic<int> waiting_{0};
+  Reception reception_;                 // outlives the threads that return visits to it
+  std::unique_ptr<VisitQueue> requests_;
+  std::unique_ptr<VisitQueue> health_;
   std::thread accepting_;
-  std::mutex mutex_;  // guards finished_ and open_sockets_
-  std::condition_variable changed_;
-  bool finished_ = false;
-  std::set<int> open_sockets_;
 };
 
 HttpServer::HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,

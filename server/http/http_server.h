@@ -19,10 +19,13 @@ namespace pliant::server {
 
 struct HttpOptions {
   std::string host = "127.0.0.1";
-  int port = 8080;             // 0 = any free one
-  int threads = 64;            // connections served at once
-  int connection_queue = 256;  // connections that may wait for a thread; more get 503
-  std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;  // of bodies, over all requests
+  int port = 8080;                  // 0 = any free one
+  int threads = 64;                 // requests served at once
+  int connection_queue = 256;       // requests that may wait for a thread; more get 503
+  int max_connections = 2048;       // open at once; more get 503
+  int connections_per_address = 0;  // likewise; 0 = no limit
+  // Bodies of requests, and what clients have not yet taken of answers, over all connections.
+  std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;
   ConnectionLimits limits;
   std::string tls_certificate;  // PEM file; empty = no TLS
   std::string tls_key;

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include <httplib.h>
-#include <unistd.h>
 
 #ifndef PLIANT_HTTPLIB_MINOR
 #error "PLIANT_HTTPLIB_MINOR is not set: build through server/CMakeLists.txt"
@@ -28,11 +27,25 @@ constexpr std::size_t kMaxHeaderFields = 100;
 // What httplib::TaskQueue::enqueue() returns: nothing, or since 0.13 whether the task was taken.
 using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
 
-// Owns the accepting loop; what happens on a connection is up to ServeSocket().
+// Runs the library's tasks at once: they only pass accepted connections on.
+class PassingQueue final : public httplib::TaskQueue {
+ public:
+  Enqueued enqueue(std::function<void()> task) override {
+    task();
+    return Enqueued(true);
+  }
+  void shutdown() override {}
+};
+
+// Owns the accepting loop; what happens on a connection is up to TakeSocket().
 class LibraryServer : public httplib::Server {
  protected:
-  // Serves an accepted connection, whose socket is closed afterwards.
-  virtual void ServeSocket(socket_t socket_fd) = 0;
+  LibraryServer() {
+    new_task_queue = [] { return new PassingQueue; };
+  }
+
+  // Takes an accepted connection and owns its socket. Must not wait.
+  virtual void TakeSocket(socket_t socket_fd) = 0;
 
   // Reads one request from `stream` and answers it by the handlers that were set. False: nothing
   // could be read or written. `prepare` is called when the headers are there.
@@ -54,8 +67,7 @@ class LibraryServer : public httplib::Server {
 
  private:
   bool process_and_close_socket(socket_t socket_fd) final {
-    ServeSocket(socket_fd);
-    close(socket_fd);
+    TakeSocket(socket_fd);
     return true;
   }
 };

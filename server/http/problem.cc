@@ -74,7 +74,9 @@ constexpr std::array kEngineCodes = std::to_array<ProblemCode>({
     {"same_bytes", 409, "the bytes are stored as a picture with another object or metadata"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
     {"no_pictures", 409, "there is nothing to train a vocabulary from (of a job)"},
-    {"image_too_large", 413, "the picture has more pixels than --max-megapixels"},
+    {"image_too_large", 413,
+     "the picture has more pixels than --max-megapixels, or takes more memory than "
+     "--max-decode-mb"},
     {"image_type_unknown", 415, "the bytes are no picture of a type that Pliant reads"},
     {"image_empty", 422, "the picture has no pixels"},
     {"image_too_small", 422, "the picture is too small to be described"},

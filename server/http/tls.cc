@@ -42,6 +42,10 @@ TlsContext::TlsContext(const std::string& certificate_file, const std::string& k
     : impl_(std::make_unique<Impl>()) {
   SSL_CTX* context = impl_->context;
   SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
+  // Without key exchange by the certificate's own key, which keeps no secret once that is lost.
+  if (SSL_CTX_set_cipher_list(context, "HIGH:!kRSA:!aNULL:!eNULL:!PSK:!SRP") != 1) {
+    ThrowTls("The ciphers cannot be chosen");
+  }
   SSL_CTX_set_options(context, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
   SSL_CTX_set_mode(context, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER |
                                 SSL_MODE_RELEASE_BUFFERS);
@@ -80,7 +84,8 @@ class TlsSession::Impl {
         ERR_clear_error();
         return -1;
       }
-      if (!Await(error == SSL_ERROR_WANT_READ ? POLLIN : POLLOUT, deadline)) return -2;
+      wants_output = error == SSL_ERROR_WANT_WRITE;
+      if (!Await(wants_output ? POLLOUT : POLLIN, deadline)) return -2;
     }
   }
 
@@ -100,6 +105,7 @@ class TlsSession::Impl {
   SSL* ssl;
   bool failed = false;  // after which OpenSSL must not be asked to shut down
   bool greeted = false;
+  bool wants_output = false;
 };
 
 TlsSession::TlsSession(const TlsContext& context, int socket_fd)
@@ -109,12 +115,13 @@ TlsSession::TlsSession(const TlsContext& context, int socket_fd)
 
 TlsSession::~TlsSession() = default;
 
-bool TlsSession::Handshake(Clock::time_point deadline) {
-  impl_->greeted = impl_->Drive([&] { return SSL_accept(impl_->ssl); }, deadline) > 0;
-  return impl_->greeted;
+ssize_t TlsSession::Handshake(Clock::time_point deadline) {
+  const ssize_t done = impl_->Drive([&] { return SSL_accept(impl_->ssl); }, deadline);
+  impl_->greeted = done > 0;
+  return done;
 }
 
-bool TlsSession::HasPending() const { return impl_->ssl != nullptr && SSL_pending(impl_->ssl) > 0; }
+bool TlsSession::wants_output() const { return impl_->wants_output; }
 
 ssize_t TlsSession::Read(char* data, std::size_t size, Clock::time_point deadline) {
   const int most = static_cast<int>(std::min<std::size_t>(size, INT_MAX));

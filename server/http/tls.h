@@ -41,13 +41,13 @@ class TlsSession {
   TlsSession(const TlsSession&) = delete;
   TlsSession& operator=(const TlsSession&) = delete;
 
-  bool Handshake(Clock::time_point deadline);  // false: failed, or too slow
-  bool HasPending() const;                     // bytes that were read from the socket already
-
-  // > 0 bytes; 0 the other side has ended; -1 failed; -2 the deadline passed.
+  // > 0 done, or bytes; 0 the other side has ended; -1 failed; -2 the deadline passed. With a
+  // deadline that has passed already, does what can be done without waiting.
+  ssize_t Handshake(Clock::time_point deadline);
   ssize_t Read(char* data, std::size_t size, Clock::time_point deadline);
   ssize_t Write(const char* data, std::size_t size, Clock::time_point deadline);
-  void Close();  // says that nothing more comes; does not wait
+  bool wants_output() const;  // after -2: it waits until the socket can be written to, not read
+  void Close();               // says that nothing more comes; does not wait
 
  private:
   class Impl;

@@ -84,6 +84,60 @@ TEST_F(ServerErrorsTest, BrokenHttp) {
   ExpectAlive();
 }
 
+// The body of a request must never be run as the next one, whatever a program in front thinks where
+// it ends: refused with 400, and the connection closed.
+TEST_F(ServerErrorsTest, NoRequestHidesInAnother) {
+  const std::string hidden = "GET /v1/collections HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string length = std::to_string(hidden.size());
+  const std::string line = "POST " + std::string(kImages) + " HTTP/1.1\r\n";
+  const std::string host = "Host: localhost\r\nContent-Type: image/png\r\n";
+  const std::string nul(1, '\0');
+  for (const std::string& head : {
+           line + host + "Content-Length : " + length + "\r\n\r\n",
+           line + host + "Content-Length\t: " + length + "\r\n\r\n",
+           line + host + " Content-Length: " + length + "\r\n\r\n",
+           line + host + "X: a\r\n\tContent-Length: " + length + "\r\n\r\n",
+           line + host + "Content-Length: 0\r\nContent-Length: " + length + "\r\n\r\n",
+           line + host + "Content-Length: +" + length + "\r\n\r\n",
+           line + host + "Transfer-Encoding : chunked\r\n\r\n0\r\n\r\n",
+           line + host + "Transfer-Encoding:\vchunked\r\n\r\n0\r\n\r\n",
+           line + host + "Transfer-Encoding: chunked\r\nTransfer-Encoding: x\r\n\r\n0\r\n\r\n",
+           line + host + "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+           line + host + "Transfer-Encoding: chunked\r\n\r\n0x0\r\n\r\n",
+           line + host + "Transfer-Encoding: chunked\r\n\r\n-5\r\n\r\n",
+           line + host + "Transfer-Encoding: chunked\r\n\r\n0 \r\n\r\n",
+           line + host + "Transfer-Encoding: chunked\r\n\r\n0\n\r\n",
+           line + host + "X: a" + nul + "\r\n\r\n",
+           line + host + "X: a\nContent-Length: " + length + "\r\n\r\n",
+           line + host + "X: a\rContent-Length: " + length + "\r\n\r\n",
+           "POST " + std::string(kImages) + " HTTP/1.1\nHost: localhost\n\n",
+       }) {
+    SCOPED_TRACE(head);
+    const std::string answer = server_->Talk(head + hidden);
+    EXPECT_THAT(answer, ::testing::StartsWith("HTTP/1.1 400 "));
+    EXPECT_THAT(answer, ::testing::HasSubstr("Connection: close"));
+    EXPECT_EQ(answer.find("HTTP/1.1", 1), std::string::npos) << answer;
+  }
+  ExpectAlive();
+}
+
+TEST_F(ServerErrorsTest, RequestsMayFollowOneAnother) {
+  const std::string get = "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string put = "PUT " + std::string(kImages) +
+                          "/one?object=o HTTP/1.1\r\nHost: localhost\r\nContent-Type: image/png\r\n"
+                          "Content-Length: " +
+                          std::to_string(picture_.size()) + "\r\n\r\n" + picture_;
+  const std::string answers =
+      server_->Talk(get + "\r\n" + put + get +
+                    "GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+  int count = 0;
+  for (std::size_t at = answers.find("HTTP/1.1 200 "); at != std::string::npos;
+       at = answers.find("HTTP/1.1 200 ", at + 1)) {
+    ++count;
+  }
+  EXPECT_EQ(count, 4) << answers;
+}
+
 TEST_F(ServerErrorsTest, ChunkedBodiesAndContinueWork) {
   const std::string head = "PUT " + std::string(kImages) +
                            "/one?object=o HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"

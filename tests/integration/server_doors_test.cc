@@ -12,8 +12,10 @@
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <openssl/rsa.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
+#include <unistd.h>
 
 #include "tests/integration/server_process.h"
 
@@ -26,9 +28,10 @@ using ::testing::Not;
 constexpr const char* kImages = "/v1/collections/default/images";
 
 // A certificate for 127.0.0.1 that vouches for itself, and its key, as PEM files.
-void WriteCertificate(const std::filesystem::path& certificate, const std::filesystem::path& key) {
-  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> pair(EVP_EC_gen("P-256"),
-                                                                 EVP_PKEY_free);
+void WriteCertificate(const std::filesystem::path& certificate, const std::filesystem::path& key,
+                      bool rsa = false) {
+  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> pair(
+      rsa ? EVP_RSA_gen(2048) : EVP_EC_gen("P-256"), EVP_PKEY_free);
   const std::unique_ptr<X509, decltype(&X509_free)> x509(X509_new(), X509_free);
   X509_set_version(x509.get(), X509_VERSION_3);
   ASN1_INTEGER_set(X509_get_serialNumber(x509.get()), 1);
@@ -165,6 +168,46 @@ TEST_F(DoorsTest, TlsConnectionsThatHaveAnEndSaySo) {
   TlsTalk silent(server.port());
   silent.End();
   EXPECT_EQ(silent.AwaitEnd(), SSL_ERROR_ZERO_RETURN);
+}
+
+// Clients that connect and do not greet hold nothing that others need.
+TEST_F(DoorsTest, SilentTlsClientsHoldNoThread) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  const ServerProcess server(
+      database(),
+      {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key", (folder_ / "key.pem").string(),
+       "--auto-train", "false", "--http-threads", "2", "--header-timeout", "60"});
+  std::vector<int> sockets;
+  for (int i = 0; i < 100; ++i) {
+    sockets.push_back(server.Open(i % 2 == 0 ? "" : "\x16\x03\x01"));  // nothing, half a greeting
+    ASSERT_GE(sockets.back(), 0);
+  }
+  const auto start = std::chrono::steady_clock::now();
+  TlsTalk talk(server.port());
+  talk.Send("GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+  talk.AwaitEnd();
+  EXPECT_THAT(talk.answer(), HasSubstr("200 OK"));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  for (const int fd : sockets) close(fd);
+}
+
+// With a key exchange by the certificate's own key, whoever gets hold of that can read all that was
+// ever recorded.
+TEST_F(DoorsTest, EveryTlsCipherKeepsThePast) {
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem", true);
+  const ServerProcess server(database(),
+                             {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key",
+                              (folder_ / "key.pem").string(), "--auto-train", "false"});
+  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(SSL_CTX_new(TLS_client_method()),
+                                                                  SSL_CTX_free);
+  SSL_CTX_set_max_proto_version(context.get(), TLS1_2_VERSION);
+  for (const auto& [ciphers, accepted] : {std::pair{"kRSA", 0}, std::pair{"ECDHE", 1}}) {
+    ASSERT_EQ(SSL_CTX_set_cipher_list(context.get(), ciphers), 1);
+    const std::unique_ptr<BIO, decltype(&BIO_free_all)> connection(
+        BIO_new_ssl_connect(context.get()), BIO_free_all);
+    BIO_set_conn_hostname(connection.get(), ("127.0.0.1:" + std::to_string(server.port())).c_str());
+    EXPECT_EQ(BIO_do_connect(connection.get()) > 0 ? 1 : 0, accepted) << ciphers;
+  }
 }
 
 TEST_F(DoorsTest, TlsFilesThatDoNotFitAreNamed) {

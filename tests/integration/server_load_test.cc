@@ -10,6 +10,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "tests/integration/server_process.h"
 
@@ -111,22 +112,59 @@ TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
 }
 
 TEST_F(ServerLoadTest, TooManyConnectionsAreToldSo) {
-  const ServerProcess server(
-      database(), {"--http-threads", "1", "--connection-queue", "1", "--header-timeout", "1"});
-  // One connection holds the thread, one waits; the third is refused at once.
-  const std::string half = "GET /livez HTTP/1.1\r\n";
-  std::vector<std::thread> holding;
-  for (int i = 0; i < 2; ++i) {
-    holding.emplace_back([&] { server.Talk(half, std::chrono::milliseconds(8'000)); });
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  for (const char* limit : {"--max-connections", "--connections-per-address"}) {
+    const ServerProcess server(database(), {limit, "2", "--header-timeout", "1"});
+    const std::string half = "GET /livez HTTP/1.1\r\n";
+    std::vector<std::thread> holding;
+    for (int i = 0; i < 2; ++i) {
+      holding.emplace_back([&] { server.Talk(half, std::chrono::milliseconds(8'000)); });
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    const std::string answer = server.Talk("GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    EXPECT_THAT(answer, ::testing::StartsWith("HTTP/1.1 503 "));
+    EXPECT_THAT(answer, ::testing::HasSubstr("Retry-After: "));
+    EXPECT_THAT(answer, ::testing::HasSubstr("X-Request-Id: "));
+    for (std::thread& thread : holding) thread.join();
+    auto client = server.Client();
+    EXPECT_EQ(client.Get("/livez")->status, 200) << "they were forgotten";
   }
-  const std::string answer = server.Talk("GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n");
-  EXPECT_THAT(answer, ::testing::StartsWith("HTTP/1.1 503 "));
-  EXPECT_THAT(answer, ::testing::HasSubstr("Retry-After: "));
-  EXPECT_THAT(answer, ::testing::HasSubstr("X-Request-Id: "));
-  for (std::thread& thread : holding) thread.join();
+}
+
+// Hundreds of clients that send nothing, half a head, half a body, or take no answer, beside two
+// threads for requests: others are served as if they were not there.
+TEST_F(ServerLoadTest, SlowClientsHoldNoThread) {
+  constexpr int kOfEach = 80;
+  const ServerProcess server(
+      database(), {"--http-threads", "2", "--header-timeout", "60", "--idle-timeout", "60",
+                   "--body-timeout", "60", "--auto-train", "false"});
+  const std::string picture = TestPicture(1, 0, 1600, 1200);
   auto client = server.Client();
-  EXPECT_EQ(client.Get("/livez")->status, 200);
+  ASSERT_EQ(client.Put(ImagePath(1), picture, "image/png")->status, 201);
+  const std::string host = " HTTP/1.1\r\nHost: localhost\r\n";
+  const std::string slow[] = {
+      "", "GET /livez HTTP/1.1\r\nHost: loc",
+      "PUT " + ImagePath(2) + host + "Content-Type: image/png\r\nContent-Length: 100000\r\n\r\nabc",
+      "PUT " + ImagePath(2) + host +
+          "Content-Type: image/png\r\nTransfer-Encoding: chunked\r\n\r\n5\r\nabc",
+      "GET " + ImagePath(1) + "/features" + host + "\r\n"};
+  std::vector<int> sockets;
+  for (int i = 0; i < kOfEach; ++i) {
+    for (const std::string& bytes : slow) {
+      sockets.push_back(server.Open(bytes));
+      ASSERT_GE(sockets.back(), 0);
+    }
+  }
+  for (int i = 0; i < 5; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    const auto live = client.Get("/livez");
+    ASSERT_TRUE(live);
+    EXPECT_EQ(live->status, 200);
+    const auto put = client.Put(ImagePath(3 + i), TestPicture(3 + i), "image/png");
+    ASSERT_TRUE(put);
+    EXPECT_EQ(put->status, 201);
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  }
+  for (const int fd : sockets) close(fd);
 }
 
 TEST_F(ServerLoadTest, SigtermFinishesWhatRuns) {

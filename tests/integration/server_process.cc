@@ -82,30 +82,37 @@ httplib::Client ServerProcess::Client() const {
 
 std::string ServerProcess::Talk(const std::string& bytes, std::chrono::milliseconds patience,
                                 bool drip) const {
+  const int fd = Open(bytes);
+  std::string answer;
+  auto last = std::chrono::steady_clock::now();
+  pollfd readable = {fd, POLLIN, 0};
+  while (fd >= 0 && std::chrono::steady_clock::now() - last < patience) {
+    if (poll(&readable, 1, kDripMs) == 0) {
+      if (drip) SendAll(fd, "x");
+      continue;
+    }
+    char buffer[4096];
+    const ssize_t n = recv(fd, buffer, sizeof(buffer), 0);
+    if (n <= 0) break;
+    answer.append(buffer, static_cast<std::size_t>(n));
+    last = std::chrono::steady_clock::now();
+  }
+  if (fd >= 0) close(fd);
+  return answer;
+}
+
+int ServerProcess::Open(const std::string& bytes) const {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<std::uint16_t>(port_));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  std::string answer;
-  if (connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0) {
-    SendAll(fd, bytes);
-    auto last = std::chrono::steady_clock::now();
-    pollfd readable = {fd, POLLIN, 0};
-    while (std::chrono::steady_clock::now() - last < patience) {
-      if (poll(&readable, 1, kDripMs) == 0) {
-        if (drip) SendAll(fd, "x");
-        continue;
-      }
-      char buffer[4096];
-      const ssize_t n = recv(fd, buffer, sizeof(buffer), 0);
-      if (n <= 0) break;
-      answer.append(buffer, static_cast<std::size_t>(n));
-      last = std::chrono::steady_clock::now();
-    }
+  if (connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+    close(fd);
+    return -1;
   }
-  close(fd);
-  return answer;
+  SendAll(fd, bytes);
+  return fd;
 }
 
 double Metric(httplib::Client& client, const std::string& name) {

@@ -43,6 +43,9 @@ class ServerProcess {
                    std::chrono::milliseconds patience = std::chrono::milliseconds(3'000),
                    bool drip = false) const;
 
+  // A connection on which the bytes were sent, to be closed by the caller; -1 when there is none.
+  int Open(const std::string& bytes) const;
+
  private:
   Program program_;
   int port_ = 0;

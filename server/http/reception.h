@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Where connections wait without a thread each: for a greeting, for a request to arrive as a whole,
+// for the client to take an answer, for its end. One thread polls them all, so that a thousand slow
+// clients cost memory and nothing else.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "server/http/connection.h"
+
+namespace pliant::server {
+
+class Exchange;
+
+// A connection and the request on it, if there is one.
+struct Visit {
+  explicit Visit(std::unique_ptr<Connection> c);
+  ~Visit();
+
+  std::unique_ptr<Connection> connection;
+  std::unique_ptr<Exchange> exchange;  // from the head to the answer
+  Clock::time_point begun;             // first byte of the request
+  std::size_t served = 0;              // requests
+};
+
+// How a visit goes on when it comes back from a thread.
+enum class Next {
+  kRequest,  // another request may come
+  kBody,     // the head was read, now the body is wanted
+  kLinger,   // the answer is the last one, and what the client still sends is not read
+  kEnd,      // likewise, and nothing more comes
+};
+
+struct ReceptionOptions {
+  ConnectionLimits limits;
+  std::size_t most_connections = 2048;
+  std::size_t most_per_address = 0;  // 0 = no limit
+};
+
+class Reception {
+ public:
+  // What happens elsewhere. Called by the reception's thread, must not wait.
+  class Host {
+   public:
+    virtual ~Host() = default;
+    // A head has arrived, or the body after it. The visit comes back by Return().
+    virtual void OnArrival(std::unique_ptr<Visit> visit) = 0;
+    // Writes the answer to what connection->fault() says.
+    virtual void OnFault(Visit& visit) = 0;
+    // Writes the answer of a server that has too many connections.
+    virtual void OnCrowd(Visit& visit) = 0;
+  };
+
+  Reception(ReceptionOptions options, Host* host);
+  ~Reception();  // Stop(0)
+
+  void Admit(std::unique_ptr<Connection> connection);
+  void Return(std::unique_ptr<Visit> visit, Next next);
+
+  // Ends connections that wait for a request, lets the others finish for at most `deadline`, then
+  // cuts them off. Returns how many were cut off. Afterwards whoever comes back is closed at once.
+  std::size_t Stop(std::chrono::milliseconds deadline);
+
+ private:
+  enum class Phase { kGreeting, kIdle, kHead, kBody, kSending, kLingering };
+  struct Guest {
+    std::unique_ptr<Visit> visit;
+    Phase phase = Phase::kGreeting;
+    Next after = Next::kEnd;  // of an answer that is being sent
+    Clock::time_point deadline;
+    Clock::time_point last_deadline;  // kSending: of the whole answer
+  };
+  using Guests = std::unordered_map<int, Guest>;
+
+  void Run();
+  void TakeArrivals();
+  void Welcome(std::unique_ptr<Visit> visit);
+  void Continue(std::unique_ptr<Visit> visit, Next next);
+  void Enter(Guests::iterator guest, Phase phase);
+  void Proceed(Guests::iterator guest);  // takes steps until one must wait
+  bool Step(Guests::iterator guest);     // one phase's steps; false: waits, or is gone
+  bool After(Guests::iterator guest, Connection::Step step);
+  void Answer(Guests::iterator guest);  // puts the answer to a fault in, and sends it
+  void HandOver(Guests::iterator guest);
+  void Await(Guests::iterator guest, Connection::Step step);
+  void SetDeadline(Guests::iterator guest, Clock::time_point deadline);
+  void OnDeadline(Guests::iterator guest);
+  void Remove(Guests::iterator guest);
+  void Leave(const Visit& visit);
+  int MillisecondsToDeadline() const;
+  void Wake();
+  void EndIdle();
+
+  const ReceptionOptions options_;
+  Host& host_;
+  int poll_fd_;
+  int wake_fd_;
+
+  // Of the reception's thread.
+  Guests guests_;
+  std::set<std::pair<Clock::time_point, int>> deadlines_;
+  std::unordered_map<std::string, std::size_t> by_address_;
+  bool ending_ = false;  // nobody waits for another request
+
+  std::mutex mutex_;  // guards what follows
+  std::condition_variable changed_;
+  std::vector<std::unique_ptr<Connection>> admitted_;
+  std::vector<std::pair<std::unique_ptr<Visit>, Next>> returned_;
+  std::size_t open_ = 0;  // connections, here and at threads
+  std::set<int> away_;    // sockets of those at threads
+  bool stopping_ = false;
+  bool closed_ = false;
+
+  std::thread thread_;
+};
+
+}  // namespace pliant::server
