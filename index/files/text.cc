@@ -56,6 +56,39 @@ void CheckText(std::string_view text, std::size_t max_bytes, const std::string& 
   }
 }
 
+std::uint32_t CodePoint(std::string_view sequence) {
+  const auto lead = static_cast<unsigned char>(sequence[0]);
+  std::uint32_t point = sequence.size() == 1 ? lead : lead & (0x7FU >> sequence.size());
+  for (const char c : sequence.substr(1))
+    point = point << 6 | (static_cast<unsigned char>(c) & 0x3F);
+  return point;
+}
+
+// Invisible, or turning what follows around (UAX #9, UTR #36): two names that look the same would
+// not be the same.
+bool IsDeceptive(std::uint32_t point) {
+  return point == 0xAD || point == 0x61C || point == 0x180E ||
+         (point >= 0x200B && point <= 0x200F) || (point >= 0x2028 && point <= 0x202E) ||
+         (point >= 0x2060 && point <= 0x206F) || point == 0xFEFF ||
+         (point >= 0xFFF9 && point <= 0xFFFB) || point >= 0xE0000;
+}
+
+// Whether valid UTF-8 has no deceptive characters. Joiners stay where writing needs them: after a
+// letter of another script than ours (Persian, Hindi), or inside of an emoji.
+bool LooksAsItIs(std::string_view text) {
+  std::uint32_t before = 0;
+  while (!text.empty()) {
+    const std::size_t length = SequenceLength(text);
+    const std::uint32_t point = CodePoint(text.substr(0, length));
+    const bool joiner = point == 0x200C || point == 0x200D;
+    const bool joins = joiner && before >= 0x600 && text.size() > length;
+    if (IsDeceptive(point) && !joins) return false;
+    before = joiner ? 0 : point;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
 }  // namespace
 
 bool IsValidUtf8(std::string_view text) {
@@ -112,7 +145,14 @@ void CheckCollectionName(std::string_view name) {
   }
 }
 
-void CheckObject(std::string_view object) { CheckText(object, 512, "object"); }
+void CheckObject(std::string_view object) {
+  CheckText(object, 512, "object");
+  if (!LooksAsItIs(object)) {
+    ThrowInvalid("object_invalid",
+                 "object must not hold characters that are invisible or change the direction of "
+                 "writing");
+  }
+}
 
 void CheckSource(std::string_view source) { CheckText(source, 4096, "source"); }
 

@@ -43,6 +43,11 @@ TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
   EXPECT_EQ(FilesInFolder(), 1u) << "no temporary files stay";
   EXPECT_EQ(InspectDatabaseFile(file_), FileState::kPliant);
   Connection db = Open();
+  using std::filesystem::perms;
+  EXPECT_EQ(std::filesystem::status(file_).permissions(), perms::owner_read | perms::owner_write);
+  BackupDatabase(db, folder_ / "copy.db");
+  EXPECT_EQ(std::filesystem::status(folder_ / "copy.db").permissions(),
+            perms::owner_read | perms::owner_write);
   EXPECT_EQ(db.Scalar("PRAGMA application_id"), kApplicationId);
   EXPECT_EQ(db.Scalar("PRAGMA user_version"), SchemaVersion());
   EXPECT_EQ(db.Scalar("PRAGMA foreign_keys"), 1);

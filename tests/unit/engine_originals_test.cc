@@ -94,6 +94,21 @@ TEST_F(EngineOriginalsTest, ADamagedFileIsNeverServed) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
+TEST_F(EngineOriginalsTest, DamagedBytesOfTheDatabaseAreNeverServed) {
+  {
+    Engine engine(Options({}));
+    Add(engine, 1, "one");
+    EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
+  }
+  SQLite::Database(db_.string(), SQLite::OPEN_READWRITE)
+      .exec(
+          "UPDATE originals SET data = CAST(substr(data, 1, 20) || x'55' || substr(data, 22) AS "
+          "BLOB)");
+  Engine engine(Options({}));
+  ExpectError(ErrorCode::kCorrupt, "original_corrupt",
+              [&] { engine.GetContent("default", "one"); });
+}
+
 TEST_F(EngineOriginalsTest, TheOptionIsRememberedAndCanBeSwitched) {
   {
     Engine engine(Options({}));  // a new database without a directory

@@ -92,7 +92,9 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   }
   ExpectError(ErrorCode::kInvalidArgument, "id_invalid",
               [&] { Add(engine, png, "x", std::string(129, 'a')); });
-  for (const std::string object : {"a\nb", "\xc3\x28", "\xed\xa0\x80", "\xf5\x80\x80\x80"}) {
+  for (const std::string object :
+       {"a\nb", "\xc3\x28", "\xed\xa0\x80", "\xf5\x80\x80\x80", "shirt\u202Egpj.exe", "shi\u200Drt",
+        "shi\u200Brt", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069"}) {
     ExpectError(ErrorCode::kInvalidArgument, "object_invalid", [&] { Add(engine, png, object); });
   }
   for (const std::string metadata : {"", "[]", "1", "{", "{\"a\":\"\xff\"}", "nonsense"}) {
@@ -108,6 +110,9 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   request.collection = "nowhere";
   ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { engine.Add(request); });
   EXPECT_EQ(Add(engine, png, "Tasse \xc3\xa4\xf0\x9f\x98\x80").outcome, AddOutcome::kCreated);
+  // Joiners belong to Persian and to emojis.
+  EXPECT_EQ(Add(engine, RandomPng(2), "\u0645\u06CC\u200C\u062E").outcome, AddOutcome::kCreated);
+  EXPECT_EQ(Add(engine, RandomPng(3), "\U0001F469\u200D\U0001F4BB").outcome, AddOutcome::kCreated);
 }
 
 TEST_F(EngineTest, RemovedIsGoneAtOnceAndAfterReopening) {

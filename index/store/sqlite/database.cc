@@ -65,6 +65,14 @@ class TemporaryFile {
   fs::path path_;
 };
 
+// Makes an empty file that only its owner may read: a database holds people's pictures. Whoever
+// wants others to read it changes the mode afterwards, and SQLite's side files follow.
+void MakePrivate(const fs::path& path) {
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  if (file < 0) ThrowErrno("cannot make", path);
+  ::close(file);
+}
+
 // Gives `from` the name `to` unless that name is taken by more than an empty file. False = taken.
 bool Publish(const fs::path& from, const fs::path& to, bool may_replace_empty) {
   SyncPath(from, O_RDONLY);
@@ -121,6 +129,7 @@ FileState InspectDatabaseFile(const fs::path& path) {
 void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
   CheckParentDirectory(path);
   const TemporaryFile temporary(path);
+  MakePrivate(temporary.path());
   {
     SQLite::Database database(fs::absolute(temporary.path()).string(),
                               SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
@@ -166,6 +175,7 @@ void BackupDatabase(Connection& source, const fs::path& target) {
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) throw exists;
   const TemporaryFile temporary(target);
+  MakePrivate(temporary.path());
   {
     SQLite::Database copy(fs::absolute(temporary.path()).string(),
                           SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
 #include "index/files/text.h"
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/integrity.h"
@@ -41,7 +42,12 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
       bytes = ReadOriginal(db, picture.key);
       if (!bytes && HasOriginalFile(db, picture.key)) store = PresentStore(db);
     });
-    if (bytes) return *std::move(bytes);
+    if (bytes) {
+      if (Sha256Hex(*bytes) == record.sha256) return *std::move(bytes);
+      throw Error(ErrorCode::kCorrupt, "original_corrupt",
+                  "the stored bytes of \"" + ToDisplayText(id) +
+                      "\" are damaged; remove the picture and add it again");
+    }
     if (!store) {
       throw Error(ErrorCode::kNotFound, "content_not_kept",
                   "the uploaded bytes of \"" + ToDisplayText(id) + "\" were not kept");
