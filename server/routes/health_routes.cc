@@ -50,7 +50,7 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "readyz",
                     .method = "GET",
                     .pattern = "/readyz",
-                    .summary = "Whether the index is loaded",
+                    .summary = "Whether the index is loaded and the database can be read",
                     .scope = Scope::kPublic,
                     .answers = {{200, "it is", "Status"}},
                     .codes = {"starting"},
@@ -58,6 +58,7 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes) {
                     .handler =
                         [&service](const Request&, const Parameters&) {
                           if (!service.ready()) ThrowStarting(service);
+                          service.engine().ListCollections();  // the database can be read
                           return JsonResponse({{"status", "ready"}});
                         },
                     .needs_index = false});

@@ -44,6 +44,31 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
 }
 
+// What was acknowledged would be gone with the file, or be written into a stranger's.
+TEST_F(EngineTest, ADatabaseThatIsMovedAwayIsWrittenNoMore) {
+  const std::filesystem::path elsewhere = folder_ / "elsewhere.db";
+  Engine engine(Options());
+  AddMany(engine, 2);
+  std::filesystem::rename(Options().database, elsewhere);
+  const auto expect_refusals = [&] {
+    ExpectError(ErrorCode::kCorrupt, "database_moved", [&] { Add(engine, RandomPng(9), "x"); });
+    ExpectError(ErrorCode::kCorrupt, "database_moved", [&] { engine.Remove("default", "p1"); });
+    ExpectError(ErrorCode::kCorrupt, "database_moved", [&] { engine.ListCollections(); });
+  };
+  expect_refusals();
+  {
+    EngineOptions other = Options();
+    other.database = folder_ / "other.db";
+    Engine stranger(other);
+    AddMany(stranger, 3);
+  }
+  std::filesystem::copy_file(folder_ / "other.db", Options().database);
+  expect_refusals();
+  std::filesystem::rename(elsewhere, Options().database);
+  EXPECT_EQ(Add(engine, RandomPng(9), "x").outcome, AddOutcome::kCreated);
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
 TEST_F(EngineTest, ABackupIsADatabase) {
   Engine engine(Options());
   AddMany(engine, 4);

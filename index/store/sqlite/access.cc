@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/access.h"
 
+#include <sys/stat.h>
+
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 
@@ -20,10 +22,33 @@ void Access::Write(WriteQueue::Work work, bool reclaim) {
     throw Error(ErrorCode::kReadOnly, "read_only",
                 "the database " + DisplayPath(path_) + " is open for reading only");
   }
-  WithDatabaseErrors(path_, [&] { writer_->Run(std::move(work), reclaim); });
+  CheckInPlace();
+  WithDatabaseErrors(path_, [&] {
+    writer_->Run(
+        [&](Connection& db) {
+          work(db);
+          CheckInPlace();  // again, as near to the commit as can be
+        },
+        reclaim);
+  });
+}
+
+Access::File Access::FileAt(const std::filesystem::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) return {};
+  return {status.st_dev, status.st_ino};
+}
+
+void Access::CheckInPlace() const {
+  if (FileAt(path_) == file_) return;
+  throw Error(ErrorCode::kCorrupt, "database_moved",
+              "the database " + DisplayPath(path_) +
+                  " was removed, renamed or replaced while it was in use; nothing more is written. "
+                  "Stop the program, put the right file there, and start it again");
 }
 
 void Access::WriteAlone(const std::function<void(Connection& db)>& work) {
+  CheckInPlace();
   WithDatabaseErrors(path_, [&] {
     Connection db(path_, Connection::Mode::kReadWrite, busy_timeout_ms_);
     SQLite::Transaction transaction(db.database(), SQLite::TransactionBehavior::IMMEDIATE);

@@ -4,6 +4,7 @@
 // store/sqlite. Thread-safe. Lets out only Error.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -20,6 +21,7 @@ class Access {
   Access(std::filesystem::path path, int busy_timeout_ms)
       : path_(std::move(path)),
         busy_timeout_ms_(busy_timeout_ms),
+        file_(FileAt(path_)),
         readers_(std::make_unique<ConnectionPool>(path_, busy_timeout_ms)) {}
 
   const std::filesystem::path& path() const { return path_; }
@@ -31,6 +33,7 @@ class Access {
   // Runs `work` in a read transaction on a connection of the pool.
   template <typename Work>
   auto Read(Work&& work) {
+    CheckInPlace();
     return WithDatabaseErrors(path_, [&] {
       const ConnectionPool::Lease db = readers_->Borrow();
       const SQLite::Transaction reading(db->database());
@@ -46,8 +49,16 @@ class Access {
   ConnectionPool& readers() { return *readers_; }
 
  private:
+  // Device and inode of the database; 0, 0 where there is no file.
+  using File = std::pair<std::uint64_t, std::uint64_t>;
+  static File FileAt(const std::filesystem::path& path);
+  // Throws kCorrupt "database_moved" when the file was removed, renamed or replaced since it was
+  // opened: what is written to it would be lost, and its log would damage the one in its place.
+  void CheckInPlace() const;
+
   std::filesystem::path path_;
   int busy_timeout_ms_;
+  const File file_;
   // Dies after the readers: the last connection to close puts the log into the database and removes
   // it, which only a writing one can.
   std::unique_ptr<WriteQueue> writer_;
