@@ -7,7 +7,11 @@
 #include <thread>
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/schema.h"
@@ -36,6 +40,28 @@ class DatabaseTest : public ::testing::Test {
         std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
   }
 };
+
+// A killed process cannot clean up; what a living one makes is locked and stays.
+TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
+  const auto old = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
+  for (const char* name : {"a.db.new-12-1", "a.db.new-12-1-wal", "a.db.new-13-7", "a.db.new-x-1",
+                           "a.db.new-", "b.db.new-12-1", "a.db.newer"}) {
+    WriteText(folder_ / name, "left");
+    std::filesystem::last_write_time(folder_ / name, old);
+  }
+  WriteText(folder_ / "a.db.new-99-1", "just made");
+  const int living = ::open((folder_ / "a.db.new-13-7").c_str(), O_RDONLY);
+  ASSERT_EQ(::flock(living, LOCK_EX), 0);
+  RemoveAbandoned(file_);
+  ::close(living);
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    left.push_back(entry.path().filename().string());
+  }
+  EXPECT_THAT(left,
+              ::testing::UnorderedElementsAre("a.db.new-13-7", "a.db.new-x-1", "a.db.new-",
+                                              "b.db.new-12-1", "a.db.newer", "a.db.new-99-1"));
+}
 
 TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
   EXPECT_EQ(InspectDatabaseFile(file_), FileState::kAbsent);

@@ -22,6 +22,10 @@ FileState InspectDatabaseFile(const std::filesystem::path& path);
 // its name in one step. An existing database is left alone (another process was faster).
 void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& model);
 
+// Removes what killed processes have left of databases in the making beside `database`, of that
+// name. Those that are being made by living ones are locked and stay.
+void RemoveAbandoned(const std::filesystem::path& database);
+
 // Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
 // Error kConflict "old_schema".
 void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, int busy_timeout_ms);

@@ -51,6 +51,7 @@ class SqliteStore : public Store {
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
   const std::filesystem::path& file = options.database;
   WithDatabaseErrors(file, [&] {
+    if (!options.read_only) RemoveAbandoned(file);
     if (InspectDatabaseFile(file) != FileState::kPliant) {
       if (!options.create || options.read_only) {
         throw Error(ErrorCode::kNotFound, "database_not_found",
