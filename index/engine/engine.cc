@@ -40,6 +40,7 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   opening.create = options_.create;
   opening.read_only = options_.read_only;
   opening.busy_timeout_ms = options_.busy_timeout_ms;
+  opening.reserve_bytes = options_.reserve_bytes;
   opening.model_of_new = [this] {
     options_.custom_descriptor = MakeDescriptorFor(options_, "deal");
     return options_.custom_descriptor->info();

@@ -62,6 +62,9 @@ struct EngineOptions {
   // that loads.
   std::function<void(double share)> loading;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
+  // Pictures are refused (kNoSpace) when less than this would stay free on the disk of the database
+  // or of the originals: removing takes space, too, before it gives some back.
+  std::uint64_t reserve_bytes = 64 * 1024 * 1024;
 };
 
 // What people write for EngineOptions::originals_dir: nothing = as before, "database", or a path

@@ -3,6 +3,7 @@
 // Where a store comes from: the one place that knows which engine keeps it.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -19,6 +20,7 @@ struct StoreOptions {
   bool read_only = false;
   std::function<DescriptorInfo()> model_of_new;  // asked only when it is made
   int busy_timeout_ms = 10'000;                  // wait for another process's write lock
+  std::uint64_t reserve_bytes = 0;               // of the disk, which pictures may not take
 };
 
 // Throws kNotFound, kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict

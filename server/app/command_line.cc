@@ -46,6 +46,8 @@ constexpr NumberFlag kNumbers[] = {
      "Largest picture in megapixels, checked before decoding"},
     {"--max-decode-mb", &ServerOptions::max_decode_mb, 16, 65536,
      "Memory for decoding one picture in MiB, checked before decoding"},
+    {"--reserve-mb", &ServerOptions::reserve_mb, 0, 1'048'576,
+     "Free space in MiB that uploads leave on the disk, so that pictures can be removed"},
     {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
      "Key points per picture and size it is described at, at least 16; 0 = that of the database, "
      "1024 for a new one"},

@@ -65,6 +65,7 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.keep_originals = options.keep_originals;
   engine.originals_dir = ParseOriginalsDir(options.originals_dir);
   engine.extraction.decode.max_pixels = std::int64_t{options.max_megapixels} * 1'000'000;
+  engine.reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB;
   engine.extraction.decode.max_decode_bytes =
       std::int64_t{options.max_decode_mb} * std::int64_t{kMiB};
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};

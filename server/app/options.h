@@ -37,6 +37,7 @@ struct ServerOptions {
   int max_header_kb = 32;
   int max_megapixels = 100;
   int max_decode_mb = 256;  // of memory, a picture
+  int reserve_mb = 64;      // of the disk, which uploads may not take
   int max_keypoints = 0;    // 0 = as the database was made
   int max_side_px = 0;      // 0 = as the database was made
 

@@ -44,6 +44,21 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
 }
 
+TEST_F(EngineTest, AFullDiskTakesNoPicturesButGivesSomeBack) {
+  {
+    Engine engine(Options());
+    AddMany(engine, 2);
+  }
+  EngineOptions options = Options();
+  options.reserve_bytes = std::uint64_t{1} << 60;  // more than any disk has
+  Engine engine(options);
+  ExpectError(ErrorCode::kNoSpace, "no_space", [&] { Add(engine, RandomPng(9), "x"); });
+  EXPECT_EQ(Add(engine, RandomPng(1), "o1", "p1").outcome, AddOutcome::kUnchanged);
+  EXPECT_TRUE(engine.Remove("default", "p1"));
+  EXPECT_EQ(engine.Stats().images, 1U);
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
 // What was acknowledged would be gone with the file, or be written into a stranger's.
 TEST_F(EngineTest, ADatabaseThatIsMovedAwayIsWrittenNoMore) {
   const std::filesystem::path elsewhere = folder_ / "elsewhere.db";

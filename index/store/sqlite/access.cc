@@ -47,6 +47,19 @@ void Access::CheckInPlace() const {
                   "Stop the program, put the right file there, and start it again");
 }
 
+void Access::RequireSpace(std::uint64_t bytes, const std::filesystem::path& directory) const {
+  const std::filesystem::path where =
+      directory.empty() ? std::filesystem::absolute(path_).parent_path() : directory;
+  std::error_code unknown;  // then the write itself will tell
+  const std::filesystem::space_info space = std::filesystem::space(where, unknown);
+  if (unknown || space.available >= bytes + reserve_bytes_) return;
+  throw Error(ErrorCode::kNoSpace, "no_space",
+              "only " + std::to_string(space.available >> 20) + " MiB are free on the disk of " +
+                  DisplayPath(where) + ", and " + std::to_string(reserve_bytes_ >> 20) +
+                  " MiB are kept for removing pictures; nothing was stored. Remove pictures, or "
+                  "give it more space");
+}
+
 void Access::WriteAlone(const std::function<void(Connection& db)>& work) {
   CheckInPlace();
   WithDatabaseErrors(path_, [&] {

@@ -18,9 +18,10 @@ namespace pliant {
 
 class Access {
  public:
-  Access(std::filesystem::path path, int busy_timeout_ms)
+  Access(std::filesystem::path path, int busy_timeout_ms, std::uint64_t reserve_bytes)
       : path_(std::move(path)),
         busy_timeout_ms_(busy_timeout_ms),
+        reserve_bytes_(reserve_bytes),
         file_(FileAt(path_)),
         readers_(std::make_unique<ConnectionPool>(path_, busy_timeout_ms)) {}
 
@@ -46,6 +47,10 @@ class Access {
   // Runs `work` in a transaction of its own connection: before BeginWriting.
   void WriteAlone(const std::function<void(Connection& db)>& work);
 
+  // Throws kNoSpace "no_space" unless `bytes` and the reserve fit on the disk of the directory, by
+  // default that of the database.
+  void RequireSpace(std::uint64_t bytes, const std::filesystem::path& directory = {}) const;
+
   ConnectionPool& readers() { return *readers_; }
 
  private:
@@ -58,6 +63,7 @@ class Access {
 
   std::filesystem::path path_;
   int busy_timeout_ms_;
+  std::uint64_t reserve_bytes_;
   const File file_;
   // Dies after the readers: the last connection to close puts the log into the database and removes
   // it, which only a writing one can.

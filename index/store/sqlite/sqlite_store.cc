@@ -17,7 +17,7 @@ namespace {
 class SqliteStore : public Store {
  public:
   explicit SqliteStore(const StoreOptions& options)
-      : access_(options.database, options.busy_timeout_ms),
+      : access_(options.database, options.busy_timeout_ms, options.reserve_bytes),
         originals_(&access_),
         model_(access_.Read([](Connection& db) { return ReadModel(db); })),
         catalogue_(&access_, &originals_, &model_),

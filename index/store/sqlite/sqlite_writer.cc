@@ -32,6 +32,10 @@ void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantize
 }  // namespace
 
 PutOutcome SqliteWriter::Put(const PicturePut& put) {
+  access_.RequireSpace(put.request.bytes.size());
+  if (const OriginalStore* store = originals_.originals().store()) {
+    access_.RequireSpace(put.request.bytes.size(), store->directory());
+  }
   std::unique_ptr<IncomingOriginal> original;  // nullptr: into the database, or nowhere
   if (put.keep_content) {
     original = originals_.originals().Receive(put.record.sha256, put.request.bytes);
