@@ -15,7 +15,8 @@ namespace {
 constexpr std::uint16_t kShort = 3;
 constexpr std::uint16_t kLong = 4;
 constexpr std::size_t kEntryBytes = 12;
-constexpr std::uint16_t kMostEntries = 1000;  // files have some thirty
+constexpr std::uint16_t kMostEntries = 1000;   // files have some thirty
+constexpr std::uint32_t kMostPieces = 65'536;  // decoders prepare anew for every strip or tile
 
 // Bytes a value of TIFF 6.0's types 1 (BYTE) to 12 (DOUBLE).
 constexpr std::array<std::uint8_t, 13> kTypeBytes = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8};
@@ -149,15 +150,22 @@ class DirectoryReader {
   }
 
   // Whether all strips or tiles lie within the file.
-  bool DataInside(std::uint16_t offsets_tag, std::uint16_t sizes_tag) const {
+  bool DataInside(std::uint16_t offsets_tag, std::uint16_t sizes_tag) {
     const Entry* offsets = Find(offsets_tag);
     if (offsets == nullptr) return true;
     const Entry* sizes = Find(sizes_tag);
+    if (offsets->count > kMostPieces) {
+      Refuse("it has " + std::to_string(offsets->count) + " strips or tiles");
+      return true;
+    }
+    std::uint64_t total = 0;
     for (std::size_t i = 0; i < offsets->count; ++i) {
       const std::uint64_t size =
           sizes != nullptr && i < sizes->count ? Value(reader_, *sizes, i) : 0;
       if (Value(reader_, *offsets, i) + size > reader_.size()) return false;
+      total += size;
     }
+    if (total > reader_.size()) Refuse("its strips or tiles lie over one another");
     return true;
   }
 

@@ -16,7 +16,7 @@ std::int64_t Product(std::int64_t a, std::int64_t b) {
   return a != 0 && b > kMost / a ? kMost : a * b;
 }
 
-// libtiff decodes a strip or a tile at a time, at four bytes a pixel or more.
+// libtiff decodes a strip or a tile at a time, and then makes four bytes of each pixel.
 std::int64_t BufferBytes(const TiffDirectory& directory) {
   const bool tiled = directory.tile_width > 0 || directory.tile_height > 0;
   const std::int64_t rows = directory.rows_per_strip > 0
@@ -25,7 +25,7 @@ std::int64_t BufferBytes(const TiffDirectory& directory) {
   const std::int64_t pixels =
       tiled ? Product(directory.tile_width, directory.tile_height) : Product(directory.width, rows);
   const std::int64_t bits = Product(directory.bits, directory.samples);
-  return Product(pixels, std::max<std::int64_t>(4, (bits + 7) / 8));
+  return Product(pixels, 4 + (bits + 7) / 8);
 }
 
 }  // namespace

@@ -11,7 +11,6 @@
 
 #include <fcntl.h>
 #include <netdb.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -22,23 +21,11 @@ namespace pliant::server {
 namespace {
 
 constexpr std::size_t kReceiveBytes = 64 * 1024;
+// Of an answer, whatever the budget says: enough for one that says what is wrong.
+constexpr std::size_t kAlwaysKeptBytes = 16 * 1024;
 constexpr std::size_t kMostSwallowedBytes = 4 * 1024 * 1024;
 // What chunked encoding may add to the body itself, beside a share of it.
 constexpr std::size_t kFramingBytes = 64 * 1024;
-
-int MillisecondsLeft(Clock::time_point deadline) {
-  const auto left =
-      std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
-  return static_cast<int>(std::clamp<long long>(left, 0, 3'600'000));
-}
-
-// poll() that goes on after a signal. > 0 ready, 0 deadline passed, < 0 failed.
-int PollUntil(pollfd* fds, nfds_t count, Clock::time_point deadline) {
-  while (true) {
-    const int ready = poll(fds, count, MillisecondsLeft(deadline));
-    if (ready >= 0 || errno != EINTR) return ready;
-  }
-}
 
 void NumericName(const sockaddr_storage& address, socklen_t length, std::string& ip, int& port) {
   std::array<char, NI_MAXHOST> host{};
@@ -93,21 +80,23 @@ Connection::Step Connection::Greet() {
 }
 
 Connection::Step Connection::Receive() {
-  const std::size_t before = received_.size();
-  received_.resize(before + kReceiveBytes);
+  // Of the thread, so that a connection that waits has no buffer.
+  thread_local std::array<char, kReceiveBytes> buffer;
   ssize_t got = 0;
   bool wait = false;
   if (tls_) {
-    got = tls_->Read(received_.data() + before, kReceiveBytes, Clock::now());
+    got = tls_->Read(buffer.data(), buffer.size(), Clock::now());
     wait = got == -2;
   } else {
     do {
-      got = recv(socket_fd_, received_.data() + before, kReceiveBytes, 0);
+      got = recv(socket_fd_, buffer.data(), buffer.size(), 0);
     } while (got < 0 && errno == EINTR);
     wait = got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
   }
-  received_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-  if (got > 0) return Step::kDone;
+  if (got > 0) {
+    received_.append(buffer.data(), static_cast<std::size_t>(got));
+    return Step::kDone;
+  }
   if (!wait) return Step::kOver;
   return tls_ && tls_->wants_output() ? Step::kWantsOutput : Step::kWantsInput;
 }
@@ -121,7 +110,8 @@ Connection::Step Connection::ReceiveHead() {
     head_end_ = EndOfHead(received, searched_);
     const std::size_t known = std::min(head_end_, received.size());
     const std::size_t line = received.rfind('\n') + 1;  // 0 when there is none
-    if (known - begin_ > limits_.max_header_bytes ||
+    // Empty lines before it count, too: a client could send them for ever.
+    if (known > limits_.max_header_bytes ||
         (head_end_ == std::string_view::npos &&
          received.size() - std::max(line, begin_) >= kMaxLineBytes)) {
       fault_ = Fault::kHeadersTooLarge;
@@ -193,7 +183,7 @@ void Connection::Rewind() {
 
 void Connection::ForgetRequest() {
   received_.erase(0, std::min(end_, received_.size()));
-  if (received_.empty()) received_.shrink_to_fit();
+  if (received_.capacity() > received_.size() + kReceiveBytes) received_.shrink_to_fit();
   begin_ = read_ = searched_ = head_end_ = end_ = 0;
   head_ = {};
   body_received_ = false;
@@ -225,39 +215,25 @@ ssize_t Connection::SendSome(std::string_view bytes) {
   return sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? 0 : sent;
 }
 
-bool Connection::SendWaiting(std::string_view bytes) {
-  const Clock::time_point end = Clock::now() + limits_.answer_timeout;
-  while (!bytes.empty()) {
-    const ssize_t sent = SendSome(bytes);
-    if (sent < 0) return false;
-    bytes.remove_prefix(static_cast<std::size_t>(sent));
-    if (sent > 0) continue;
-    pollfd fd = {socket_fd_, POLLOUT, 0};
-    if (PollUntil(&fd, 1, std::min(end, Clock::now() + limits_.write_timeout)) <= 0) return false;
-  }
-  return true;
-}
-
 ssize_t Connection::write(const char* data, size_t size) {
   if (drop_output_) return static_cast<ssize_t>(size);
-  if (over_) return -1;
   std::string_view bytes(data, size);
-  if (unsent_.empty()) {
+  while (!over_ && unsent_.empty() && !bytes.empty()) {
     const ssize_t sent = SendSome(bytes);
     over_ = sent < 0;
-    if (over_) return -1;
+    if (sent <= 0) break;
     bytes.remove_prefix(static_cast<std::size_t>(sent));
   }
+  if (over_) return -1;
   if (bytes.empty()) return static_cast<ssize_t>(size);
   if (budget_->Take(bytes.size())) {
     held_ += bytes.size();
-    unsent_.append(bytes);
-    return static_cast<ssize_t>(size);
+  } else if (unsent_.size() - sent_ + bytes.size() > kAlwaysKeptBytes) {
+    over_ = true;  // waiting for this client would let all others wait
+    return -1;
   }
-  over_ = !SendWaiting(std::string_view(unsent_).substr(sent_)) || !SendWaiting(bytes);
-  unsent_.clear();
-  sent_ = 0;
-  return over_ ? -1 : static_cast<ssize_t>(size);
+  unsent_.append(bytes);
+  return static_cast<ssize_t>(size);
 }
 
 Connection::Step Connection::Send() {
@@ -272,6 +248,10 @@ Connection::Step Connection::Send() {
   unsent_.clear();
   unsent_.shrink_to_fit();
   sent_ = 0;
+  if (held_ > body_bytes_) {
+    budget_->Give(held_ - body_bytes_);
+    held_ = body_bytes_;
+  }
   return over_ ? Step::kOver : Step::kDone;
 }
 

@@ -99,8 +99,8 @@ class Connection final : public httplib::Stream {
   bool is_readable() const override { return has_bytes(); }
   bool is_writable() const override { return true; }
   ssize_t read(char* data, size_t size) override;
-  // Sends what can be sent without waiting and keeps the rest for Send(). Waits only when the
-  // budget is used up, for as long as the limits allow.
+  // Sends what can be sent without waiting and keeps the rest for Send(). Fails when the budget is
+  // used up, but for short answers.
   ssize_t write(const char* data, size_t size) override;
   void get_remote_ip_and_port(std::string& ip, int& port) const override;
   void get_local_ip_and_port(std::string& ip, int& port) const override;
@@ -109,7 +109,6 @@ class Connection final : public httplib::Stream {
  private:
   Step Receive();                            // what is there, appended to received_
   ssize_t SendSome(std::string_view bytes);  // > 0 sent, 0 nothing now, -1 failed
-  bool SendWaiting(std::string_view bytes);
   void Hold(std::size_t bytes);
   Step JudgeBody();
 

@@ -40,7 +40,7 @@ void SetListenOptions(socket_t listener) {
 
 bool AsksForHealth(const RequestHead& head) {
   constexpr std::array<std::string_view, 3> kPaths = {"/livez", "/readyz", "/metrics"};
-  const std::string_view path = head.target.substr(0, head.target.find('?'));
+  const std::string_view path = std::string_view(head.target).substr(0, head.target.find('?'));
   return head.framing == BodyFraming::kNone &&
          std::find(kPaths.begin(), kPaths.end(), path) != kPaths.end();
 }
@@ -196,11 +196,13 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
   }
 
   void Serve(std::unique_ptr<Visit> visit) {
-    const Next next = ServeOne(*visit);
+    Next next = ServeOne(*visit);
     if (next != Next::kBody) {
       visit->exchange.reset();
       visit->connection->ForgetRequest();
       ++visit->served;
+      // Closing with unread bytes would reset the connection, and with it the answer.
+      if (next == Next::kEnd && visit->connection->has_bytes()) next = Next::kLinger;
     }
     reception_.Return(std::move(visit), next);
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <exception>
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -77,9 +78,11 @@ std::size_t Reception::Stop(std::chrono::milliseconds deadline) {
   Wake();
   changed_.wait_for(lock, deadline, [&] { return open_ == 0; });
   const std::size_t cut_off = open_;
-  closed_ = true;  // the reception's thread drops its guests
+  closed_ = true;
   for (const int fd : away_) shutdown(fd, SHUT_RDWR);
   Wake();
+  // From then on nothing is handed over: the caller may end the threads.
+  changed_.wait(lock, [&] { return drained_; });
   return cut_off;
 }
 
@@ -100,7 +103,7 @@ void Reception::Run() {
       OnDeadline(guests_.find(deadlines_.begin()->second));
     }
     const std::lock_guard lock(mutex_);
-    if (closed_ && admitted_.empty() && returned_.empty() && away_.empty()) break;
+    if (drained_ && admitted_.empty() && returned_.empty() && away_.empty()) break;
   }
   while (!guests_.empty()) Remove(guests_.begin());
 }
@@ -117,7 +120,15 @@ void Reception::TakeArrivals() {
     ending_ = stopping_;
     closed = closed_;
   }
-  for (auto& connection : admitted) Welcome(std::make_unique<Visit>(std::move(connection)));
+  for (auto& connection : admitted) {
+    if (closed) {
+      connection.reset();
+      const std::lock_guard lock(mutex_);
+      --open_;
+    } else {
+      Welcome(std::make_unique<Visit>(std::move(connection)));
+    }
+  }
   for (auto& [visit, next] : returned) {
     if (closed) {
       Leave(*visit);
@@ -126,7 +137,11 @@ void Reception::TakeArrivals() {
     }
   }
   if (ending_) EndIdle();
-  while (closed && !guests_.empty()) Remove(guests_.begin());
+  if (!closed) return;
+  while (!guests_.empty()) Remove(guests_.begin());
+  const std::lock_guard lock(mutex_);
+  drained_ = true;
+  changed_.notify_all();
 }
 
 void Reception::EndIdle() {
@@ -209,7 +224,12 @@ void Reception::SetDeadline(Guests::iterator guest, Clock::time_point deadline) 
 }
 
 void Reception::Proceed(Guests::iterator guest) {
-  while (Step(guest)) {
+  const int fd = guest->first;
+  try {
+    while (Step(guest)) {
+    }
+  } catch (const std::exception&) {  // no memory: for this client, not for all
+    if (const auto left = guests_.find(fd); left != guests_.end()) Remove(left);
   }
 }
 

@@ -121,7 +121,8 @@ class Reception {
   std::size_t open_ = 0;  // connections, here and at threads
   std::set<int> away_;    // sockets of those at threads
   bool stopping_ = false;
-  bool closed_ = false;
+  bool closed_ = false;   // the reception's thread drops its guests
+  bool drained_ = false;  // and has done so
 
   std::thread thread_;
 };

@@ -66,7 +66,8 @@ class HeadReader {
       }
       first = false;
     }
-    if (lengths_ > 1 || encodings_ > 1 || (lengths_ > 0 && encodings_ > 0)) {
+    if (lengths_ > 1 || encodings_ > 1 || (lengths_ > 0 && encodings_ > 0) ||
+        (old_ && encodings_ > 0)) {
       head_.fault = "The length of the body is ambiguous.";
     }
     return head_;
@@ -79,7 +80,8 @@ class HeadReader {
     const std::size_t last = line.rfind(' ');
     if (first == std::string_view::npos || first == last) return;
     head_.target = line.substr(first + 1, last - first - 1);
-    if (head_.target.find(' ') != std::string_view::npos || !IsToken(line.substr(0, first))) {
+    old_ = line.substr(last + 1) != "HTTP/1.1";
+    if (head_.target.find(' ') != std::string::npos || !IsToken(line.substr(0, first))) {
       head_.fault = "The request line is no \"METHOD target HTTP/1.1\".";
     }
   }
@@ -117,6 +119,7 @@ class HeadReader {
   }
 
   RequestHead head_;
+  bool old_ = false;  // HTTP/1.0, which has no chunks (section 6.1)
   int lengths_ = 0;
   int encodings_ = 0;
 };

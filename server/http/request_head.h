@@ -19,13 +19,13 @@ struct RequestHead {
   std::string fault;  // why it is refused (400); empty = it is not
   BodyFraming framing = BodyFraming::kNone;
   std::uint64_t length = 0;  // of the body, for kLength; saturated
-  std::string_view target;   // of the request line; empty when that is odd
+  std::string target;        // of the request line; empty when that is odd
 };
 
 // Reads a head with its request line and its empty last line. Refuses: lines that do not end in
 // CRLF, control characters, folded fields, fields without a name that is a token (section 5.1),
 // lengths that are no number or stand twice, a length beside chunks (section 6.3). Leaves all else
-// to the library. `head` must outlive the result.
+// to the library.
 RequestHead ReadRequestHead(std::string_view head);
 
 // Position behind the empty line that ends a head, searching from `from` on; npos when it is not

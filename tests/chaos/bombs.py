@@ -72,6 +72,17 @@ def many_strips():
 
 
 @bomb(".tif")
+def overlapping_strips():
+    """Sixty thousand strips that are all the same megabyte."""
+    strips = 60_000
+    entries = [entry for entry in tiff_tags(1000, strips, (278, LONG, 1)) if entry[0] not in (273, 279)]
+    after = 8 + 2 + 12 * (len(entries) + 2) + 4
+    entries += [(273, LONG, strips, after), (279, LONG, strips, after + 4 * strips)]
+    data = after + 8 * strips
+    return tiff(sorted(entries), struct.pack("<I", data) * strips + struct.pack("<I", 1 << 20) * strips + bytes(1 << 20))
+
+
+@bomb(".tif")
 def huge_tile():
     """A small picture in one tile of a gigapixel."""
     data = zlib.compress(bytes(16_000_000), 9)

@@ -38,6 +38,14 @@ TEST_F(ServerErrorsTest, BrokenHttp) {
       {"long header",
        "GET /livez HTTP/1.1\r\n" + host + "X: " + std::string(9000, 'y') + "\r\n\r\n", 400,
        "bad_request"},
+      {"bare line feeds", std::string(100, '\n'), 400, "bad_request"},
+      {"blank lines without end",
+       [] {
+         std::string lines;
+         for (int i = 0; i < 200'000; ++i) lines += "\r\n";
+         return lines;
+       }(),
+       431, "headers_too_large"},
       {"long request line", "GET /" + std::string(20'000, 'a'), 431, "headers_too_large"},
       {"request line never ends", "GET /livez", 408, "request_timeout"},
       {"two lengths", post + "Content-Length: 1\r\nContent-Length: 2\r\n\r\nxx", 400,

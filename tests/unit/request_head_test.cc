@@ -68,6 +68,7 @@ TEST(RequestHead, RefusesWhatCanBeReadInTwoWays) {
        }) {
     EXPECT_NE(FaultOf(fields), "") << fields;
   }
+  EXPECT_NE(FaultOf("Transfer-Encoding: chunked\r\n", "POST /x HTTP/1.0"), "") << "RFC 9112, 6.1";
   EXPECT_NE(FaultOf("", "POST  /x HTTP/1.1"), "");
   EXPECT_NE(FaultOf("", "POST /x y HTTP/1.1"), "");
   EXPECT_NE(FaultOf("", " POST /x HTTP/1.1"), "");
