@@ -18,24 +18,35 @@ namespace {
               "The picture is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
 }
 
-ScannedImage Scan(Bytes bytes) {
-  switch (SniffFormat(bytes)) {
+// What a format knows of its files.
+struct Format {
+  ScannedImage (*scan)(Bytes bytes);
+  void (*check_data)(Bytes bytes, ScannedImage& scanned) = nullptr;  // what scanning left out
+  std::vector<std::uint8_t> (*without_metadata)(Bytes bytes) = nullptr;
+};
+
+// Null for kUnknown.
+const Format* FormatOf(ImageFormat format) {
+  static constexpr Format kJpeg{ScanJpeg, CheckJpegScans, JpegWithoutMetadata};
+  static constexpr Format kPng{ScanPng, CheckPngData, PngWithoutMetadata};
+  static constexpr Format kWebp{ScanWebp, nullptr, WebpWithoutMetadata};
+  static constexpr Format kBmp{ScanBmp};
+  static constexpr Format kTiff{ScanTiff};
+  switch (format) {
     case ImageFormat::kJpeg:
-      return ScanJpeg(bytes);
+      return &kJpeg;
     case ImageFormat::kPng:
-      return ScanPng(bytes);
+      return &kPng;
     case ImageFormat::kWebp:
-      return ScanWebp(bytes);
+      return &kWebp;
     case ImageFormat::kBmp:
-      return ScanBmp(bytes);
+      return &kBmp;
     case ImageFormat::kTiff:
-      return ScanTiff(bytes);
+      return &kTiff;
     case ImageFormat::kUnknown:
       break;
   }
-  throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-              "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
-              "or TIFF.");
+  return nullptr;
 }
 
 }  // namespace
@@ -55,7 +66,13 @@ ScannedImage ScanImage(Bytes bytes) {
     throw Error(ErrorCode::kUnprocessable, "image_empty",
                 "The picture is empty (0 bytes). Send the file's content.");
   }
-  const ScannedImage scanned = Scan(bytes);
+  const Format* format = FormatOf(SniffFormat(bytes));
+  if (format == nullptr) {
+    throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
+                "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
+                "or TIFF.");
+  }
+  const ScannedImage scanned = format->scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any
   if (scanned.header.width <= 0 || scanned.header.height <= 0) {
     ThrowTruncated("its header gives no size");
@@ -66,26 +83,17 @@ ScannedImage ScanImage(Bytes bytes) {
 ImageHeader ReadImageHeader(Bytes bytes) { return ScanImage(bytes).header; }
 
 void CheckStructure(Bytes bytes, ScannedImage& scanned) {
-  if (scanned.header.format == ImageFormat::kJpeg) CheckJpegScans(bytes, scanned);
+  const Format* format = FormatOf(scanned.header.format);
+  const bool checks = format != nullptr && format->check_data != nullptr;
+  if (scanned.complete && checks) format->check_data(bytes, scanned);
   if (!scanned.complete) ThrowTruncated("it ends before its own end mark");
-  if (scanned.header.format == ImageFormat::kPng) CheckPngData(bytes, scanned);
   if (!scanned.defect.empty()) ThrowDefect(scanned);
 }
 
 std::vector<std::uint8_t> WithoutMetadata(Bytes bytes, ImageFormat format) {
-  switch (format) {
-    case ImageFormat::kJpeg:
-      return JpegWithoutMetadata(bytes);
-    case ImageFormat::kPng:
-      return PngWithoutMetadata(bytes);
-    case ImageFormat::kWebp:
-      return WebpWithoutMetadata(bytes);
-    case ImageFormat::kBmp:
-    case ImageFormat::kTiff:
-    case ImageFormat::kUnknown:
-      break;
-  }
-  return {};
+  const Format* known = FormatOf(format);
+  if (known == nullptr || known->without_metadata == nullptr) return {};
+  return known->without_metadata(bytes);
 }
 
 }  // namespace pliant

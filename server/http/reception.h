@@ -91,6 +91,9 @@ class Reception {
   void Enter(Guests::iterator guest, Phase phase);
   void Proceed(Guests::iterator guest);  // takes steps until one must wait
   bool Step(Guests::iterator guest);     // one phase's steps; false: waits, or is gone
+  bool ReceiveHead(Guests::iterator guest);
+  bool Arrived(Guests::iterator guest);
+  bool Send(Guests::iterator guest);
   bool After(Guests::iterator guest, Connection::Step step);
   void Answer(Guests::iterator guest);  // puts the answer to a fault in, and sends it
   void HandOver(Guests::iterator guest);

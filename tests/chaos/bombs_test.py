@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sends every hostile picture of bombs.py to a running server, to be added and as thumbnail of what was added, and
+"""Sends every hostile picture of `hostile` to a running server, to be added and as thumbnail of what was added, and
 prints what each cost.
 
     tests/chaos/bombs_test.py --bin build/release/bin [--only NAME]
@@ -22,7 +22,7 @@ import tempfile
 import threading
 import time
 
-import bombs
+from hostile import BOMBS, png
 
 MOST_MEMORY_MB = 300  # above the size before the picture came
 ANSWERS = {200, 201, 400, 413, 415, 422}
@@ -74,7 +74,7 @@ class GoodClient(threading.Thread):
         count = 0
         while not self.stopped:
             count += 1  # other bytes, so that the picture is decoded and described again
-            picture = bombs.small_png(bombs.chunk(b"tEXt", b"Count\0%d" % count))
+            picture = png.small_png(png.chunk(b"tEXt", b"Count\0%d" % count))
             begin = time.monotonic()
             status, _ = self.server.ask("PUT", IMAGES + "/good", picture)
             self.longest_s = max(self.longest_s, time.monotonic() - begin)
@@ -112,9 +112,9 @@ def main():
     wrong, slowest = [], 0.0
     with tempfile.TemporaryDirectory() as folder:
         server = Server(options.bin.resolve(), pathlib.Path(folder))
-        server.ask("PUT", IMAGES + "/good", bombs.small_png())
+        server.ask("PUT", IMAGES + "/good", png.small_png())
         print("| picture | bytes | status | code | CPU s | MB | longest wait of another s |\n|---|---|---|---|---|---|---|")
-        for name, make in bombs.BOMBS.items():
+        for name, make in BOMBS.items():
             if options.only and options.only not in name:
                 continue
             data = make()
@@ -137,7 +137,7 @@ def main():
         server.process.terminate()
         if server.process.wait(60) != 0:
             wrong.append(f"the server ended with {server.process.returncode}")
-    print("\n".join(wrong) or f"{len(bombs.BOMBS)} pictures, nothing wrong; longest wait of a good client {slowest:.2f} s")
+    print("\n".join(wrong) or f"{len(BOMBS)} pictures, nothing wrong; longest wait of a good client {slowest:.2f} s")
     sys.exit(bool(wrong))
 
 

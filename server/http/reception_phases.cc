@@ -1,0 +1,187 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What becomes of one guest of the reception, phase by phase.
+#include <algorithm>
+#include <exception>
+
+#include <sys/epoll.h>
+
+#include "server/http/exchange.h"
+#include "server/http/reception.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::chrono::milliseconds kLingerTime{1'000};
+
+}  // namespace
+
+void Reception::Enter(Guests::iterator guest, Phase phase) {
+  const ConnectionLimits& limits = options_.limits;
+  Guest& g = guest->second;
+  g.phase = phase;
+  const Clock::time_point now = Clock::now();
+  switch (phase) {
+    case Phase::kGreeting:
+    case Phase::kHead:
+      SetDeadline(guest, now + limits.header_timeout);
+      break;
+    case Phase::kIdle:
+      SetDeadline(guest, now + limits.idle_timeout);
+      break;
+    case Phase::kBody:
+      SetDeadline(guest, now + limits.body_timeout);
+      break;
+    case Phase::kSending:
+      g.last_deadline = now + limits.answer_timeout;
+      SetDeadline(guest, now + limits.write_timeout);
+      break;
+    case Phase::kLingering:
+      SetDeadline(guest, now + kLingerTime);
+      break;
+  }
+}
+
+void Reception::SetDeadline(Guests::iterator guest, Clock::time_point deadline) {
+  deadlines_.erase({guest->second.deadline, guest->first});
+  guest->second.deadline = deadline;
+  deadlines_.emplace(deadline, guest->first);
+}
+
+void Reception::Proceed(Guests::iterator guest) {
+  const int fd = guest->first;
+  try {
+    while (Step(guest)) {
+    }
+  } catch (const std::exception&) {  // no memory: for this client, not for all
+    if (const auto left = guests_.find(fd); left != guests_.end()) Remove(left);
+  }
+}
+
+// True: the guest is in another phase, whose first step can be taken.
+bool Reception::Step(Guests::iterator guest) {
+  Connection& connection = *guest->second.visit->connection;
+  switch (guest->second.phase) {
+    case Phase::kGreeting: {
+      const auto step = connection.Greet();
+      if (step == Connection::Step::kDone) Enter(guest, Phase::kIdle);
+      return After(guest, step);
+    }
+    case Phase::kIdle:
+    case Phase::kHead:
+      return ReceiveHead(guest);
+    case Phase::kBody: {
+      const auto step = connection.ReceiveBody();
+      return step == Connection::Step::kDone ? Arrived(guest) : After(guest, step);
+    }
+    case Phase::kSending:
+      return Send(guest);
+    case Phase::kLingering:
+      return After(guest, connection.Swallow());
+  }
+  return false;
+}
+
+bool Reception::ReceiveHead(Guests::iterator guest) {
+  Guest& g = guest->second;
+  const auto step = g.visit->connection->ReceiveHead();
+  if (step == Connection::Step::kOver) return After(guest, step);
+  if (g.phase == Phase::kIdle && g.visit->connection->has_bytes()) {
+    g.visit->begun = Clock::now();
+    Enter(guest, Phase::kHead);
+  }
+  return step == Connection::Step::kDone ? Arrived(guest) : After(guest, step);
+}
+
+// A head or a body is there, or is refused.
+bool Reception::Arrived(Guests::iterator guest) {
+  if (guest->second.visit->connection->fault() != Connection::Fault::kNone) {
+    Answer(guest);
+    return true;
+  }
+  HandOver(guest);
+  return false;
+}
+
+bool Reception::Send(Guests::iterator guest) {
+  Guest& g = guest->second;
+  Connection& connection = *g.visit->connection;
+  const auto step = connection.Send();
+  if (step != Connection::Step::kDone) {
+    // Whoever takes something gets more time, up to that for the whole answer.
+    if (step != Connection::Step::kOver) {
+      SetDeadline(guest, std::min(g.last_deadline, Clock::now() + options_.limits.write_timeout));
+    }
+    return After(guest, step);
+  }
+  switch (ending_ && g.after == Next::kRequest ? Next::kEnd : g.after) {
+    case Next::kRequest:
+      Enter(guest, Phase::kIdle);
+      return true;
+    case Next::kBody:
+      Enter(guest, Phase::kBody);
+      return true;
+    case Next::kLinger:
+      connection.EndSending();
+      Enter(guest, Phase::kLingering);
+      return true;
+    case Next::kEnd:
+      break;
+  }
+  connection.Farewell();
+  Remove(guest);
+  return false;
+}
+
+bool Reception::After(Guests::iterator guest, Connection::Step step) {
+  if (step == Connection::Step::kDone) return true;
+  if (step == Connection::Step::kOver) {
+    guest->second.visit->connection->Farewell();  // the client ended it
+    Remove(guest);
+  } else {
+    Await(guest, step);
+  }
+  return false;
+}
+
+void Reception::Await(Guests::iterator guest, Connection::Step step) {
+  epoll_event event{};
+  // One shot: a client that sends while its answer is being sent must not spin the loop.
+  event.events = (step == Connection::Step::kWantsOutput ? EPOLLOUT : EPOLLIN) | EPOLLONESHOT;
+  event.data.fd = guest->first;
+  epoll_ctl(poll_fd_, EPOLL_CTL_MOD, guest->first, &event);
+}
+
+void Reception::Answer(Guests::iterator guest) {
+  host_.OnFault(*guest->second.visit);
+  guest->second.visit->exchange.reset();
+  guest->second.after = Next::kLinger;
+  Enter(guest, Phase::kSending);
+}
+
+void Reception::HandOver(Guests::iterator guest) {
+  std::unique_ptr<Visit> visit = std::move(guest->second.visit);
+  const int fd = guest->first;
+  epoll_ctl(poll_fd_, EPOLL_CTL_DEL, fd, nullptr);
+  deadlines_.erase({guest->second.deadline, fd});
+  guests_.erase(guest);
+  {
+    const std::lock_guard lock(mutex_);
+    away_.insert(fd);
+  }
+  host_.OnArrival(std::move(visit));
+}
+
+void Reception::OnDeadline(Guests::iterator guest) {
+  Guest& g = guest->second;
+  if (g.phase != Phase::kHead && g.phase != Phase::kBody) {
+    Remove(guest);  // nobody to tell, or nothing to say
+    return;
+  }
+  g.visit->connection->SetFault(Connection::Fault::kTimeout);
+  Answer(guest);
+  Proceed(guest);
+}
+
+}  // namespace pliant::server
