@@ -206,10 +206,9 @@ ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';    -- '': nobody's
 ALTER TABLE jobs ADD COLUMN cancel INTEGER NOT NULL DEFAULT 0;  -- 1: somebody asked for its end
 )sql";
 
-constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
-                                    Migration{kVersion3}, Migration{kVersion4},
-                                    Migration{kVersion5}, Migration{kVersion6},
-                                    Migration{kVersion7}};
+constexpr std::array kMigrations = {
+    Migration{kVersion1}, Migration{kVersion2}, Migration{kVersion3}, Migration{kVersion4},
+    Migration{kVersion5}, Migration{kVersion6}, Migration{kVersion7}};
 
 }  // namespace
 
