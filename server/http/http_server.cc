@@ -27,6 +27,8 @@ constexpr int kListenBacklog = 512;
 // all others are busy.
 constexpr int kHealthThreads = 2;
 constexpr int kHealthQueue = 64;
+// Cores that TLS greetings may take from everything else.
+constexpr int kGreetingThreads = 1;
 
 // The library calls its handlers without saying for which connection. One thread serves one
 // connection at a time, so this is that thread's exchange.
@@ -66,7 +68,9 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
         requests_(std::make_unique<VisitQueue>(options_.threads, options_.connection_queue,
                                                [this](auto visit) { Serve(std::move(visit)); })),
         health_(std::make_unique<VisitQueue>(kHealthThreads, kHealthQueue,
-                                             [this](auto visit) { Serve(std::move(visit)); })) {
+                                             [this](auto visit) { Serve(std::move(visit)); })),
+        greetings_(std::make_unique<VisitQueue>(kGreetingThreads, options_.max_connections,
+                                                [this](auto visit) { Greet(std::move(visit)); })) {
     set_socket_options([this](socket_t listener) {
       SetListenOptions(listener);
       listener_ = listener;  // of several addresses, the last tried is the one that is bound
@@ -103,6 +107,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     const std::size_t cut_off = reception_.Stop(deadline);
     requests_.reset();  // their threads end
     health_.reset();
+    greetings_.reset();
     return cut_off;
   }
 
@@ -177,6 +182,17 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     OnFault(*visit);
     visit->exchange.reset();
     reception_.Return(std::move(visit), Next::kLinger);
+  }
+
+  void OnGreeting(std::unique_ptr<Visit> visit) override {
+    if (greetings_->Offer(visit)) return;
+    visit->greeting = Connection::Step::kOver;
+    reception_.Return(std::move(visit), Next::kGreet);
+  }
+
+  void Greet(std::unique_ptr<Visit> visit) {
+    visit->greeting = visit->connection->Greet();
+    reception_.Return(std::move(visit), Next::kGreet);
   }
 
   void OnFault(Visit& visit) override {
@@ -262,6 +278,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
   Reception reception_;                 // outlives the threads that return visits to it
   std::unique_ptr<VisitQueue> requests_;
   std::unique_ptr<VisitQueue> health_;
+  std::unique_ptr<VisitQueue> greetings_;
   std::thread accepting_;
 };
 

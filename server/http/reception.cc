@@ -165,24 +165,36 @@ void Reception::Welcome(std::unique_ptr<Visit> visit) {
     Leave(*visit);
     return;
   }
+  visit->greet_by = Clock::now() + options_.limits.header_timeout;
+  const auto guest = Place(std::move(visit));
+  if (guest->second.visit->connection->encrypted()) {
+    Enter(guest, Phase::kGreeting);
+    Await(guest, Connection::Step::kWantsInput);
+  } else {
+    Enter(guest, Phase::kIdle);
+    Proceed(guest);
+  }
+}
+
+Reception::Guests::iterator Reception::Place(std::unique_ptr<Visit> visit) {
   const int fd = visit->connection->socket();
   const auto guest = guests_.emplace(fd, Guest{}).first;
   guest->second.visit = std::move(visit);
   epoll_event event{};
   event.data.fd = fd;
   epoll_ctl(poll_fd_, EPOLL_CTL_ADD, fd, &event);
-  Enter(guest, Phase::kGreeting);
-  Proceed(guest);
+  return guest;
 }
 
 void Reception::Continue(std::unique_ptr<Visit> visit, Next next) {
-  const int fd = visit->connection->socket();
-  const auto guest = guests_.emplace(fd, Guest{}).first;
-  guest->second.visit = std::move(visit);
+  const auto guest = Place(std::move(visit));
+  if (next == Next::kGreet) {
+    const auto step = guest->second.visit->greeting;
+    Enter(guest, step == Connection::Step::kDone ? Phase::kIdle : Phase::kGreeting);
+    if (After(guest, step)) Proceed(guest);
+    return;
+  }
   guest->second.after = next;
-  epoll_event event{};
-  event.data.fd = fd;
-  epoll_ctl(poll_fd_, EPOLL_CTL_ADD, fd, &event);
   // Before a body there may be a "100 Continue" to send.
   Enter(guest, Phase::kSending);
   Proceed(guest);

@@ -30,13 +30,16 @@ struct Visit {
   ~Visit();
 
   std::unique_ptr<Connection> connection;
-  std::unique_ptr<Exchange> exchange;  // from the head to the answer
-  Clock::time_point begun;             // first byte of the request
-  std::size_t served = 0;              // requests
+  std::unique_ptr<Exchange> exchange;                         // from the head to the answer
+  Clock::time_point begun;                                    // first byte of the request
+  std::size_t served = 0;                                     // requests
+  Clock::time_point greet_by;                                 // TLS
+  Connection::Step greeting = Connection::Step::kWantsInput;  // what it came to last
 };
 
 // How a visit goes on when it comes back from a thread.
 enum class Next {
+  kGreet,    // a step of the greeting was taken: see Visit::greeting
   kRequest,  // another request may come
   kBody,     // the head was read, now the body is wanted
   kLinger,   // the answer is the last one, and what the client still sends is not read
@@ -57,6 +60,9 @@ class Reception {
     virtual ~Host() = default;
     // A head has arrived, or the body after it. The visit comes back by Return().
     virtual void OnArrival(std::unique_ptr<Visit> visit) = 0;
+    // Something of a TLS greeting has arrived. A step of it takes milliseconds of a core (RSA), so
+    // it is taken elsewhere. The visit comes back by Return() with Next::kGreet.
+    virtual void OnGreeting(std::unique_ptr<Visit> visit) = 0;
     // Writes the answer to what connection->fault() says.
     virtual void OnFault(Visit& visit) = 0;
     // Writes the answer of a server that has too many connections.
@@ -88,6 +94,7 @@ class Reception {
   void TakeArrivals();
   void Welcome(std::unique_ptr<Visit> visit);
   void Continue(std::unique_ptr<Visit> visit, Next next);
+  Guests::iterator Place(std::unique_ptr<Visit> visit);  // among the guests
   void Enter(Guests::iterator guest, Phase phase);
   void Proceed(Guests::iterator guest);  // takes steps until one must wait
   bool Step(Guests::iterator guest);     // one phase's steps; false: waits, or is gone
@@ -96,7 +103,7 @@ class Reception {
   bool Send(Guests::iterator guest);
   bool After(Guests::iterator guest, Connection::Step step);
   void Answer(Guests::iterator guest);  // puts the answer to a fault in, and sends it
-  void HandOver(Guests::iterator guest);
+  std::unique_ptr<Visit> HandOver(Guests::iterator guest);
   void Await(Guests::iterator guest, Connection::Step step);
   void SetDeadline(Guests::iterator guest, Clock::time_point deadline);
   void OnDeadline(Guests::iterator guest);

@@ -24,6 +24,8 @@ void Reception::Enter(Guests::iterator guest, Phase phase) {
   const Clock::time_point now = Clock::now();
   switch (phase) {
     case Phase::kGreeting:
+      SetDeadline(guest, g.visit->greet_by);
+      break;
     case Phase::kHead:
       SetDeadline(guest, now + limits.header_timeout);
       break;
@@ -63,11 +65,9 @@ void Reception::Proceed(Guests::iterator guest) {
 bool Reception::Step(Guests::iterator guest) {
   Connection& connection = *guest->second.visit->connection;
   switch (guest->second.phase) {
-    case Phase::kGreeting: {
-      const auto step = connection.Greet();
-      if (step == Connection::Step::kDone) Enter(guest, Phase::kIdle);
-      return After(guest, step);
-    }
+    case Phase::kGreeting:
+      host_.OnGreeting(HandOver(guest));
+      return false;
     case Phase::kIdle:
     case Phase::kHead:
       return ReceiveHead(guest);
@@ -100,7 +100,7 @@ bool Reception::Arrived(Guests::iterator guest) {
     Answer(guest);
     return true;
   }
-  HandOver(guest);
+  host_.OnArrival(HandOver(guest));
   return false;
 }
 
@@ -126,6 +126,7 @@ bool Reception::Send(Guests::iterator guest) {
       connection.EndSending();
       Enter(guest, Phase::kLingering);
       return true;
+    case Next::kGreet:
     case Next::kEnd:
       break;
   }
@@ -160,7 +161,7 @@ void Reception::Answer(Guests::iterator guest) {
   Enter(guest, Phase::kSending);
 }
 
-void Reception::HandOver(Guests::iterator guest) {
+std::unique_ptr<Visit> Reception::HandOver(Guests::iterator guest) {
   std::unique_ptr<Visit> visit = std::move(guest->second.visit);
   const int fd = guest->first;
   epoll_ctl(poll_fd_, EPOLL_CTL_DEL, fd, nullptr);
@@ -170,7 +171,7 @@ void Reception::HandOver(Guests::iterator guest) {
     const std::lock_guard lock(mutex_);
     away_.insert(fd);
   }
-  host_.OnArrival(std::move(visit));
+  return visit;
 }
 
 void Reception::OnDeadline(Guests::iterator guest) {
