@@ -111,6 +111,8 @@ int StopServing(HttpServer& http, const ServerOptions& options, const sigset_t& 
 }  // namespace
 
 int RunServer(const ServerOptions& options) {
+  // A file that may not grow any more (ulimit -f) is an error of the writing, as a full disk is.
+  std::signal(SIGXFSZ, SIG_IGN);
   const sigset_t signals = BlockStopSignals();
   StartLog(options);
   try {

@@ -3,6 +3,8 @@
 // Which object is this?
 #include <chrono>
 
+#include <spdlog/spdlog.h>
+
 #include "index/json/result_json.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
@@ -73,6 +75,22 @@ SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
   return options;
 }
 
+// A search stores nothing, so it is not told that nothing can be stored but what follows from that.
+std::optional<JobStatus> TrainingOf(AutoTrainer& trainer, const std::string& collection) {
+  try {
+    return trainer.TrainIfDue(collection);
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kNoSpace && error.code() != ErrorCode::kReadOnly) throw;
+    spdlog::warn("no vocabulary for '{}': {}", collection, error.what());
+    throw ProblemError("no_vocabulary",
+                       error.code() == ErrorCode::kNoSpace
+                           ? "There is no vocabulary yet, and none can be stored: the server's "
+                             "disk is full. Free some of it, then search again."
+                           : "There is no vocabulary yet, and none can be stored: the server may "
+                             "not write its database.");
+  }
+}
+
 // Waits for the first vocabulary where one is on its way. Throws ProblemError "no_vocabulary".
 void AwaitVocabulary(Service& service, const std::string& collection) {
   AutoTrainer* trainer = service.auto_trainer();
@@ -82,7 +100,7 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
         "There is no vocabulary yet, and --auto-train is off. POST to /v1/collections/" +
             collection + "/vocabularies to train one.");
   }
-  const std::optional<JobStatus> job = trainer->TrainIfDue(collection);
+  const std::optional<JobStatus> job = TrainingOf(*trainer, collection);
   if (!job) {
     throw ProblemError("no_vocabulary",
                        "There is nothing to find yet: the collection has no pictures. POST some to "

@@ -38,6 +38,7 @@ class Program {
   Program& operator=(const Program&) = delete;
 
   void Signal(int number) const;
+  int id() const { return pid_; }
   bool IsRunning();  // false once it has ended
   ProgramResult Wait();
 

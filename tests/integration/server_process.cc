@@ -12,6 +12,7 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -65,6 +66,13 @@ ServerProcess::ServerProcess(const std::filesystem::path& database,
     throw std::runtime_error("unexpected: " + said);
   }
   port_ = std::stoi(said.substr(at + host.size()));
+}
+
+void ServerProcess::LimitFiles(std::uint64_t bytes) const {
+  const rlimit limit{bytes, RLIM_INFINITY};
+  if (prlimit(program_.id(), RLIMIT_FSIZE, &limit, nullptr) != 0) {
+    throw std::runtime_error("the server's files cannot be limited");
+  }
 }
 
 int ServerProcess::Stop() {

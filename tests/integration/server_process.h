@@ -31,6 +31,8 @@ class ServerProcess {
   httplib::Client Client() const;
 
   void Signal(int number) const { program_.Signal(number); }
+  // From now on no file may grow beyond that; RLIM_INFINITY = as it likes. As good as a full disk.
+  void LimitFiles(std::uint64_t bytes) const;
   // The exit status, or 128 + the signal that ended it.
   int Wait() { return program_.Wait().status; }
   int Stop();  // SIGTERM and Wait

@@ -4,11 +4,14 @@
 #include <thread>
 
 #include <gmock/gmock.h>
+#include <sys/resource.h>
 
 #include "tests/integration/server_fixture.h"
 
 namespace pliant::testing {
 namespace {
+
+using ::testing::HasSubstr;
 
 TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   Start();
@@ -77,6 +80,22 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   const Json part = SearchFor(client, query, "?region=0,0,200,240");
   EXPECT_LT(part["keypoints"], objects["keypoints"]);
   EXPECT_EQ(part["hits"][0]["object"], "o1");
+}
+
+TEST_F(ServerTest, AFullDiskIsNoReasonToSearchInVain) {
+  Start();
+  auto client = server_->Client();
+  ASSERT_EQ(client.Post(kImages, TestPicture(1), "image/png")->status, 201);
+  server_->LimitFiles(4096);
+  const auto vain = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  ASSERT_TRUE(vain) << "the server lives";
+  EXPECT_EQ(vain->status, 409) << vain->body;
+  EXPECT_EQ(Json::parse(vain->body)["code"], "no_vocabulary");
+  EXPECT_THAT(Json::parse(vain->body)["detail"].get<std::string>(), HasSubstr("stored"));
+  EXPECT_EQ(client.Post(kImages, TestPicture(2), "image/png")->status, 507);
+  server_->LimitFiles(RLIM_INFINITY);
+  const auto found = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  EXPECT_EQ(found->status, 200) << found->body;
 }
 
 TEST_F(ServerTest, VocabulariesAreTrainedAsJobsAndSwitched) {
