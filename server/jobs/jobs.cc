@@ -57,10 +57,7 @@ void JobQueue::Register(const std::string& kind, JobKind how) {
 }
 
 void JobQueue::Start() {
-  if (store_ != nullptr) {
-    const std::lock_guard saving(saving_);
-    Look();
-  }
+  LookNow();
   const std::lock_guard lock(mutex_);
   for (const auto& [kind, how] : kinds_) {
     threads_.emplace_back([this, name = kind] { Run(name); });
@@ -137,24 +134,23 @@ JobStatus JobQueue::Get(const std::string& id) {
 JobStatus JobQueue::Cancel(const std::string& id) {
   JobStatus status = Get(id);
   std::shared_ptr<Job> job;
-  bool own = false;
+  bool waited = false;
   {
     const std::lock_guard lock(mutex_);
     job = Find(id);
-    own = job->owner == owner_;
     status = job->status;
     if (!IsActive(status.state)) return status;
-    if (own) {
+    waited = job->owner == owner_ && std::erase(queue_, job) > 0;
+    if (job->owner == owner_) {
       job->cancelled = true;
       job->stop.request_stop();
-      if (std::erase(queue_, job) == 0) return status;  // it runs
     }
   }
-  if (own) {
+  if (waited) {
     status.state = JobState::kCancelled;
     Become(*job, std::move(status));
-  } else {
-    store_->RequestCancel(id);
+  } else if (store_ != nullptr) {
+    store_->RequestCancel(id);  // what is promised must survive
   }
   return Get(id);
 }

@@ -107,7 +107,8 @@ class JobQueue {
 
   // Throw ProblemError "job_not_found".
   JobStatus Get(const std::string& id);
-  // No effect on a job that has ended; another server's job ends when that one has seen it.
+  // No effect on a job that has ended. One that runs, here or at another server, ends soon and is
+  // not begun again by anyone. Throws what the store throws when that cannot be written down.
   JobStatus Cancel(const std::string& id);
 
   std::vector<JobStatus> List() const;  // newest first

@@ -177,6 +177,34 @@ TEST_F(JobOwnersTest, AnyServerMayEndAJob) {
   EXPECT_EQ(second.jobs().Cancel(running).state, JobState::kCancelled) << "no effect";
 }
 
+// The server that was asked to end a job is killed before it has: that was acknowledged.
+TEST_F(JobOwnersTest, AnEndThatWasAskedForSurvivesAKill) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    const auto store = OpenServiceStore(database());
+    JobQueue deaf(store.get());
+    deaf.Register("wait", {[](const JobStatus&, const JobContext&) -> std::string {
+                             while (true) pause();
+                           },
+                           true});
+    deaf.Start();
+    const std::string id = deaf.Add("wait", "default", Json::object()).id;
+    while (deaf.Get(id).state != JobState::kRunning) std::this_thread::yield();
+    deaf.Cancel(id);
+    std::ofstream(folder_.path() / "cancelled") << id;
+    while (true) pause();
+  }
+  EXPECT_TRUE(Eventually([&] { return std::filesystem::exists(folder_.path() / "cancelled"); }));
+  kill(child, SIGKILL);
+  int status = 0;
+  waitpid(child, &status, 0);
+  Server later(database());
+  const JobStatus job = later.jobs().List().at(0);
+  EXPECT_EQ(job.state, JobState::kCancelled);
+  EXPECT_EQ(later.begun(), 0);
+}
+
 // Somebody removed the file by which the others see that a server lives.
 TEST_F(JobOwnersTest, WhoLosesAJobEndsItAndWritesNoMore) {
   Server first(database());
