@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant db stats | check | backup | originals | rm
+// pliant db stats | check | backup | restore | originals | rm
 #include <memory>
 
 #include "index/cli/command.h"
@@ -8,6 +8,7 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/files/text.h"
+#include "index/store/open_store.h"
 
 namespace pliant::cli {
 namespace {
@@ -20,6 +21,7 @@ struct Options {
   std::vector<std::string> ids;
   std::vector<std::string> objects;
   bool sweep = false;
+  bool replace = false;
   bool json = false;
 };
 
@@ -127,6 +129,23 @@ ExitStatus Backup(Options& options) {
   return ExitStatus::kDone;
 }
 
+ExitStatus Restore(Options& options) {
+  const RestoreResult result =
+      RestoreDatabase(options.backup, options.engine.database, options.replace);
+  if (options.json) {
+    PrintJson({{"file", ToDisplayText(options.engine.database.string())},
+               {"images", result.images},
+               {"before", result.before.empty() ? Json(nullptr)
+                                                : Json(ToDisplayText(result.before.string()))}});
+    return ExitStatus::kDone;
+  }
+  Print("restored " + options.engine.database.string() + ", " + std::to_string(result.images) +
+        " images");
+  if (!result.before.empty()) Print("what was there is now " + result.before.string());
+  Message("API keys are those of the backup: revoke again what was revoked since");
+  return ExitStatus::kDone;
+}
+
 ExitStatus MoveOriginals(Options& options) {
   Engine engine = OpenEngine(options, Access::kWrite);
   MoveOriginalsResult result;
@@ -203,6 +222,10 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   add("backup", "Copy the database to a new file, also while it is in use", Backup)
       ->add_option("FILE", options->backup, "the new file")
       ->required();
+  CLI::App* restore = add("restore", "Put a backup in place of the database", Restore);
+  restore->add_option("FILE", options->backup, "the backup; it stays as it is")->required();
+  restore->add_flag("--replace", options->replace,
+                    "also over an existing database, which is kept under another name");
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals)
       ->add_option("DIR|database", options->place, "the new location of the files")
       ->required();

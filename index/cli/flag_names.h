@@ -19,9 +19,10 @@ inline std::string WithFlagNames(const Error& error) {
     std::string_view field;
     std::string_view flag;
   };
-  static constexpr std::array<FlagName, 3> kNames = {
+  static constexpr std::array<FlagName, 4> kNames = {
       {{"extraction_mismatch", "max_keypoints", "--max-keypoints"},
        {"extraction_mismatch", "max_side_px", "--max-side"},
+       {"database_exists", "replace", "--replace"},
        {"originals_missing", "originals_dir", "--originals-dir"}}};
   std::string text = error.what();
   for (const FlagName& name : kNames) {

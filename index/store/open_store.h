@@ -31,4 +31,23 @@ std::unique_ptr<Store> OpenStore(const StoreOptions& options);
 // "database_not_found" and what OpenStore throws for files that are no database.
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
 
+// Reads the whole file, writes nothing, and throws kCorrupt "database_corrupt" when its pages, its
+// keys or its counts contradict each other: it is damaged, or lies beside the log of another one.
+// As fast as the disk can be read, and under a second per GB. No file is no error.
+void CheckDatabaseFile(const std::filesystem::path& database);
+
+struct RestoreResult {
+  std::uint64_t images = 0;
+  std::filesystem::path before;  // where that is now what was there; empty = nothing was
+};
+
+// Makes `database` a copy of `backup`, which is checked as a whole first, in one step: whenever it
+// is interrupted, the database is the old one or the new one. With `replace` it takes the place,
+// owner and mode of an existing one, even a damaged one, which is kept with its log beside it as
+// NAME.before-restore-TIME. Throws kNotFound "backup_not_found" and "no_such_directory", kConflict
+// "database_exists", kUnavailable "database_in_use", kCorrupt "backup_damaged" and
+// "not_a_database", and what a full disk throws; then nothing was changed.
+RestoreResult RestoreDatabase(const std::filesystem::path& backup,
+                              const std::filesystem::path& database, bool replace);
+
 }  // namespace pliant

@@ -34,6 +34,8 @@ struct JobRecord {
   std::string report = "{}";  // JSON
   std::int64_t created_ms = 0;
   std::int64_t finished_ms = 0;  // 0 = not yet
+  std::string owner;             // ServiceStore::Owner() of the server that does it
+  bool cancel = false;           // somebody asked for its end; SaveJob does not write it
 };
 
 // Thread-safe. Every method throws what a database throws: kUnavailable, kNoSpace, kReadOnly,
@@ -52,8 +54,17 @@ class ServiceStore {
   virtual bool RevokeKey(const std::string& id_or_name) = 0;
   virtual std::uint64_t ForgetRevokedKeys() = 0;  // how many
 
-  virtual std::vector<JobRecord> Jobs() = 0;           // oldest first
-  virtual void SaveJob(const JobRecord& job) = 0;      // new, or in place of the one with its id
+  // The name under which this process has jobs; others can ask whether it still lives. Where a
+  // process is known by a file, it is made by the first call.
+  virtual const std::string& Owner() = 0;
+  virtual bool Lives(const std::string& owner) = 0;
+
+  virtual std::vector<JobRecord> Jobs() = 0;  // oldest first
+  // New, or in place of the one with its id; false = that is by now another owner's, and stays.
+  virtual bool SaveJob(const JobRecord& job) = 0;
+  // Makes a job that has not ended this process's own; false = `from` does not have it any more.
+  virtual bool TakeJob(const std::string& id, const std::string& from) = 0;
+  virtual void RequestCancel(const std::string& id) = 0;
   virtual void KeepNewestJobs(std::size_t count) = 0;  // forgets older ones that have ended
 };
 

@@ -113,6 +113,8 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
       "one");
   AddSwitch(app, "--auto-train", options.auto_train,
             "Train vocabularies automatically in the background");
+  AddSwitch(app, "--check-database", options.check_database,
+            "Read the whole database file at the start and refuse a damaged one");
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(CLI::IsMember({"debug", "info", "warn", "error"}));
   AddText(app, "--log-format", options.log_format, "text, or json: one object per line");

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <functional>
 #include <future>
 #include <thread>
 
@@ -14,6 +15,7 @@
 #include <sys/resource.h>
 
 #include "index/cli/flag_names.h"
+#include "index/store/open_store.h"
 #include "server/app/logging.h"
 #include "server/auth/gate.h"
 #include "server/http/http_server.h"
@@ -70,14 +72,13 @@ void AllowConnections(int connections) {
   std::_Exit(status);
 }
 
-// Loads the index while /livez answers already.
-void OpenIndex(Service& service, const sigset_t& signals) {
-  std::future<void> open = std::async(std::launch::async, [&] { service.Open(); });
-  while (open.wait_for(std::chrono::milliseconds(0)) != std::future_status::ready) {
-    // The database survives being left at any moment; the loading cannot be interrupted.
+// For what takes long and cannot be interrupted: the database survives being left at any moment.
+void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work) {
+  std::future<void> done = std::async(std::launch::async, work);
+  while (done.wait_for(std::chrono::milliseconds(0)) != std::future_status::ready) {
     if (StopSignalWithin(signals, std::chrono::milliseconds(20))) EndNow(0);
   }
-  open.get();
+  done.get();
 }
 
 // Ends the process when a second signal comes, or when what runs does not end although its
@@ -115,6 +116,10 @@ int RunServer(const ServerOptions& options) {
   try {
     CheckOptions(options);
     AllowConnections(options.max_connections);
+    // Before anything writes to it, even the log of a database that does not belong to it.
+    if (options.check_database) {
+      RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
+    }
     const HttpOptions http_options = MakeHttpOptions(options);
     KeyRing keys(options.database);
     CheckExposure(options, keys.InUse());
@@ -129,7 +134,7 @@ int RunServer(const ServerOptions& options) {
           LogRequest(record);
         });
     http.Start();
-    OpenIndex(service, signals);
+    RunUnlessStopped(signals, [&] { service.Open(); });  // while /livez answers already
     keys.Open();
     http.SetReady(true);
     std::printf("listening on %s\n", AddressText(http_options, http.port()).c_str());

@@ -8,8 +8,9 @@
 
 namespace pliant::server {
 
-JobRecord ToRecord(const JobStatus& status) {
+JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
   JobRecord record;
+  record.owner = owner;
   record.id = status.id;
   record.kind = status.kind;
   record.collection = status.collection;

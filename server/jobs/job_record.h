@@ -8,7 +8,7 @@
 
 namespace pliant::server {
 
-JobRecord ToRecord(const JobStatus& status);
+JobRecord ToRecord(const JobStatus& status, const std::string& owner);
 JobStatus FromRecord(const JobRecord& record);
 
 std::int64_t UnixMs();  // now

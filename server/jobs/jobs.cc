@@ -39,6 +39,9 @@ std::string JobStateName(JobState state) {
   return "unknown";
 }
 
+JobQueue::JobQueue(ServiceStore* store)
+    : store_(store), owner_(store == nullptr ? "" : store->Owner()) {}
+
 JobQueue::~JobQueue() {
   {
     const std::lock_guard lock(mutex_);
@@ -54,48 +57,15 @@ void JobQueue::Register(const std::string& kind, JobKind how) {
 }
 
 void JobQueue::Start() {
-  Load();
+  if (store_ != nullptr) {
+    const std::lock_guard saving(saving_);
+    Look();
+  }
   const std::lock_guard lock(mutex_);
   for (const auto& [kind, how] : kinds_) {
     threads_.emplace_back([this, name = kind] { Run(name); });
   }
-}
-
-bool JobQueue::MayGoOn(const JobStatus& status) const {
-  const auto kind = kinds_.find(status.kind);
-  if (kind == kinds_.end()) return false;
-  return status.state == JobState::kQueued ||
-         (kind->second.resumes && status.attempts < kMaxAttempts);
-}
-
-void JobQueue::Load() {
-  if (store_ == nullptr) return;
-  std::vector<std::shared_ptr<Job>> lost;
-  for (const JobRecord& record : store_->Jobs()) {
-    auto job = std::make_shared<Job>();
-    job->status = FromRecord(record);
-    const std::lock_guard lock(mutex_);
-    jobs_.push_back(job);
-    if (!IsActive(job->status.state)) continue;
-    if (!MayGoOn(job->status)) {
-      lost.push_back(job);
-      continue;
-    }
-    if (job->status.state == JobState::kRunning) {
-      spdlog::info("job {} ({}) goes on", job->status.id, job->status.kind);
-    }
-    job->status.state = JobState::kQueued;
-    queue_.push_back(job);
-  }
-  for (const auto& job : lost) {
-    JobStatus failed = job->status;
-    failed.state = JobState::kFailed;
-    failed.problem =
-        ProblemError("interrupted",
-                     "The server ended while this ran, and it cannot go on. Start it anew.")
-            .problem();
-    Become(*job, std::move(failed));
-  }
+  if (store_ != nullptr) threads_.emplace_back([this] { Watch(); });
 }
 
 JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
@@ -113,8 +83,9 @@ JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
   job->status.collection = collection;
   job->status.parameters = parameters;
   job->status.created_ms = UnixMs();
+  job->owner = owner_;
   const JobStatus added = job->status;
-  if (store_ != nullptr) store_->SaveJob(ToRecord(added));  // what is promised must survive
+  if (store_ != nullptr) store_->SaveJob(ToRecord(added, owner_));  // what is promised must survive
   bool full = false;
   {
     const std::lock_guard lock(mutex_);
@@ -142,31 +113,49 @@ void JobQueue::Forget() {
   if (oldest != jobs_.end()) jobs_.erase(oldest);
 }
 
+std::shared_ptr<JobQueue::Job> JobQueue::FindOrNull(const std::string& id) const {
+  const auto found = std::find_if(jobs_.begin(), jobs_.end(),
+                                  [&](const auto& job) { return job->status.id == id; });
+  return found == jobs_.end() ? nullptr : *found;
+}
+
 std::shared_ptr<JobQueue::Job> JobQueue::Find(const std::string& id) const {
-  for (const auto& job : jobs_) {
-    if (job->status.id == id) return job;
-  }
+  if (auto job = FindOrNull(id)) return job;
   throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
 }
 
-JobStatus JobQueue::Get(const std::string& id) const {
+JobStatus JobQueue::Get(const std::string& id) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto job = FindOrNull(id)) return job->status;
+  }
+  LookNow();  // another server may have just made it
   const std::lock_guard lock(mutex_);
   return Find(id)->status;
 }
 
 JobStatus JobQueue::Cancel(const std::string& id) {
+  JobStatus status = Get(id);
   std::shared_ptr<Job> job;
-  JobStatus status;
+  bool own = false;
   {
     const std::lock_guard lock(mutex_);
     job = Find(id);
-    job->cancelled = true;
-    job->stop.request_stop();
+    own = job->owner == owner_;
     status = job->status;
-    if (std::erase(queue_, job) == 0) return status;  // it runs or has ended
+    if (!IsActive(status.state)) return status;
+    if (own) {
+      job->cancelled = true;
+      job->stop.request_stop();
+      if (std::erase(queue_, job) == 0) return status;  // it runs
+    }
   }
-  status.state = JobState::kCancelled;
-  Become(*job, std::move(status));
+  if (own) {
+    status.state = JobState::kCancelled;
+    Become(*job, std::move(status));
+  } else {
+    store_->RequestCancel(id);
+  }
   return Get(id);
 }
 
@@ -199,10 +188,9 @@ std::map<JobState, std::size_t> JobQueue::Counts() const {
 bool JobQueue::WaitFor(const std::string& id, std::chrono::milliseconds timeout) const {
   std::unique_lock lock(mutex_);
   return changed_.wait_for(lock, timeout, [&] {
-    for (const auto& job : jobs_) {
-      if (job->status.id == id) return stopping_ || !IsActive(job->status.state);
-    }
-    return true;  // pushed out, so finished
+    const auto job = FindOrNull(id);
+    return job == nullptr ||  // pushed out, so finished
+           stopping_ || !IsActive(job->status.state);
   });
 }
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Work that outlives a request, and the server: every job is kept in the database, and one that a
-// restart interrupted is begun again where its kind allows that, or marked as failed.
+// Work that outlives a request, and the server: every job is kept in the database, and one whose
+// server ended is begun again where its kind allows that, or marked as failed.
 #pragma once
 
 #include <chrono>
@@ -81,7 +81,8 @@ struct JobKind {
 };
 
 // Runs one job of each kind at a time. Thread-safe. Jobs that have ended are remembered until
-// kMaxJobs newer ones push them out.
+// kMaxJobs newer ones push them out. Several servers may share a database: each does its own jobs,
+// shows those of the others, and takes over what a server that no longer lives has left.
 class JobQueue {
  public:
   static constexpr std::size_t kMaxJobs = 1000;
@@ -89,10 +90,11 @@ class JobQueue {
   static constexpr std::size_t kMaxSkipped = 100;
   static constexpr int kMaxAttempts = 3;  // a job that ends the server must not do so for ever
   static constexpr std::chrono::milliseconds kSaveEvery{1'000};  // of the progress
+  static constexpr std::chrono::milliseconds kLookEvery{1'000};  // for what other servers do
 
   // `store` may be null: then nothing is kept. It must outlive the queue.
-  explicit JobQueue(ServiceStore* store) : store_(store) {}
-  ~JobQueue();  // stops what runs and waits for it; it is taken up again at the next start
+  explicit JobQueue(ServiceStore* store);
+  ~JobQueue();  // stops what runs and waits for it; another server or the next start takes it up
   JobQueue(const JobQueue&) = delete;
   JobQueue& operator=(const JobQueue&) = delete;
 
@@ -104,8 +106,9 @@ class JobQueue {
   JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters);
 
   // Throw ProblemError "job_not_found".
-  JobStatus Get(const std::string& id) const;
-  JobStatus Cancel(const std::string& id);  // no effect on a job that has ended
+  JobStatus Get(const std::string& id);
+  // No effect on a job that has ended; another server's job ends when that one has seen it.
+  JobStatus Cancel(const std::string& id);
 
   std::vector<JobStatus> List() const;  // newest first
   // A queued or running job of that kind, if any.
@@ -118,25 +121,41 @@ class JobQueue {
  private:
   struct Job {
     JobStatus status;
+    std::string owner;  // owner_: it is done here
     std::stop_source stop;
     bool cancelled = false;
     std::chrono::steady_clock::time_point saved;
   };
 
-  void Load();
+  // Sees what other servers have written, and takes up what nobody does; saving_ held. Returns own
+  // jobs whose end another server asked for.
+  std::vector<std::string> Look();
+  // The same at once, unless something is being written; ends those jobs. No mutex held.
+  void LookNow();
+  void Watch();  // looks every kLookEvery
+  // One row as a job in jobs_; null = an own one, which is known better here.
+  std::shared_ptr<Job> See(const JobRecord& record);
+  void ForgetVanished(const std::vector<JobRecord>& records);
+  void TakeUp(const std::shared_ptr<Job>& job);  // saving_ held
   bool MayGoOn(const JobStatus& status) const;
   void Run(const std::string& kind);
   std::shared_ptr<Job> TakeNext(const std::string& kind);  // mutex_ held; null = none waits
+  bool IsOwn(const Job& job) const;
   void Execute(const std::shared_ptr<Job>& job);
   void OnProgress(Job& job, double done, double total);
-  std::shared_ptr<Job> Find(const std::string& id) const;  // mutex_ held
-  void Forget();                                           // mutex_ held; what is too old
-  void ForgetRows();                                       // saving_ held; the same in the store
+  std::shared_ptr<Job> FindOrNull(const std::string& id) const;  // mutex_ held
+  std::shared_ptr<Job> Find(const std::string& id) const;        // the same; throws
+  void Forget();                                                 // mutex_ held; what is too old
+  void ForgetRows();  // saving_ held; the same in the store
   // Writes down what a job has become, then shows it. No mutex held.
   void Become(Job& job, JobStatus status);
-  void Save(const JobStatus& status);  // saving_ held; a failure is logged
+  void BecomeNow(Job& job, JobStatus status);    // the same with saving_ held
+  void Save(Job& job, const JobStatus& status);  // saving_ held; a failure is logged
 
   ServiceStore* store_;
+  const std::string owner_;               // this process's name; empty without a store
+  std::int64_t seen_version_ = -1;        // of the store, by Look(); guarded by saving_
+  bool others_work_ = false;              // jobs of others that have not ended; guarded by saving_
   std::map<std::string, JobKind> kinds_;  // not changed after Start()
   // Held while a row is written, which may take as long as another process holds the database:
   // rows are written one after the other, each as its job was when its turn came. Taken before

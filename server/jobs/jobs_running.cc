@@ -34,8 +34,13 @@ void JobQueue::Run(const std::string& kind) {
       begun = job->status;
     }
     Become(*job, std::move(begun));
-    Execute(job);
+    if (IsOwn(*job)) Execute(job);
   }
+}
+
+bool JobQueue::IsOwn(const Job& job) const {
+  const std::lock_guard lock(mutex_);
+  return job.owner == owner_;
 }
 
 // A row that cannot be written at once is left for the next time.
@@ -55,7 +60,7 @@ void JobQueue::OnProgress(Job& job, double done, double total) {
     job.saved = now;
     status = job.status;
   }
-  Save(status);
+  Save(job, status);
 }
 
 void JobQueue::Execute(const std::shared_ptr<Job>& job) {
@@ -85,6 +90,7 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
   } catch (...) {
     problem = CurrentProblem();
   }
+  if (!IsOwn(*job)) return;  // what becomes of it is the other server's to say
   bool cancelled = false;
   bool stopping = false;
   {
@@ -112,21 +118,29 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
 }
 
 void JobQueue::Become(Job& job, JobStatus status) {
-  if (!IsActive(status.state)) status.finished_ms = UnixMs();
   const std::lock_guard saving(saving_);
-  Save(status);
+  BecomeNow(job, std::move(status));
+}
+
+void JobQueue::BecomeNow(Job& job, JobStatus status) {
+  if (!IsActive(status.state)) status.finished_ms = UnixMs();
+  Save(job, status);
   {
     const std::lock_guard lock(mutex_);
-    job.status = std::move(status);
+    if (job.owner == owner_) job.status = std::move(status);
   }
   changed_.notify_all();
 }
 
 // A job does its work whether or not its progress can be written down at the moment.
-void JobQueue::Save(const JobStatus& status) {
+void JobQueue::Save(Job& job, const JobStatus& status) {
   if (store_ == nullptr) return;
   try {
-    store_->SaveJob(ToRecord(status));
+    if (store_->SaveJob(ToRecord(status, owner_))) return;
+    spdlog::warn("job {}: another server has taken it over; it ends here", status.id);
+    const std::lock_guard lock(mutex_);
+    job.owner.clear();  // the next look says whose it is
+    job.stop.request_stop();
   } catch (const Error& error) {
     spdlog::warn("job {}: its state could not be saved: {}", status.id, error.what());
   }

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "index/store/sqlite/catalogue.h"
+#include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"

@@ -106,6 +106,19 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
   EXPECT_EQ(engine.SweepOriginals(), 0U);
 }
 
+TEST_F(EngineOriginalsTest, WhoOpensToAddPicturesRemovesHalfWrittenOnes) {
+  { Engine made(Options(directory_)); }
+  WriteText(directory_ / "incoming" / "dead", "half a pic");
+  {
+    EngineOptions reading = Options({});
+    reading.read_only = true;
+    Engine engine(reading);
+  }
+  EXPECT_TRUE(fs::exists(directory_ / "incoming" / "dead"));
+  Engine engine(Options({}));
+  EXPECT_FALSE(fs::exists(directory_ / "incoming" / "dead"));
+}
+
 TEST_F(EngineOriginalsTest, ARemovalThatWasCutOffIsFinished) {
   {
     Engine engine(Options(directory_));

@@ -3,24 +3,19 @@
 #include "index/store/sqlite/database.h"
 
 #include <array>
-#include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <fstream>
 #include <string>
-#include <vector>
 
 #include <SQLiteCpp/Backup.h>
 #include <SQLiteCpp/VariadicBind.h>
-#include <fcntl.h>
 #include <sqlite3.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/records/records.h"
+#include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/sqlite_error.h"
 
@@ -44,97 +39,12 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
                   "); it was left untouched: name another file");
 }
 
-constexpr const char* kSideFiles[] = {"", "-wal", "-shm", "-journal"};
-
-void RemoveWithSideFiles(const fs::path& path) noexcept {
-  for (const char* suffix : kSideFiles) {
-    std::error_code ignored;  // it is not there, or it stays as a stray file beside the database
-    fs::remove(fs::path(path.string() + suffix), ignored);
-  }
-}
-
-// A database in the making: an empty file that only its owner may read, because a database holds
-// people's pictures (whoever wants others to read it changes the mode afterwards, and SQLite's side
-// files follow). It is locked, by flock(), which SQLite does not use: one that nobody locks is of a
-// process that was killed. Removed with its side files unless it has got another name.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(const fs::path& beside) {
-    static std::atomic<unsigned> counter{0};
-    path_ = beside;
-    path_ += ".new-" + std::to_string(::getpid()) + "-" + std::to_string(++counter);
-    RemoveWithSideFiles(path_);
-    file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
-    if (file_ < 0) ThrowErrno("cannot make", path_);
-    ::flock(file_, LOCK_EX | LOCK_NB);
-  }
-  ~TemporaryFile() {
-    Unlock();
-    RemoveWithSideFiles(path_);
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const fs::path& path() const { return path_; }
-
-  // Before it gets its name: closing a file ends all locks of the process that SQLite holds on it.
-  void Unlock() {
-    if (file_ >= 0) ::close(file_);
-    file_ = -1;
-  }
-
- private:
-  fs::path path_;
-  int file_ = -1;
-};
-
-bool IsAbandoned(const fs::path& path) {
-  constexpr std::chrono::minutes kUnlockedFor{1};  // a living process takes no time to name it
-  std::error_code error;
-  const auto written = fs::last_write_time(path, error);
-  if (error || fs::file_time_type::clock::now() - written < kUnlockedFor) return false;
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) return false;
-  const bool free = ::flock(file, LOCK_EX | LOCK_NB) == 0;
-  ::close(file);
-  return free;
-}
-
-// Gives `from` the name `to` unless that name is taken by more than an empty file. False = taken.
-bool Publish(const fs::path& from, const fs::path& to, bool may_replace_empty) {
-  SyncPath(from, O_RDONLY);
-  std::error_code ignored;  // an absent file has no size
-  if (may_replace_empty && fs::exists(to, ignored) && fs::file_size(to, ignored) == 0) {
-    if (::rename(from.c_str(), to.c_str()) != 0) ThrowErrno("cannot make", to);
-  } else if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) != 0 &&
-             (errno != EINVAL || ::link(from.c_str(), to.c_str()) != 0)) {
-    if (errno == EEXIST) return false;
-    ThrowErrno("cannot make", to);
-  }
-  SyncDirectoryOf(to);
-  return true;
-}
-
 }  // namespace
 
 std::int64_t NowMs() {
   return std::chrono::duration_cast<std::chrono::milliseconds>(
              std::chrono::system_clock::now().time_since_epoch())
       .count();
-}
-
-void RemoveAbandoned(const fs::path& database) {
-  const std::string begin = database.filename().string() + ".new-";
-  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
-  std::vector<fs::path> abandoned;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(fs::absolute(database).parent_path(), ignored)) {
-    const std::string name = entry.path().filename().string();
-    const bool is_temporary =
-        name.starts_with(begin) && name.size() > begin.size() &&
-        name.find_first_not_of("0123456789-", begin.size()) == std::string::npos;
-    if (is_temporary && IsAbandoned(entry.path())) abandoned.push_back(entry.path());
-  }
-  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
 }
 
 FileState InspectDatabaseFile(const fs::path& path) {
@@ -169,7 +79,7 @@ FileState InspectDatabaseFile(const fs::path& path) {
 
 void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
   CheckParentDirectory(path);
-  TemporaryFile temporary(path);
+  NewDatabaseFile temporary(path);
   {
     SQLite::Database database(fs::absolute(temporary.path()).string(),
                               SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
@@ -189,8 +99,7 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
     add_collection.exec();
     transaction.commit();
   }
-  temporary.Unlock();
-  Publish(temporary.path(), path, true);
+  temporary.Publish(path, NewDatabaseFile::Over::kEmptyFile);
 }
 
 void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeout_ms) {
@@ -209,6 +118,15 @@ void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeo
   Migrate(connection.database(), Migrations());  // only refuses a newer one
 }
 
+void CopyDatabase(Connection& source, const fs::path& target) {
+  SQLite::Database copy(fs::absolute(target).string(),
+                        SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  SQLite::Backup backup(copy, source.database());
+  if (backup.executeStep(-1) != SQLITE_DONE) {
+    throw SQLite::Exception("the copy could not be finished", SQLITE_BUSY);
+  }
+}
+
 void BackupDatabase(Connection& source, const fs::path& target) {
   CheckParentDirectory(target);
   const Error exists(ErrorCode::kConflict, "backup_exists",
@@ -216,17 +134,9 @@ void BackupDatabase(Connection& source, const fs::path& target) {
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) throw exists;
   RemoveAbandoned(target);
-  TemporaryFile temporary(target);
-  {
-    SQLite::Database copy(fs::absolute(temporary.path()).string(),
-                          SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    SQLite::Backup backup(copy, source.database());
-    if (backup.executeStep(-1) != SQLITE_DONE) {
-      throw SQLite::Exception("the copy could not be finished", SQLITE_BUSY);
-    }
-  }
-  temporary.Unlock();
-  if (!Publish(temporary.path(), target, false)) throw exists;
+  NewDatabaseFile temporary(target);
+  CopyDatabase(source, temporary.path());
+  if (!temporary.Publish(target, NewDatabaseFile::Over::kNothing)) throw exists;
 }
 
 }  // namespace pliant

@@ -22,15 +22,14 @@ FileState InspectDatabaseFile(const std::filesystem::path& path);
 // its name in one step. An existing database is left alone (another process was faster).
 void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& model);
 
-// Removes what killed processes have left of databases in the making beside `database`, of that
-// name. Those that are being made by living ones are locked and stay.
-void RemoveAbandoned(const std::filesystem::path& database);
-
 // Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
 // Error kConflict "old_schema".
 void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, int busy_timeout_ms);
 
-// Copies the database of `source` to `target` while it is in use: temporary file, fsync, rename.
+// Copies the database of `source` over the empty file `target`, while it is in use.
+void CopyDatabase(Connection& source, const std::filesystem::path& target);
+
+// Copies it to the new file `target`, whole or not at all: temporary file, fsync, rename.
 // Throws kConflict "backup_exists" when `target` exists.
 void BackupDatabase(Connection& source, const std::filesystem::path& target);
 

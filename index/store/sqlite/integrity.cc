@@ -221,6 +221,18 @@ std::vector<std::string> CheckDatabase(Connection& db) {
   return problems;
 }
 
+std::vector<std::string> QuickCheck(Connection& db) {
+  Problems problems;
+  const std::string answer = db.Prepare("PRAGMA quick_check(1)").One().Text(0);
+  if (answer != "ok") {
+    problems.push_back("SQLite: " + answer);
+  } else if (db.Scalar("PRAGMA user_version") == SchemaVersion()) {
+    CheckCounts(db, problems);
+    CheckKeys(db, problems);
+  }
+  return problems;
+}
+
 std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore* files) {
   Problems problems;
   Cursor row = db.Prepare(

@@ -19,6 +19,10 @@ namespace pliant {
 // empty = sound.
 std::vector<std::string> CheckDatabase(Connection& db);
 
+// What shows without decoding anything: SQLite's quick check, and in databases of this schema
+// counts and keys. The first problem is enough.
+std::vector<std::string> QuickCheck(Connection& db);
+
 // Whether the originals that are files of `files` (nullptr: there is no such directory) are there
 // and have their hash. A file that is removed meanwhile, with its picture, is a problem only in
 // the transaction that was begun before.

@@ -17,8 +17,9 @@ void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory
     originals_ = Originals(db, access_.path(), directory);
     return originals_.Settled(db, directory);
   });
-  if (settled || !claim) return;
-  access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
+  if (!claim) return;
+  if (!settled) access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
+  if (originals_.owned()) originals_.store()->RemoveAbandoned();
 }
 
 std::optional<OriginalStore> OriginalsKeeper::PresentStore(Connection& db) {

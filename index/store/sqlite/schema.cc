@@ -200,9 +200,15 @@ constexpr const char* kVersion6 = R"sql(
 ALTER TABLE vocabularies ADD COLUMN codebook BLOB;  -- FORMAT in index/README.md; NULL = none
 )sql";
 
-constexpr std::array kMigrations = {Migration{kVersion1}, Migration{kVersion2},
-                                    Migration{kVersion3}, Migration{kVersion4},
-                                    Migration{kVersion5}, Migration{kVersion6}};
+// Several servers may work on one database: each job is one server's (service_store.h).
+constexpr const char* kVersion7 = R"sql(
+ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';    -- '': nobody's
+ALTER TABLE jobs ADD COLUMN cancel INTEGER NOT NULL DEFAULT 0;  -- 1: somebody asked for its end
+)sql";
+
+constexpr std::array kMigrations = {
+    Migration{kVersion1}, Migration{kVersion2}, Migration{kVersion3}, Migration{kVersion4},
+    Migration{kVersion5}, Migration{kVersion6}, Migration{kVersion7}};
 
 }  // namespace
 

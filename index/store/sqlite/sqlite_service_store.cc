@@ -3,10 +3,12 @@
 // API keys and jobs in a database file.
 #include <memory>
 #include <mutex>
+#include <optional>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
+#include "index/files/process_lock.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
@@ -49,6 +51,8 @@ JobRecord ToJob(const Cursor& row) {
   job.report = row.Text(10);
   job.created_ms = row.Int(11);
   job.finished_ms = row.Int(12);
+  job.owner = row.Text(13);
+  job.cancel = row.Int(14) != 0;
   return job;
 }
 
@@ -70,7 +74,11 @@ class SqliteServiceStore : public ServiceStore {
   bool RevokeKey(const std::string& id_or_name) override;
   std::uint64_t ForgetRevokedKeys() override;
   std::vector<JobRecord> Jobs() override;
-  void SaveJob(const JobRecord& job) override;
+  const std::string& Owner() override;
+  bool Lives(const std::string& owner) override { return ProcessLock::IsHeld(path_, owner); }
+  bool SaveJob(const JobRecord& job) override;
+  bool TakeJob(const std::string& id, const std::string& from) override;
+  void RequestCancel(const std::string& id) override;
   void KeepNewestJobs(std::size_t count) override;
 
  private:
@@ -94,7 +102,9 @@ class SqliteServiceStore : public ServiceStore {
   }
 
   const std::filesystem::path path_;
-  std::mutex reader_mutex_;  // guards reader_
+  std::mutex lock_mutex_;            // guards lock_
+  std::optional<ProcessLock> lock_;  // from the first Owner()
+  std::mutex reader_mutex_;          // guards reader_
   std::unique_ptr<Connection> reader_;
   std::mutex writer_mutex_;  // guards writer_
   std::unique_ptr<Connection> writer_;
@@ -158,24 +168,52 @@ std::vector<JobRecord> SqliteServiceStore::Jobs() {
   return Read([](Connection& db) {
     Cursor row = db.Prepare(
         "SELECT id, kind, collection, parameters, state, done, total, failed, attempts, result, "
-        "report, created_ms, finished_ms FROM jobs ORDER BY number");
+        "report, created_ms, finished_ms, owner, cancel FROM jobs ORDER BY number");
     std::vector<JobRecord> jobs;
     while (row.Next()) jobs.push_back(ToJob(row));
     return jobs;
   });
 }
 
-void SqliteServiceStore::SaveJob(const JobRecord& job) {
-  Write([&](Connection& db) {
+const std::string& SqliteServiceStore::Owner() {
+  const std::lock_guard lock(lock_mutex_);
+  if (!lock_) lock_.emplace(path_);
+  return lock_->id();
+}
+
+bool SqliteServiceStore::SaveJob(const JobRecord& job) {
+  return Write([&](Connection& db) {
     db.Prepare(
           "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
-          "attempts, result, report, created_ms, finished_ms) "
-          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
+          "attempts, result, report, created_ms, finished_ms, owner) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
           "state = excluded.state, done = excluded.done, total = excluded.total, "
           "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
-          "report = excluded.report, finished_ms = excluded.finished_ms")
+          "report = excluded.report, finished_ms = excluded.finished_ms "
+          "WHERE jobs.owner = excluded.owner")
         .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
-              job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms)
+              job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
+              job.owner)
+        .Run();
+    return db.changes() > 0;
+  });
+}
+
+bool SqliteServiceStore::TakeJob(const std::string& id, const std::string& from) {
+  const std::string& to = Owner();
+  return Write([&](Connection& db) {
+    db.Prepare(
+          "UPDATE jobs SET owner = ? WHERE id = ? AND owner = ? AND state IN ('queued', 'running')")
+        .Bind(to, id, from)
+        .Run();
+    return db.changes() > 0;
+  });
+}
+
+void SqliteServiceStore::RequestCancel(const std::string& id) {
+  Write([&](Connection& db) {
+    db.Prepare("UPDATE jobs SET cancel = 1 WHERE id = ? AND state IN ('queued', 'running')")
+        .Bind(id)
         .Run();
     return 0;
   });

@@ -6,6 +6,7 @@
 #include "index/store/open_store.h"
 #include "index/store/sqlite/access.h"
 #include "index/store/sqlite/database.h"
+#include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/originals_keeper.h"
 #include "index/store/sqlite/sqlite_catalogue.h"
 #include "index/store/sqlite/sqlite_feed.h"

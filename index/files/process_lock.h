@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Whether another process that works on a database still lives. Private to index/.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace pliant {
+
+// An empty file beside the database, `NAME.server-ID`, that a process holds locked (flock) while it
+// lives. The system ends the lock with the process, however that ends, so others need no clocks to
+// tell, and see it through the borders of containers. Removed by the destructor; one that a killed
+// process left is removed by the next lock on that database.
+class ProcessLock {
+ public:
+  // Throws what ThrowErrno throws when the directory may not be written.
+  explicit ProcessLock(const std::filesystem::path& database);
+  ~ProcessLock();
+  ProcessLock(const ProcessLock&) = delete;
+  ProcessLock& operator=(const ProcessLock&) = delete;
+
+  const std::string& id() const { return id_; }
+
+  // Whether the process with that id lives. One that cannot be asked counts as living: what it does
+  // must not be done twice.
+  static bool IsHeld(const std::filesystem::path& database, const std::string& id);
+
+ private:
+  std::string id_;  // process number and 16 random hex digits
+  std::filesystem::path path_;
+  int file_ = -1;
+};
+
+}  // namespace pliant

@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sqlite/new_database.h"
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "index/files/durable_file.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+void RemoveWithSideFiles(const fs::path& path) noexcept {
+  for (const char* suffix : {"", "-wal", "-shm", "-journal"}) {
+    std::error_code ignored;  // it is not there, or it stays as a stray file beside the database
+    fs::remove(fs::path(path.string() + suffix), ignored);
+  }
+}
+
+bool IsAbandoned(const fs::path& path) {
+  constexpr std::chrono::minutes kUnlockedFor{1};  // a living process takes no time to name it
+  std::error_code error;
+  const auto written = fs::last_write_time(path, error);
+  if (error || fs::file_time_type::clock::now() - written < kUnlockedFor) return false;
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return false;
+  const bool free = ::flock(file, LOCK_EX | LOCK_NB) == 0;
+  ::close(file);
+  return free;
+}
+
+}  // namespace
+
+NewDatabaseFile::NewDatabaseFile(const fs::path& beside) {
+  static std::atomic<unsigned> counter{0};
+  path_ = beside;
+  path_ += ".new-" + std::to_string(::getpid()) + "-" + std::to_string(++counter);
+  RemoveWithSideFiles(path_);
+  file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  if (file_ < 0) ThrowErrno("cannot make", path_);
+  ::flock(file_, LOCK_EX | LOCK_NB);
+}
+
+NewDatabaseFile::~NewDatabaseFile() {
+  Unlock();
+  RemoveWithSideFiles(path_);
+}
+
+void NewDatabaseFile::Unlock() {
+  if (file_ >= 0) ::close(file_);
+  file_ = -1;
+}
+
+bool NewDatabaseFile::Publish(const fs::path& name, Over over) {
+  Unlock();
+  SyncPath(path_, O_RDONLY);
+  std::error_code ignored;  // an absent file has no size
+  const bool replaces =
+      over == Over::kAnything ||
+      (over == Over::kEmptyFile && fs::exists(name, ignored) && fs::file_size(name, ignored) == 0);
+  if (replaces) {
+    if (::rename(path_.c_str(), name.c_str()) != 0) ThrowErrno("cannot make", name);
+  } else if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, name.c_str(), RENAME_NOREPLACE) != 0 &&
+             (errno != EINVAL || ::link(path_.c_str(), name.c_str()) != 0)) {
+    if (errno == EEXIST) return false;
+    ThrowErrno("cannot make", name);
+  }
+  SyncDirectoryOf(name);
+  return true;
+}
+
+void RemoveAbandoned(const fs::path& database) {
+  const std::string begin = database.filename().string() + ".new-";
+  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
+  std::vector<fs::path> abandoned;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(fs::absolute(database).parent_path(), ignored)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_temporary =
+        name.starts_with(begin) && name.size() > begin.size() &&
+        name.find_first_not_of("0123456789-", begin.size()) == std::string::npos;
+    if (is_temporary && IsAbandoned(entry.path())) abandoned.push_back(entry.path());
+  }
+  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
+}
+
+}  // namespace pliant

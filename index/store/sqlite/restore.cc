@@ -1,0 +1,193 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A backup put in place of a database.
+#include <cerrno>
+#include <ctime>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "descriptor/base/error.h"
+#include "index/files/durable_file.h"
+#include "index/store/open_store.h"
+#include "index/store/sqlite/connection.h"
+#include "index/store/sqlite/database.h"
+#include "index/store/sqlite/integrity.h"
+#include "index/store/sqlite/new_database.h"
+#include "index/store/sqlite/schema.h"
+#include "index/store/sqlite/sqlite_error.h"
+
+namespace pliant {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kBusyTimeoutMs = 10'000;
+
+fs::path WithSuffix(const fs::path& path, const std::string& suffix) {
+  fs::path with = path;
+  with += suffix;
+  return with;
+}
+
+// Keeps every process from opening the database with SQLite, whether or not its content makes
+// sense, by the locks that SQLite takes (sqlite.org/fileformat2.html, "the lock-byte page"). This
+// process must not open it with SQLite meanwhile: closing it would end the locks.
+class ExclusiveHold {
+ public:
+  explicit ExclusiveHold(const fs::path& database)
+      : file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
+    if (file_ < 0) ThrowErrno("cannot open", database);
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = 0x40000000;
+    lock.l_len = 512;
+    if (::fcntl(file_, F_SETLK, &lock) == 0) return;
+    const int code = errno;
+    ::close(file_);
+    errno = code;
+    if (code != EAGAIN && code != EACCES) ThrowErrno("cannot lock", database);
+    throw Error(ErrorCode::kUnavailable, "database_in_use",
+                "another process has " + DisplayPath(database) +
+                    " open; stop it first: nothing was changed");
+  }
+  ~ExclusiveHold() { ::close(file_); }
+  ExclusiveHold(const ExclusiveHold&) = delete;
+  ExclusiveHold& operator=(const ExclusiveHold&) = delete;
+
+  // The new file belongs to whom the old one belongs, who may read it as before.
+  void GiveOwnerAndModeTo(const fs::path& path) const {
+    struct stat old {};
+    if (::fstat(file_, &old) != 0) ThrowErrno("cannot read the owner for", path);
+    struct stat made {};
+    if (::stat(path.c_str(), &made) != 0) ThrowErrno("cannot read the owner of", path);
+    if ((made.st_uid != old.st_uid || made.st_gid != old.st_gid) &&
+        ::chown(path.c_str(), old.st_uid, old.st_gid) != 0) {
+      ThrowErrno("cannot give the owner of the database to", path);
+    }
+    if (::chmod(path.c_str(), old.st_mode & 07777) != 0) {
+      ThrowErrno("cannot give the mode of the database to", path);
+    }
+  }
+
+ private:
+  int file_;
+};
+
+// One that is cut short is the best reason to restore a backup.
+bool IsThere(const fs::path& database) {
+  try {
+    return InspectDatabaseFile(database) == FileState::kPliant;
+  } catch (const Error& error) {
+    if (error.reason() == "database_truncated") return true;
+    throw;
+  }
+}
+
+std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
+  {
+    Connection source(backup, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    CopyDatabase(source, copy);
+  }
+  Connection made(copy, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+  Migrate(made.database(), Migrations());
+  const std::vector<std::string> problems = CheckDatabase(made);
+  if (problems.empty()) {
+    return static_cast<std::uint64_t>(made.Scalar("SELECT count(*) FROM pictures"));
+  }
+  const std::size_t more = problems.size() - 1;
+  throw Error(ErrorCode::kCorrupt, "backup_damaged",
+              DisplayPath(backup) + " is damaged: " + problems[0] +
+                  (more > 0 ? " (and " + std::to_string(more) + " more)" : "") +
+                  "; nothing was changed");
+}
+
+std::string TimeSuffix() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &utc);
+  return std::string(".before-restore-") + text;
+}
+
+// What is there gets a second name, with its log; then the log loses its first one, so that it can
+// never be taken for the new database's. If the power fails between that and the new file's name,
+// the old one is there without its newest changes, which are under the second name: the restoring
+// is begun anew. Returns the second name; empty = nothing was there.
+fs::path SetAside(const fs::path& database) {
+  const fs::path aside = WithSuffix(database, TimeSuffix());
+  bool found = false;
+  for (const char* side : {"", "-wal", "-journal"}) {
+    const fs::path from = WithSuffix(database, side);
+    const fs::path to = WithSuffix(aside, side);
+    if (::link(from.c_str(), to.c_str()) == 0) {
+      found = true;
+    } else if (errno != ENOENT) {
+      ThrowErrno("cannot keep what was there as", to);
+    }
+  }
+  SyncDirectoryOf(database);
+  for (const char* side : {"-wal", "-journal", "-shm"}) {
+    const fs::path path = WithSuffix(database, side);
+    if (::unlink(path.c_str()) != 0 && errno != ENOENT) ThrowErrno("cannot remove", path);
+  }
+  SyncDirectoryOf(database);
+  return found ? aside : fs::path();
+}
+
+}  // namespace
+
+RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& database, bool replace) {
+  if (InspectDatabaseFile(backup) != FileState::kPliant) {
+    throw Error(ErrorCode::kNotFound, "backup_not_found",
+                "there is no backup " + DisplayPath(backup));
+  }
+  CheckParentDirectory(database);
+  RemoveAbandoned(database);
+  std::error_code ignored;  // then they are not one file
+  if (fs::equivalent(backup, database, ignored)) {
+    throw Error(ErrorCode::kInvalidArgument, "same_file",
+                DisplayPath(backup) + " is the database itself; name a backup of it");
+  }
+  std::optional<ExclusiveHold> hold;
+  if (IsThere(database)) {
+    if (!replace) {
+      throw Error(ErrorCode::kConflict, "database_exists",
+                  DisplayPath(database) +
+                      " exists; restore over it with replace (it is kept under another name)");
+    }
+    hold.emplace(database);
+  }
+  RestoreResult result;
+  NewDatabaseFile made(database);
+  WithDatabaseErrors(backup, [&] { result.images = CopyAndCheck(backup, made.path()); });
+  if (hold) hold->GiveOwnerAndModeTo(made.path());
+  result.before = SetAside(database);
+  const auto over = hold ? NewDatabaseFile::Over::kAnything : NewDatabaseFile::Over::kEmptyFile;
+  if (!made.Publish(database, over)) {
+    throw Error(ErrorCode::kConflict, "database_exists",
+                DisplayPath(database) + " was made by another process meanwhile");
+  }
+  return result;
+}
+
+void CheckDatabaseFile(const fs::path& database) {
+  if (InspectDatabaseFile(database) != FileState::kPliant) return;
+  WithDatabaseErrors(database, [&] {
+    Connection db(database, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    const std::vector<std::string> problems = QuickCheck(db);
+    if (problems.empty()) return;
+    throw Error(
+        ErrorCode::kCorrupt, "database_corrupt",
+        "the database " + DisplayPath(database) + " is damaged (" + problems[0] +
+            "); nothing was written to it. Put a backup in its place with `pliant db restore`");
+  });
+}
+
+}  // namespace pliant

@@ -1,0 +1,185 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Backups put in place of databases, by `pliant db restore` and by hand.
+#include <fstream>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+
+#include "tests/integration/cli_fixture.h"
+#include "tests/integration/server_process.h"
+
+namespace pliant::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class RestoreTest : public CliTest {
+ protected:
+  // A database of `count` pictures, and its backup.
+  void MakeBackup(int count) {
+    WriteObjects(count);
+    ASSERT_EQ(Index().status, 0);
+    ASSERT_EQ(RunProgram({"db", "backup", backup_, "--db", db_}).status, 0);
+  }
+  ProgramResult Restore(std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"db", "restore", backup_, "--db", db_, "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunProgram(arguments);
+  }
+  static int Images(const std::string& database) {
+    const ProgramResult stats = RunProgram({"db", "stats", "--db", database, "--json"});
+    return stats.status == 0 ? stats.json()["images"].get<int>() : -1;
+  }
+  static void ExpectSound(const std::string& database) {
+    const ProgramResult check = RunProgram({"db", "check", "--db", database});
+    EXPECT_EQ(check.out, "ok\n") << check.err;
+  }
+  std::string Code(const ProgramResult& result) {
+    return result.status == 0 ? "" : result.json()["error"]["code"].get<std::string>();
+  }
+  // The database's, with what lies beside it.
+  std::size_t Files() {
+    std::size_t count = 0;
+    for (const auto& entry : fs::directory_iterator(folder_.path())) {
+      count += entry.path().filename().string().starts_with("x.db") ? 1 : 0;
+    }
+    return count;
+  }
+
+  std::string backup_ = (folder_ / "backup.db").string();
+};
+
+TEST_F(RestoreTest, TakesThePlaceOfADatabaseAndKeepsThatOne) {
+  MakeBackup(3);
+  WriteObjects(5);
+  ASSERT_EQ(Index().status, 0);
+  ASSERT_EQ(::chmod(db_.c_str(), 0640), 0);
+  const ProgramResult refused = Restore();
+  EXPECT_EQ(Code(refused), "database_exists");
+  EXPECT_THAT(refused.err, HasSubstr("--replace"));
+  EXPECT_EQ(Images(db_), 5);
+  const ProgramResult restored = Restore({"--replace"});
+  ASSERT_EQ(restored.status, 0) << restored.err;
+  EXPECT_EQ(restored.json()["images"], 3);
+  EXPECT_EQ(Images(db_), 3);
+  ExpectSound(db_);
+  struct stat info {};
+  ASSERT_EQ(::stat(db_.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0640U) << "who could read the old one can read this one";
+  const std::string before = restored.json()["before"];
+  EXPECT_EQ(Images(before), 5);
+  ExpectSound(before);
+  EXPECT_EQ(Images(backup_), 3) << "the backup stays";
+}
+
+TEST_F(RestoreTest, MakesADatabaseWhereNoneIs) {
+  MakeBackup(2);
+  fs::remove(db_);
+  std::ofstream(db_ + "-wal") << "of a database that is gone";
+  const ProgramResult restored = Restore();
+  ASSERT_EQ(restored.status, 0) << restored.err;
+  EXPECT_EQ(Images(db_), 2);
+  ExpectSound(db_);
+  EXPECT_TRUE(fs::exists(restored.json()["before"].get<std::string>() + "-wal"));
+}
+
+TEST_F(RestoreTest, WhatCannotBeRestoredChangesNothing) {
+  MakeBackup(3);
+  const std::string good = backup_;
+  EXPECT_EQ(Code(RunProgram({"db", "restore", db_, "--db", db_, "--replace", "--json"})),
+            "same_file");
+  backup_ = (folder_ / "none.db").string();
+  EXPECT_EQ(Code(Restore({"--replace"})), "backup_not_found");
+  WriteText(backup_,
+            "no database at all, but long enough to have the header of one: "
+            "0123456789012345678901234567890123456789012345678901234567890");
+  EXPECT_EQ(Code(Restore({"--replace"})), "not_a_database");
+  std::vector<std::uint8_t> bytes = ReadBytes(good);
+  const std::string magic = "PLFT";  // some picture's features
+  const auto at = std::search(bytes.begin(), bytes.end(), magic.begin(), magic.end());
+  ASSERT_NE(at, bytes.end());
+  at[40] ^= 1;
+  WriteBytes(backup_, bytes);
+  const std::size_t files = Files();
+  ASSERT_GE(files, 1U);
+  const ProgramResult damaged = Restore({"--replace"});
+  EXPECT_EQ(Code(damaged), "backup_damaged");
+  EXPECT_THAT(damaged.err, HasSubstr("checksum"));
+  EXPECT_EQ(Files(), files) << "nothing is left over";
+  EXPECT_EQ(Images(db_), 3);
+  backup_ = good;
+  EXPECT_EQ(Code(RunProgram(
+                {"db", "restore", good, "--db", (folder_ / "no" / "x.db").string(), "--json"})),
+            "no_such_directory");
+  ProgramLimits small;
+  small.max_file_bytes = fs::file_size(good) / 2;
+  const ProgramResult full =
+      Program({"db", "restore", good, "--db", db_, "--replace", "--json"}, small).Wait();
+  EXPECT_EQ(full.status, 1);
+  EXPECT_EQ(Files(), files);
+  EXPECT_EQ(Images(db_), 3);
+  ExpectSound(db_);
+}
+
+TEST_F(RestoreTest, NotUnderARunningServer) {
+  MakeBackup(2);
+  ServerProcess server(db_);
+  EXPECT_EQ(Code(Restore({"--replace"})), "database_in_use");
+  const auto added =
+      server.Client().Post("/v1/collections/default/images", TestPicture(7), "image/png");
+  ASSERT_TRUE(added);
+  EXPECT_EQ(added->status, 201);
+  EXPECT_EQ(server.Stop(), 0);
+  EXPECT_EQ(Images(db_), 3) << "what was added is there";
+  EXPECT_EQ(Restore({"--replace"}).status, 0);
+  EXPECT_EQ(Images(db_), 2);
+}
+
+TEST_F(RestoreTest, ADatabaseThatIsCutShortIsReplaced) {
+  MakeBackup(4);
+  fs::resize_file(db_, fs::file_size(db_) / 2);
+  EXPECT_EQ(Images(db_), -1);
+  const ProgramResult restored = Restore({"--replace"});
+  ASSERT_EQ(restored.status, 0) << restored.err;
+  EXPECT_EQ(Images(db_), 4);
+  ExpectSound(db_);
+}
+
+// By hand: the copy lies beside the log of the database that was there, which SQLite takes for its.
+TEST_F(RestoreTest, AServerDoesNotStartOnADamagedDatabaseAndWritesNothing) {
+  MakeBackup(3);
+  {
+    ServerProcess server(db_, {"--auto-train=false"});
+    auto client = server.Client();
+    for (std::uint64_t seed = 100; seed < 130; ++seed) {
+      client.Post("/v1/collections/default/images", TestPicture(seed), "image/png");
+    }
+    SQLite::Database(db_, SQLite::OPEN_READWRITE).exec("PRAGMA wal_checkpoint(TRUNCATE)");
+    client.Delete("/v1/collections/default/objects/o1");
+    client.Post("/v1/collections/default/images", TestPicture(7), "image/png");
+    server.Signal(SIGKILL);
+    server.Wait();
+  }
+  ASSERT_GT(fs::file_size(db_ + "-wal"), 0U);
+  fs::copy_file(backup_, db_, fs::copy_options::overwrite_existing);
+  const std::vector<std::uint8_t> copy = ReadBytes(db_);
+  const std::vector<std::uint8_t> log = ReadBytes(db_ + "-wal");
+  const std::vector<std::string> start = {"--db", db_, "--listen", "127.0.0.1:0"};
+  const ProgramResult refused = Program(start, {}, ServerPath()).Wait();
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("is damaged"));
+  EXPECT_THAT(refused.err, HasSubstr("pliant db restore"));
+  EXPECT_EQ(ReadBytes(db_), copy);
+  EXPECT_EQ(ReadBytes(db_ + "-wal"), log);
+  const ProgramResult restored = Restore({"--replace"});
+  ASSERT_EQ(restored.status, 0) << restored.err;
+  EXPECT_EQ(Images(db_), 3);
+  ExpectSound(db_);
+  EXPECT_EQ(ServerProcess(db_).Stop(), 0);
+}
+
+}  // namespace
+}  // namespace pliant::testing

@@ -1,0 +1,207 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Several servers on one database: whose a job is, who takes it over, who may end it.
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "index/engine/engine.h"
+#include "index/files/process_lock.h"
+#include "index/store/open_store.h"
+#include "server/jobs/jobs.h"
+#include "tests/unit/index_test_pictures.h"
+
+namespace pliant::server {
+namespace {
+
+using pliant::testing::TemporaryFolder;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPatience{20'000};
+
+bool Eventually(const std::function<bool()>& holds) {
+  const auto until = std::chrono::steady_clock::now() + kPatience;
+  while (!holds()) {
+    if (std::chrono::steady_clock::now() > until) return false;
+    std::this_thread::sleep_for(milliseconds(10));
+  }
+  return true;
+}
+
+// What a server is to the jobs of a database.
+class Server {
+ public:
+  explicit Server(const std::filesystem::path& database)
+      : store_(OpenServiceStore(database)), jobs_(std::make_unique<JobQueue>(store_.get())) {
+    jobs_->Register("wait", {[this](const JobStatus&, const JobContext& context) {
+                               ++begun_;
+                               while (!context.stop().stop_requested() && !done_) {
+                                 context.Progress(1, 4);
+                                 std::this_thread::sleep_for(milliseconds(1));
+                               }
+                               if (done_) return std::string("/done");
+                               throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
+                             },
+                             true});
+    jobs_->Start();
+  }
+  ~Server() { Stop(); }
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+  void Stop() {
+    jobs_.reset();
+    store_.reset();
+  }
+  void Finish() { done_ = true; }
+  JobQueue& jobs() { return *jobs_; }
+  ServiceStore& store() { return *store_; }
+  int begun() const { return begun_; }
+
+ private:
+  std::atomic<int> begun_{0};
+  std::atomic<bool> done_{false};
+  std::unique_ptr<ServiceStore> store_;
+  std::unique_ptr<JobQueue> jobs_;
+};
+
+class JobOwnersTest : public ::testing::Test {
+ protected:
+  JobOwnersTest() {
+    EngineOptions options;
+    options.database = database();
+    options.descriptor = "rootsift";
+    const Engine made(options);
+  }
+  std::filesystem::path database() const { return folder_.path() / "x.db"; }
+  std::size_t Locks() const {
+    std::size_t count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+      count += entry.path().filename().string().starts_with("x.db.server-") ? 1 : 0;
+    }
+    return count;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(JobOwnersTest, ASecondServerLeavesARunningJobAlone) {
+  Server first(database());
+  const std::string id = first.jobs().Add("wait", "default", Json::object()).id;
+  ASSERT_TRUE(Eventually([&] { return first.jobs().Get(id).state == JobState::kRunning; }));
+  ASSERT_TRUE(Eventually([&] { return first.store().Jobs().at(0).state == "running"; }));
+  Server second(database());
+  EXPECT_EQ(second.jobs().Get(id).state, JobState::kRunning);
+  EXPECT_TRUE(second.jobs().Active("wait", "default")) << "it trains no vocabulary twice";
+  std::this_thread::sleep_for(2 * JobQueue::kLookEvery);
+  EXPECT_EQ(second.begun(), 0);
+  first.Finish();
+  EXPECT_TRUE(second.jobs().WaitFor(id, kPatience)) << "the other's end is seen";
+  EXPECT_EQ(second.jobs().Get(id).state, JobState::kDone);
+  EXPECT_EQ(second.jobs().Get(id).result, "/done");
+  EXPECT_EQ(first.begun(), 1);
+  EXPECT_EQ(second.begun(), 0);
+}
+
+TEST_F(JobOwnersTest, AJobIsFoundAtOnceWhereItWasNotMade) {
+  Server first(database());
+  Server second(database());
+  const std::string id = first.jobs().Add("wait", "default", Json::object()).id;
+  EXPECT_EQ(second.jobs().Get(id).id, id);
+}
+
+TEST_F(JobOwnersTest, WhatAServerLeavesGoesToOneOther) {
+  auto first = std::make_unique<Server>(database());
+  const std::string running = first->jobs().Add("wait", "a", Json::object()).id;
+  const std::string queued = first->jobs().Add("wait", "b", Json::object()).id;
+  ASSERT_TRUE(Eventually([&] { return first->begun() == 1; }));
+  Server second(database());
+  Server third(database());
+  first.reset();
+  ASSERT_TRUE(Eventually([&] { return second.begun() + third.begun() >= 1; }));
+  second.Finish();
+  third.Finish();
+  for (const std::string& id : {running, queued}) {
+    EXPECT_TRUE(second.jobs().WaitFor(id, kPatience));
+    EXPECT_TRUE(third.jobs().WaitFor(id, kPatience));
+    EXPECT_EQ(second.jobs().Get(id).state, JobState::kDone);
+    EXPECT_EQ(third.jobs().Get(id).state, JobState::kDone);
+  }
+  EXPECT_EQ(second.begun() + third.begun(), 2) << "each of the two once";
+}
+
+TEST_F(JobOwnersTest, AKilledServersJobIsTakenOver) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    Server killed(database());
+    killed.jobs().Add("wait", "default", Json::object());
+    while (true) pause();
+  }
+  const auto store = OpenServiceStore(database());
+  const bool began = Eventually([&] {
+    const auto jobs = store->Jobs();
+    return !jobs.empty() && jobs[0].state == "running";
+  });
+  EXPECT_TRUE(began);
+  Server other(database());
+  EXPECT_EQ(other.begun(), 0);
+  kill(child, SIGKILL);
+  int status = 0;
+  waitpid(child, &status, 0);
+  ASSERT_TRUE(Eventually([&] { return other.begun() == 1; })) << "without a restart";
+  EXPECT_EQ(other.jobs().List().at(0).attempts, 2);
+  EXPECT_EQ(Locks(), 2U);
+  Server later(database());
+  EXPECT_EQ(Locks(), 2U) << "the killed one's is removed";
+}
+
+TEST_F(JobOwnersTest, AnyServerMayEndAJob) {
+  Server first(database());
+  Server second(database());
+  const std::string running = first.jobs().Add("wait", "a", Json::object()).id;
+  const std::string queued = first.jobs().Add("wait", "b", Json::object()).id;
+  second.jobs().Cancel(queued);
+  second.jobs().Cancel(running);
+  for (const std::string& id : {running, queued}) {
+    EXPECT_TRUE(first.jobs().WaitFor(id, kPatience));
+    EXPECT_EQ(first.jobs().Get(id).state, JobState::kCancelled);
+    EXPECT_TRUE(second.jobs().WaitFor(id, kPatience));
+    EXPECT_EQ(second.jobs().Get(id).state, JobState::kCancelled);
+  }
+  EXPECT_EQ(second.jobs().Cancel(running).state, JobState::kCancelled) << "no effect";
+}
+
+// Somebody removed the file by which the others see that a server lives.
+TEST_F(JobOwnersTest, WhoLosesAJobEndsItAndWritesNoMore) {
+  Server first(database());
+  const std::string id = first.jobs().Add("wait", "default", Json::object()).id;
+  ASSERT_TRUE(Eventually([&] { return first.begun() == 1; }));
+  std::filesystem::remove(database().string() + ".server-" + first.store().Owner());
+  Server second(database());
+  ASSERT_TRUE(Eventually([&] { return second.begun() == 1; }));
+  second.Finish();
+  EXPECT_TRUE(second.jobs().WaitFor(id, kPatience));
+  EXPECT_TRUE(Eventually([&] { return first.jobs().Get(id).state == JobState::kDone; }));
+  first.Stop();
+  EXPECT_EQ(second.store().Jobs().at(0).state, "done");
+}
+
+TEST_F(JobOwnersTest, OwnersOfForeignDatabasesAreNoPaths) {
+  std::ofstream(folder_.path() / "x.db.server-0") << "";
+  EXPECT_FALSE(ProcessLock::IsHeld(database(), "0")) << "there, and nobody's";
+  EXPECT_FALSE(ProcessLock::IsHeld(database(), ""));
+  EXPECT_FALSE(ProcessLock::IsHeld(database(), "../x.db"));
+  EXPECT_FALSE(ProcessLock::IsHeld(database(), std::string(1000, '0')));
+  const ProcessLock lock(database());
+  EXPECT_TRUE(ProcessLock::IsHeld(database(), lock.id()));
+  EXPECT_EQ(Locks(), 1U) << "what nobody holds is removed";
+}
+
+}  // namespace
+}  // namespace pliant::server
