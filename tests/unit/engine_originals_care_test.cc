@@ -160,6 +160,24 @@ TEST_F(EngineOriginalsTest, ACopyOfTheDatabaseTakesNothingFromTheOriginal) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
+// Power went after the directory got its owner and before the database was told.
+TEST_F(EngineOriginalsTest, AClaimThatWasCutOffIsMadeAgain) {
+  { Engine engine(Options({})); }
+  const std::string owner = std::string(32, 'a') + "\n" + fs::canonical(db_).string() + "\n";
+  WriteText(directory_ / "pliant-originals", owner);
+  fs::create_directory(directory_ / "incoming");
+  {
+    Engine engine(Options(directory_));
+    Add(engine, 1, "one");
+    EXPECT_TRUE(engine.DescribeOriginals()->owned);
+  }
+  { Engine engine(Options({})); }
+  // With files in it the directory is that of an older database of this name: they are kept.
+  for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(db_.string() + suffix);
+  ExpectError(ErrorCode::kConflict, "originals_foreign", [&] { Engine e(Options(directory_)); });
+  EXPECT_EQ(Files(), 1U);
+}
+
 TEST_F(EngineOriginalsTest, ABackupAndACopyOfTheDirectoryAreTheWhole) {
   const fs::path saved = folder_ / "saved";
   fs::create_directory(saved);

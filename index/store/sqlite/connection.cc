@@ -3,6 +3,7 @@
 #include "index/store/sqlite/connection.h"
 
 #include <sqlite3.h>
+#include <unistd.h>
 
 #include "index/files/text.h"
 
@@ -16,17 +17,37 @@ std::string FileName(const std::filesystem::path& path) {
   return std::filesystem::absolute(path).string();
 }
 
+bool MayWrite(const std::filesystem::path& path) { return ::access(path.c_str(), W_OK) == 0; }
+
 SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeout_ms) {
   const std::string name = FileName(path);
   SQLite::Database database(name, SQLite::OPEN_READONLY, busy_timeout_ms);
   // On read-only media WAL's side files cannot be made. A cleanly closed database has none and
-  // nobody can change it there: read it as immutable.
+  // nobody can change it there: read it as immutable. Where they could be made and were not (no
+  // file descriptor left, a failing disk) others may write, and an immutable one would not see it.
   const int code = database.tryExec("SELECT 1 FROM sqlite_schema") & 0xff;
   if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) &&
-      !std::filesystem::exists(name + "-wal")) {
+      !std::filesystem::exists(name + "-wal") &&
+      !MayWrite(std::filesystem::path(name).parent_path())) {
     return {"file:" + PercentEncode(name, "/.-_") + "?immutable=1",
             SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};
   }
+  return database;
+}
+
+// SQLite opens a file for reading when it cannot for writing, whatever the reason; its log, too,
+// which the first transaction opens. A connection like that would refuse to write for ever.
+SQLite::Database OpenReadWrite(const std::filesystem::path& path, int busy_timeout_ms) {
+  const std::string name = FileName(path);
+  SQLite::Database database(name, SQLite::OPEN_READWRITE);
+  const int code = database.tryExec("BEGIN IMMEDIATE") & 0xff;  // waits for nobody
+  if (code == SQLITE_OK) database.exec("ROLLBACK");
+  const bool only_reads =
+      code == SQLITE_READONLY || sqlite3_db_readonly(database.getHandle(), "main") != 0;
+  if (only_reads && MayWrite(name)) {
+    throw SQLite::Exception("the file could not be opened for writing", SQLITE_CANTOPEN);
+  }
+  database.setBusyTimeout(busy_timeout_ms);
   return database;
 }
 
@@ -58,9 +79,8 @@ void Cursor::BindOne(int index, Bytes value) {
 }
 
 Connection::Connection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms)
-    : database_(mode == Mode::kReadOnly
-                    ? OpenReadOnly(path, busy_timeout_ms)
-                    : SQLite::Database(FileName(path), SQLite::OPEN_READWRITE, busy_timeout_ms)) {
+    : database_(mode == Mode::kReadOnly ? OpenReadOnly(path, busy_timeout_ms)
+                                        : OpenReadWrite(path, busy_timeout_ms)) {
   database_.exec("PRAGMA foreign_keys = ON");
   if (mode == Mode::kReadWrite) {
     database_.exec("PRAGMA synchronous = FULL");

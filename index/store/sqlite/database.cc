@@ -39,6 +39,19 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
                   "); it was left untouched: name another file");
 }
 
+void AddFirstRows(SQLite::Database& database, const DescriptorInfo& model) {
+  SQLite::Transaction transaction(database);
+  SQLite::Statement add_model(database,
+                              "INSERT INTO models (name, model_id, kind, dim) VALUES (?, ?, ?, ?)");
+  SQLite::bind(add_model, model.name, model.model_id, static_cast<int>(model.kind), model.dim);
+  add_model.exec();
+  SQLite::Statement add_collection(
+      database, "INSERT INTO collections (name, model, created_ms) VALUES (?, ?, ?)");
+  SQLite::bind(add_collection, kDefaultCollection, database.getLastInsertRowid(), NowMs());
+  add_collection.exec();
+  transaction.commit();
+}
+
 }  // namespace
 
 std::int64_t NowMs() {
@@ -88,16 +101,9 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
     database.exec("PRAGMA journal_mode = WAL");
     Migrate(database, Migrations());
-    SQLite::Transaction transaction(database);
-    SQLite::Statement add_model(
-        database, "INSERT INTO models (name, model_id, kind, dim) VALUES (?, ?, ?, ?)");
-    SQLite::bind(add_model, model.name, model.model_id, static_cast<int>(model.kind), model.dim);
-    add_model.exec();
-    SQLite::Statement add_collection(
-        database, "INSERT INTO collections (name, model, created_ms) VALUES (?, ?, ?)");
-    SQLite::bind(add_collection, kDefaultCollection, database.getLastInsertRowid(), NowMs());
-    add_collection.exec();
-    transaction.commit();
+    AddFirstRows(database, model);
+    // Closing would do this and keep silent about a failure, and the log does not come along.
+    database.exec("PRAGMA wal_checkpoint(TRUNCATE)");
   }
   temporary.Publish(path, NewDatabaseFile::Over::kEmptyFile);
 }

@@ -33,14 +33,13 @@ bool IsHash(const std::string& name) {
          });
 }
 
-// Makes `path` with its entry in the directory above durable; false = it was there.
-bool MakeDirectory(const fs::path& path) {
-  if (::mkdir(path.c_str(), 0777) == 0) {
-    SyncDirectoryOf(path);
-    return true;
+// Makes `path`, and its entry in the directory above durable; also where it is there already: who
+// made it may have failed to do that, or have died before.
+void MakeDirectory(const fs::path& path) {
+  if (::mkdir(path.c_str(), 0777) != 0 && errno != EEXIST) {
+    ThrowErrno("cannot make the directory", path);
   }
-  if (errno != EEXIST) ThrowErrno("cannot make the directory", path);
-  return false;
+  SyncDirectoryOf(path);
 }
 
 void WriteAll(int fd, const char* data, std::size_t size, const fs::path& path) {
@@ -97,6 +96,13 @@ IncomingOriginal::~IncomingOriginal() {
   ::close(fd_);
 }
 
+void OriginalStore::DurableFolders::Make(const fs::path& path) {
+  const std::lock_guard lock(mutex_);
+  if (known_.contains(path)) return;
+  MakeDirectory(path);
+  known_.insert(path);
+}
+
 fs::path OriginalStore::PathOf(const std::string& sha256) const {
   return directory_ / sha256.substr(0, 2) / sha256;
 }
@@ -136,7 +142,7 @@ void OriginalStore::Claim(const OriginalsOwner& owner) const {
 
 void OriginalStore::Publish(IncomingOriginal& incoming) const {
   const fs::path path = PathOf(incoming.sha256_);
-  MakeDirectory(path.parent_path());
+  folders_->Make(path.parent_path());
   if (::rename(incoming.path_.c_str(), path.c_str()) != 0) ThrowErrno("cannot make", path);
   incoming.path_.clear();
   SyncDirectoryOf(path);

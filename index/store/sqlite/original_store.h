@@ -10,7 +10,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -78,9 +81,20 @@ class OriginalStore {
   std::uint64_t RemoveAbandoned() const;
 
  private:
+  // Those that this process knows to be there after power loss.
+  class DurableFolders {
+   public:
+    void Make(const std::filesystem::path& path);
+
+   private:
+    std::mutex mutex_;  // guards known_
+    std::set<std::filesystem::path> known_;
+  };
+
   std::filesystem::path PathOf(const std::string& sha256) const;
 
   std::filesystem::path directory_;
+  std::shared_ptr<DurableFolders> folders_ = std::make_shared<DurableFolders>();  // copies share it
 };
 
 }  // namespace pliant

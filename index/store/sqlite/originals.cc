@@ -62,7 +62,14 @@ void Originals::Claim(Connection& db, const std::optional<fs::path>& directory) 
 void Originals::TakeOver(Connection& db, const OriginalsDirectoryRow& row) {
   const std::string name = "the directory " + DisplayPath(store_->directory());
   CheckParentDirectory(store_->directory());
-  const auto owner = store_->Owner();
+  auto owner = store_->Owner();
+  // Of a claim that was cut off before its commit: this database is named, and has forgotten it.
+  // With files in it, it is a directory of an older database of this name, which they may come
+  // from.
+  if (owner && owner->database == self_.database && !FindOriginalsDirectory(db) &&
+      store_->List().empty()) {
+    owner.reset();
+  }
   if (owner && *owner != self_) {
     throw Error(
         ErrorCode::kConflict, "originals_foreign",
