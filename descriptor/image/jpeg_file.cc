@@ -126,8 +126,8 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
   }
 }
 
-// Segments are emptied, not left out: bytes before and behind one could make up a marker that nobody
-// has checked.
+// Segments are emptied, not left out: bytes before and behind one could make up a marker that
+// nobody has checked.
 std::vector<std::uint8_t> JpegWithoutMetadata(Bytes bytes) {
   std::vector<std::uint8_t> kept;
   std::size_t at = 2;
