@@ -51,6 +51,16 @@ void CheckRecord(const RequestRecord& record) {
           "a path in the log is one word");
 }
 
+HttpOptions TestOptions() {
+  HttpOptions options;
+  options.port = 0;
+  options.threads = 2;
+  options.limits.max_header_bytes = 2048;
+  options.limits.max_body_bytes = 8192;
+  options.allowed_origins = {"https://shop.example"};
+  return options;
+}
+
 HttpServer& TestServer() {
   static const Router kRouter({MakeRoute("get", "GET", "/x/{id}", BodyKind::kNone),
                                MakeRoute("json", "POST", "/x", BodyKind::kJson),
@@ -58,12 +68,7 @@ HttpServer& TestServer() {
                                MakeRoute("batch", "PUT", "/form", BodyKind::kImages),
                                MakeRoute("delete", "DELETE", "/x/{id}", BodyKind::kNone)});
   static HttpServer server(
-      kRouter,
-      {.port = 0,
-       .threads = 2,
-       .limits = {.max_header_bytes = 2048, .max_body_bytes = 8192},
-       .allowed_origins = {"https://shop.example"}},
-      [](const Route&, Request&) {}, CheckRecord);
+      kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
   static const bool kStarted = (server.Start(), server.SetReady(true), true);
   static_cast<void>(kStarted);
   return server;
