@@ -94,7 +94,8 @@ void CheckOutcome(const Outcome& outcome) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   pliant::fuzz::Input input(data, std::min(size, kMostInput));
   const std::size_t high = pliant::fuzz::TakeByte(input);
-  const std::size_t split = std::min(high * 256 + pliant::fuzz::TakeByte(input), input.size());
+  const std::size_t low = pliant::fuzz::TakeByte(input);
+  const std::size_t split = std::min(high * 256 + low, input.size());
   const std::string_view text = pliant::fuzz::TextOf(input);
   const std::vector<Outcome> whole = Receive(text, text.size());
   for (const Outcome& outcome : whole) CheckOutcome(outcome);
