@@ -4,7 +4,7 @@ add_library(pliant_warnings INTERFACE)
 target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor
                                                  -Wunused -Woverloaded-virtual)
 # GCC 12 reports a -Wrestrict that is none in every "text" + std::to_string(n) (its bug 105651).
-target_compile_options(pliant_warnings INTERFACE -Wno-restrict)
+target_compile_options(pliant_warnings INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
 if(PLIANT_WERROR)
   target_compile_options(pliant_warnings INTERFACE -Werror)
 endif()

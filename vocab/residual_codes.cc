@@ -176,7 +176,9 @@ LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
   if (table.step == 0) return table;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const float steps = (values[i] - least[i / kCentroids]) / table.step;
-    table.entries[i] = static_cast<std::uint8_t>(static_cast<int>(steps + 0.5));  // rounded
+    // Rounded. No number, from sums beyond what a float holds, counts as far away.
+    table.entries[i] = static_cast<std::uint8_t>(
+        steps < kLargestEntry ? static_cast<int>(steps + 0.5) : static_cast<int>(kLargestEntry));
   }
   return table;
 }

@@ -126,14 +126,17 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
   }
 }
 
+// Segments are emptied, not left out: bytes before and behind one could make up a marker that
+// nobody has checked.
 std::vector<std::uint8_t> JpegWithoutMetadata(Bytes bytes) {
   std::vector<std::uint8_t> kept;
   std::size_t at = 2;
   std::size_t from = 0;
   WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
-    if (!IsMetadata(marker)) return true;
+    if (!IsMetadata(marker) || payload.empty()) return true;
     kept.insert(kept.end(), bytes.begin() + static_cast<std::ptrdiff_t>(from),
-                bytes.begin() + static_cast<std::ptrdiff_t>(at));
+                bytes.begin() + static_cast<std::ptrdiff_t>(at) + 2);
+    kept.insert(kept.end(), {0, 2});  // a length that counts only itself
     from = at + 4 + payload.size();
     return true;
   });

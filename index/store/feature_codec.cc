@@ -83,6 +83,8 @@ Descriptors GetDescriptors(Bytes body, DescriptorEncoding encoding, std::size_t 
   for (std::size_t i = 0; i < rows; ++i) {
     const std::size_t offset = i * RowBytes(encoding, width);
     const auto scale = GetValue<float>(body, offset);
+    if (!std::isfinite(scale * 128.0F))
+      ThrowCorruptBlob("features have values that are not finite");
     for (std::size_t d = 0; d < width; ++d) {
       result.floats[i * width + d] =
           scale * static_cast<float>(static_cast<std::int8_t>(body[offset + sizeof(float) + d]));
@@ -143,7 +145,8 @@ Features DecodeFeatures(Bytes blob) {
   }
   const auto encoding = static_cast<DescriptorEncoding>(body[6]);
   const bool binary = body[5] == static_cast<std::uint8_t>(DescriptorKind::kBinary);
-  if (body[5] > 1 || body[6] > 2 || binary != (encoding == DescriptorEncoding::kBits)) {
+  if (body[5] > 1 || body[6] > 2 || body[7] != 0 ||
+      binary != (encoding == DescriptorEncoding::kBits)) {
     ThrowCorruptBlob("features have an unknown kind or encoding");
   }
   const auto rows = GetValue<std::uint32_t>(body, 8);

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/word_codec.h"
 
+#include <limits>
+
 #include "descriptor/base/error.h"
 #include "index/store/blob_bytes.h"
 #include "vocab/residual_codes.h"
@@ -60,14 +62,17 @@ Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
   Bow bow;
   bow.words.reserve(distinct);
   std::uint64_t next = 0;
+  std::uint64_t total = 0;
   for (std::uint32_t i = 0; i < distinct; ++i) {
     const std::uint64_t word = next + GetVarint(body, offset, "words");
     const std::uint32_t count = GetVarint(body, offset, "words");
     if (word >= vocabulary_size || count == 0) ThrowCorruptBlob("words are outside the vocabulary");
     bow.words.push_back({static_cast<std::uint32_t>(word), count});
-    bow.total += count;
+    total += count;
     next = word + 1;
   }
+  if (total > std::numeric_limits<std::uint32_t>::max()) ThrowCorruptBlob("words are too many");
+  bow.total = static_cast<std::uint32_t>(total);
   if (body[0] >= kSignedBowVersion) {
     if (body.size() - offset < std::size_t{distinct} * sizeof(std::uint64_t)) {
       ThrowCorruptBlob("words have fewer signatures than they need");

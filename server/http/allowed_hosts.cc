@@ -16,7 +16,8 @@ namespace {
 
 bool IsAddress(int family, const std::string& text) {
   std::array<unsigned char, sizeof(in6_addr)> address{};
-  return inet_pton(family, text.c_str(), address.data()) == 1;
+  const bool whole = text.find('\0') == std::string::npos;  // inet_pton() reads up to a zero
+  return whole && inet_pton(family, text.c_str(), address.data()) == 1;
 }
 
 // DNS names have no case, and a final dot says only that they are complete (RFC 1034, 3.1).

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <string_view>
 #include <utility>
 
@@ -38,6 +39,16 @@ thread_local Exchange* current_exchange = nullptr;
 void SetListenOptions(socket_t listener) {
   const int yes = 1;
   setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+}
+
+// Types have no case (RFC 9110, section 8.3.1), but the library knows forms in lower case only.
+void LowerMediaType(httplib::Headers& headers) {
+  const auto type = headers.find("Content-Type");
+  if (type == headers.end()) return;
+  std::string& text = type->second;
+  const auto end = std::find(text.begin(), text.end(), ';');
+  std::transform(text.begin(), end, text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
 }
 
 bool AsksForHealth(const RequestHead& head) {
@@ -237,6 +248,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
           // give for pictures and short JSON.
           request.ranges.clear();
           request.headers.erase("Accept-Encoding");
+          LowerMediaType(request.headers);
           if (connection.body_received()) request.headers.erase("Expect");  // was answered
         });
     current_exchange = nullptr;

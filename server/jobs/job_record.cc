@@ -2,11 +2,38 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/job_record.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "index/json/json.h"
 
 namespace pliant::server {
+
+namespace {
+
+// What is written by another program, or damaged, may be of any type.
+std::string TextOr(const Json& object, const char* key, const std::string& fallback) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : fallback;
+}
+
+Problem ReadProblem(const Json& json) {
+  Problem problem{.code = TextOr(json, "code", "internal"),
+                  .detail = TextOr(json, "detail", ""),
+                  .parameter = TextOr(json, "parameter", "")};
+  const auto status = json.find("status");
+  if (status != json.end() && status->is_number_unsigned() && *status < 600) {
+    problem.status = status->get<int>();
+  }
+  return problem;
+}
+
+bool IsSkippedItem(const Json& json) {
+  return json.is_array() && json.size() == 3 &&
+         std::all_of(json.begin(), json.end(), [](const Json& text) { return text.is_string(); });
+}
+
+}  // namespace
 
 JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
   JobRecord record;
@@ -57,15 +84,9 @@ JobStatus FromRecord(const JobRecord& record) {
   status.finished_ms = record.finished_ms;
   const Json report = Json::parse(record.report, nullptr, /*allow_exceptions=*/false);
   if (!report.is_object()) return status;
-  if (report.contains("problem")) {
-    const Json& problem = report["problem"];
-    status.problem = Problem{.status = problem.value("status", 500),
-                             .code = problem.value("code", "internal"),
-                             .detail = problem.value("detail", ""),
-                             .parameter = problem.value("parameter", "")};
-  }
+  if (report.contains("problem")) status.problem = ReadProblem(report["problem"]);
   for (const Json& item : report.value("skipped", Json::array())) {
-    status.skipped.push_back({item.at(0), item.at(1), item.at(2)});
+    if (IsSkippedItem(item)) status.skipped.push_back({item[0], item[1], item[2]});
   }
   return status;
 }

@@ -9,6 +9,7 @@
 namespace pliant::server {
 
 JobRecord ToRecord(const JobStatus& status, const std::string& owner);
+// What is missing in the record's JSON, or of another type, is left out.
 JobStatus FromRecord(const JobRecord& record);
 
 std::int64_t UnixMs();  // now

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Base64 of cursors, keys and descriptors.
+#include <algorithm>
+
+#include "server/http/json.h"
+#include "tests/fuzz/fuzz.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using pliant::fuzz::Require;
+  const std::string text(pliant::fuzz::TextOf({data, size}));
+  std::string bytes;
+  if (pliant::server::Base64UrlDecode(text, &bytes)) {
+    Require(pliant::server::Base64UrlEncode(bytes) == text, "bytes have one form");
+  }
+  const std::string encoded = pliant::server::Base64UrlEncode(text);
+  Require(pliant::server::Base64UrlDecode(encoded, &bytes) && bytes == text,
+          "what is encoded can be decoded");
+  std::string padded = pliant::server::Base64(text.data(), text.size());
+  Require(padded.size() % 4 == 0, "the usual form is padded");
+  std::replace(padded.begin(), padded.end(), '+', '-');
+  std::replace(padded.begin(), padded.end(), '/', '_');
+  Require(padded.substr(0, padded.find('=')) == encoded, "both forms are of the same bits");
+  return 0;
+}

@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Filters on metadata. An input is a filter's JSON on the first line, and metadata behind it.
+#include "index/files/text.h"
+#include "index/records/filter.h"
+#include "tests/fuzz/fuzz.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using pliant::fuzz::Accepts;
+  using pliant::fuzz::Require;
+  std::string_view text = pliant::fuzz::TextOf({data, size});
+  const std::string json(pliant::fuzz::TakeLine(text));
+  const std::string metadata(text);
+  pliant::Filter filter;
+  if (!Accepts([&] { filter = pliant::ParseFilter(json); })) return 0;
+  Require(Accepts([&] { pliant::CheckFilter(filter); }), "a filter that is read is valid");
+  const bool passes = pliant::Passes(filter, metadata);
+  std::string canonical;
+  if (Accepts([&] { canonical = pliant::CanonicalMetadata(metadata); })) {
+    Require(pliant::Passes(filter, canonical) == passes, "metadata pass as they are stored");
+  }
+  for (const pliant::FilterCondition& condition : filter.conditions) {
+    pliant::Filter one;
+    one.conditions.push_back(condition);
+    Require(!passes || pliant::Passes(one, metadata), "all conditions hold");
+  }
+  return 0;
+}

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Decoding of pictures under small limits. libFuzzer's -malloc_limit_mb says whether they hold.
+#include <algorithm>
+
+#include "descriptor/image/image.h"
+#include "descriptor/image/quiet_decoders.h"
+#include "tests/fuzz/fuzz.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using pliant::fuzz::Require;
+  static const bool kQuiet = (pliant::QuietDecoders(), true);
+  static_cast<void>(kQuiet);
+  pliant::DecodeOptions options{.max_side_px = size % 2 == 0 ? 0 : 48,
+                                .max_pixels = 256 * 1024,
+                                .max_decode_bytes = 4 << 20,
+                                .min_side_px = 4,
+                                .colour = size % 3 != 0};
+  pliant::DecodedImage decoded;
+  const bool accepted = pliant::fuzz::Accepts([&] {
+    decoded = pliant::DecodeImage({data, size}, options);
+  });
+  if (!accepted) return 0;
+  const pliant::Image& image = decoded.image;
+  Require(image.channels == (options.colour ? 3 : 1), "the channels are those asked for");
+  Require(image.pixels.size() == static_cast<std::size_t>(image.width) *
+                                     static_cast<std::size_t>(image.height) *
+                                     static_cast<std::size_t>(image.channels),
+          "a picture has all its pixels");
+  Require(std::min(decoded.original_width, decoded.original_height) >= options.min_side_px,
+          "no side is too short");
+  Require(std::int64_t{decoded.original_width} * decoded.original_height <= options.max_pixels,
+          "no picture is too large");
+  Require(options.max_side_px == 0 || std::max(image.width, image.height) <= options.max_side_px,
+          "no side is too long");
+  const pliant::ImageHeader header = pliant::ReadImageHeader({data, size});
+  const bool turned = header.exif_orientation >= 5;
+  Require((turned ? header.height : header.width) == decoded.original_width &&
+              (turned ? header.width : header.height) == decoded.original_height,
+          "the header says the size of the picture");
+  return 0;
+}

@@ -1,0 +1,111 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the fuzz targets one after another and prints what they reached.
+
+    cmake --preset fuzz && cmake --build --preset fuzz
+    tests/fuzz/run.py SECONDS [TARGET ...] [--build build/fuzz] [--keep]
+
+SECONDS is for each target. What it finds lies in BUILD/finds, the inputs that reached new code in
+BUILD/corpora, where the next run goes on. --keep adds to the corpora of the repository what reaches more than they
+do, the smallest files first, as far as there is room. The exit status is 1 when something was found.
+"""
+import argparse
+import hashlib
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+MOST_FILES = 50  # of a corpus in the repository
+MOST_BYTES = 4096  # of a file that is added to it
+SHARED = {"picture_structure": "picture"}  # targets that have the corpus of another
+# An allocation that large breaks a limit: the largest is for 4 MiB (picture_fuzz.cc).
+MOST_FINDS = 10  # of a target, then it is left
+LIMITS = ["-malloc_limit_mb=64", "-rss_limit_mb=2048", "-timeout=20", "-max_len=8192"]
+LIMITS_OF = {"weights": ["-max_len=16384"]}
+
+
+def run_once(program, arguments, seconds):
+    """(exit status, executions, edges) of one run of libFuzzer."""
+    done = subprocess.run([program, *arguments, f"-max_total_time={seconds}", "-print_final_stats=1"],
+                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
+    executions = re.search(r"stat::number_of_executed_units:\s+(\d+)", done.stderr)
+    reached = re.findall(r"cov: (\d+) ", done.stderr)
+    if not executions and done.returncode == 0:
+        sys.exit(f"{program} says nothing about its run:\n{done.stderr[-2000:]}")
+    return done.returncode, int(executions[1]) if executions else 0, max(map(int, reached), default=0)
+
+
+def fuzz(build, target, seconds):
+    """Runs a target for so long, again after each find, and returns a row of the table."""
+    program = build / "bin" / f"fuzz_{target}"
+    corpus = build / "corpora" / target
+    finds = build / "finds"
+    corpus.mkdir(parents=True, exist_ok=True)
+    finds.mkdir(exist_ok=True)
+    before = set(finds.glob(f"{target}-*"))
+    arguments = [corpus, HERE / "corpus" / SHARED.get(target, target), *LIMITS, *LIMITS_OF.get(target, []),
+                 f"-artifact_prefix={finds}/{target}-"]
+    begin, executions, edges, status = time.monotonic(), 0, 0, 0
+    while (left := seconds - (time.monotonic() - begin)) >= 1:
+        once, more, reached = run_once(program, arguments, int(left))
+        executions, edges, status = executions + more, max(edges, reached), status or once
+        if once == 0 or len(set(finds.glob(f"{target}-*")) - before) >= MOST_FINDS:
+            break
+    found = set(finds.glob(f"{target}-*")) - before
+    if status != 0 and not found:
+        sys.exit(f"{program} ended with {status}, without a find")
+    elapsed = time.monotonic() - begin
+    return target, executions, executions / elapsed, edges, len(list(corpus.iterdir())), len(found)
+
+
+def keep(build, target):
+    """Adds what reaches more than the repository's corpus does."""
+    corpus = HERE / "corpus" / SHARED.get(target, target)
+    with tempfile.TemporaryDirectory() as folder:
+        small = pathlib.Path(folder) / "small"
+        merged = pathlib.Path(folder) / "merged"
+        small.mkdir()
+        merged.mkdir()
+        for file in corpus.iterdir():
+            (merged / file.name).write_bytes(file.read_bytes())
+        for file in (build / "corpora" / target).iterdir():
+            if file.stat().st_size <= MOST_BYTES:
+                (small / file.name).write_bytes(file.read_bytes())
+        subprocess.run([build / "bin" / f"fuzz_{target}", "-merge=1", *LIMITS, *LIMITS_OF.get(target, []), merged, small],
+                       stderr=subprocess.DEVNULL, check=True)
+        new = sorted((file for file in merged.iterdir() if not (corpus / file.name).exists()),
+                     key=lambda file: file.stat().st_size)
+        room = MOST_FILES - len(list(corpus.iterdir()))
+        for file in new[:max(room, 0)]:
+            data = file.read_bytes()
+            (corpus / f"found_{hashlib.sha256(data).hexdigest()[:12]}").write_bytes(data)
+        print(f"{target}: {len(new)} inputs reach more, {min(len(new), max(room, 0))} kept")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser.add_argument("seconds", type=int)
+    parser.add_argument("targets", nargs="*", metavar="TARGET")
+    parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build" / "fuzz")
+    parser.add_argument("--keep", action="store_true")
+    options = parser.parse_args()
+    targets = options.targets or sorted(path.name.removesuffix("_fuzz.cc") for path in HERE.glob("*_fuzz.cc"))
+    print(f"{'target':20} {'executions':>12} {'per second':>10} {'edges':>7} {'corpus':>7} {'finds':>6}")
+    found = 0
+    for target in targets:
+        row = fuzz(options.build, target, options.seconds)
+        print("{:20} {:>12} {:>10.0f} {:>7} {:>7} {:>6}".format(*row), flush=True)
+        found += row[-1]
+    if options.keep:
+        for target in targets:
+            keep(options.build, target)
+    sys.exit(1 if found else 0)
+
+
+if __name__ == "__main__":
+    main()

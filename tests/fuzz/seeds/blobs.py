@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files and blobs of our own formats (index/README.md, section FORMAT; descriptor/base/safetensors.h)."""
+import json
+import math
+import pathlib
+import re
+import struct
+import sys
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+TYPE_BYTES = {"F16": 2, "F32": 4, "U8": 1}
+
+
+def safetensors(header, data=b""):
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    return struct.pack("<Q", len(text)) + text + data
+
+
+def tensor(dtype, shape, begin):
+    return {"dtype": dtype, "shape": shape, "data_offsets": [begin, begin + TYPE_BYTES[dtype] * math.prod(shape)]}
+
+
+def tensor_files():
+    a, b = tensor("F32", [2, 3], 0), tensor("F16", [2], 24)
+    two = {"__metadata__": {"model_id": "x"}, "a": a, "b": b}
+    data = struct.pack("<6f", *range(6)) + struct.pack("<2e", 1, -2)
+    return {
+        "two": safetensors(two, data),
+        "nan": safetensors({"a": a}, struct.pack("<6f", 1, 2, math.nan, math.inf, 0, -0.0)),
+        "scalar": safetensors({"s": tensor("U8", [], 0)}, b"\7"),
+        "nothing": safetensors({}),
+        "no_values": safetensors({"e": tensor("F32", [0, 4], 0)}),
+        "gap": safetensors({"a": a, "b": tensor("F16", [2], 26)}, data + b"\0\0"),
+        "overlap": safetensors({"a": a, "b": tensor("F16", [2], 20)}, data[:24]),
+        "twice": safetensors(b'{"a":{"dtype":"U8","shape":[1],"data_offsets":[0,1]},"a":1}', b"\0"),
+        "deep": safetensors(b"[" * 300 + b"]" * 300),
+        "huge": safetensors(b'{"a":{"dtype":"U8","shape":[1099511627776,1099511627776],"data_offsets":[0,1]}}', b"\0"),
+        "cut": safetensors(two, data)[:-3],
+        "long_header": struct.pack("<Q", 1 << 62) + b"{}",
+    }
+
+
+def weights():
+    """The header of DEAL's weights, of half floats and with the narrowest hidden layers."""
+    with (ROOT / "descriptor/model/deal.safetensors").open("rb") as file:
+        header = json.loads(file.read(*struct.unpack("<Q", file.read(8))))
+    metadata, offset, small = header.pop("__metadata__"), 0, {}
+    for name, entry in sorted(header.items()):
+        shape = entry["shape"]
+        hidden = re.fullmatch(r"localization\.fc(\d)\.(weight|bias)", name)
+        if hidden:
+            layer, what = int(hidden[1]), hidden[2]
+            rows = 132 if layer == 4 else 1
+            shape = [rows] if what == "bias" else [rows, 3200 if layer == 1 else 1]
+        small[name] = tensor("F16", shape, offset)
+        offset = small[name]["data_offsets"][1]
+    expected = int(re.search(r"kDataBytes = ([\d']+);", (HERE.parent / "weights_fuzz.cc").read_text())[1].replace("'", ""))
+    if offset != expected:
+        sys.exit(f"the smallest weights have {offset} bytes of data: change kDataBytes in weights_fuzz.cc")
+    whole = {"__metadata__": {key: metadata[key] for key in ("format", "radius_per_size")}, **small}
+    wrong = {**whole, "__metadata__": {"format": "pliant-deal", "radius_per_size": "1e999"}}
+    missing = {name: entry for name, entry in whole.items() if "conv1" not in name}
+
+    def text(value):
+        return json.dumps(value, separators=(",", ":")).encode()
+
+    return {"whole": text(whole), "radius": text({"__metadata__": wrong["__metadata__"]}),
+            "missing": text(missing)[:2000], "other": text({"__metadata__": {"format": "other"}})}
+
+
+def features(kind, encoding, dim, rows, row, **changes):
+    values = {"magic": b"PLFT", "version": 1, "reserved": 0, "width": 640, "height": 480, **changes}
+    body = struct.pack("<4sBBBBIIII", values["magic"], values["version"], kind, encoding, values["reserved"], rows, dim,
+                       values["width"], values["height"])
+    points = b"".join(struct.pack("<5fi", i + 0.5, i, 7, 30 * i, 0.25, -1) for i in range(rows))
+    return body + points + row * rows
+
+
+def feature_blobs():
+    scaled = struct.pack("<f4b", 0.125, 127, -127, 3, 0)
+    return {
+        "bits": features(1, 0, 4, 3, b"\x0f\xf0\xaa\x55"),
+        "whole": features(0, 1, 4, 3, b"\0\1\x7f\xff"),
+        "scaled": features(0, 2, 4, 3, scaled),
+        "small_step": features(0, 2, 4, 1, struct.pack("<f4b", 1e-42, 127, -128, 3, 0)),
+        "not_finite": features(0, 2, 4, 1, struct.pack("<f4b", math.inf, 127, -127, 3, 0)),
+        "zero": features(0, 2, 4, 1, bytes(8)),
+        "empty": features(0, 1, 128, 0, b""),
+        "no_dim": features(0, 1, 0, 2, b""),
+        "wide": features(0, 1, 4, 1, b"\0\1\2\3", width=0xFFFFFFFF),
+        "reserved": features(0, 1, 4, 1, b"\0\1\2\3", reserved=9),
+        "version": features(0, 1, 4, 1, b"\0\1\2\3", version=2),
+        "many": features(0, 1, 4, 0, b"")[:8] + struct.pack("<II", 1 << 20, 1 << 14) + bytes(8),
+    }
+
+
+def varint(value):
+    out = b""
+    while value >= 0x80:
+        out += bytes([value & 0x7F | 0x80])
+        value >>= 7
+    return out + bytes([value])
+
+
+def bow(version, entries, signatures=b"", codes=b""):
+    """The vocabulary has 2^10 words."""
+    return (bytes([10, version]) + varint(len(entries)) + b"".join(varint(gap) + varint(n) for gap, n in entries)
+            + signatures + codes)
+
+
+def bow_blobs():
+    entries = [(3, 1), (0, 2), (200, 1)]
+    return {
+        "words": bow(1, entries),
+        "signed": bow(2, entries, bytes(range(24))),
+        "coded": bow(3, entries, bytes(24), varint(2) + bytes(range(8))),
+        "empty": bow(1, []),
+        "empty_coded": bow(3, [], b"", varint(5)),
+        "too_far": bow(1, [(1023, 1), (0, 1)]),
+        "no_count": bow(1, [(1, 0)]),
+        "counts_beyond_32_bits": bow(3, [(1, 0xFFFFFFFF), (1, 2)], bytes(16), varint(4) + bytes(4)),
+        "long_number": bytes([10, 1, 0x81, 0x80, 0x80, 0x80, 0x00, 3, 1]),
+        "too_long": bytes([10, 1, 1, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F, 1]),
+        "more": bow(1, entries) + b"\0",
+    }
+
+
+def codebook(kind, dim, words, code_bytes, part_dim, values=()):
+    return bytes([kind, dim - 1, words - 1, 1]) + varint(code_bytes) + varint(part_dim) + struct.pack(
+        f"<{len(values)}f", *values)
+
+
+def codebook_blobs():
+    def floats(scale):
+        rotation = [float(i // 4 == i % 4) for i in range(16)]
+        return rotation + [scale * (i % 17 - 8) for i in range(4 * 16)]
+
+    return {
+        "floats": codebook(0, 4, 3, 1, 2, floats(0.25)),
+        "padded": codebook(0, 3, 2, 1, 2, [0.5] * 12 + [0.1 * i for i in range(64)]),
+        "large": codebook(0, 4, 3, 1, 2, floats(1e37)),
+        "small": codebook(0, 4, 3, 1, 2, floats(1e-44)),
+        "none": codebook(0, 4, 3, 0, 0),
+        "binary": codebook(1, 4, 3, 4, 0),
+        "binary_other": codebook(1, 4, 3, 5, 0),
+        "not_finite": codebook(0, 4, 3, 1, 2, floats(math.inf)),
+        "huge": codebook(0, 4, 3, 1 << 14, 1 << 14),
+    }
+
+
+SEEDS = {"safetensors": tensor_files, "weights": weights, "feature_blob": feature_blobs, "bow_blob": bow_blobs,
+         "codebook_blob": codebook_blobs}
