@@ -74,10 +74,11 @@ class OriginalStore {
                                                 std::uint64_t size) const;
 
   std::vector<std::string> List() const;  // hashes of all published files
-  // Removes what dead writers left in `incoming`; how many.
+  // Removes what dead writers left in `incoming`, and of Claim(); how many.
   std::uint64_t RemoveAbandoned() const;
 
  private:
+  std::uint64_t RemoveAbandonedClaims() const;
   std::filesystem::path PathOf(const std::string& sha256) const;
 
   std::filesystem::path directory_;
