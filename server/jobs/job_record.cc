@@ -29,6 +29,7 @@ JobRecord ToRecord(const JobStatus& status) {
                          {"parameter", status.problem->parameter},
                          {"detail", status.problem->detail}};
   }
+  if (status.cancelled) report["cancelled"] = true;
   for (const SkippedItem& item : status.skipped) {
     report["skipped"].push_back({item.item, item.code, item.reason});
   }
@@ -56,6 +57,7 @@ JobStatus FromRecord(const JobRecord& record) {
   status.finished_ms = record.finished_ms;
   const Json report = Json::parse(record.report, nullptr, /*allow_exceptions=*/false);
   if (!report.is_object()) return status;
+  status.cancelled = report.value("cancelled", false);
   if (report.contains("problem")) {
     const Json& problem = report["problem"];
     status.problem = Problem{.status = problem.value("status", 500),

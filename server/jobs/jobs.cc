@@ -77,7 +77,8 @@ void JobQueue::Load() {
     const std::lock_guard lock(mutex_);
     jobs_.push_back(job);
     if (!IsActive(job->status.state)) continue;
-    if (!MayGoOn(job->status)) {
+    job->cancelled = job->status.cancelled;
+    if (job->cancelled || !MayGoOn(job->status)) {
       lost.push_back(job);
       continue;
     }
@@ -88,13 +89,15 @@ void JobQueue::Load() {
     queue_.push_back(job);
   }
   for (const auto& job : lost) {
-    JobStatus failed = job->status;
-    failed.state = JobState::kFailed;
-    failed.problem =
-        ProblemError("interrupted",
-                     "The server ended while this ran, and it cannot go on. Start it anew.")
-            .problem();
-    Become(*job, std::move(failed));
+    JobStatus ended = job->status;
+    ended.state = ended.cancelled ? JobState::kCancelled : JobState::kFailed;
+    if (!ended.cancelled) {
+      ended.problem =
+          ProblemError("interrupted",
+                       "The server ended while this ran, and it cannot go on. Start it anew.")
+              .problem();
+    }
+    Become(*job, std::move(ended));
   }
 }
 
@@ -157,17 +160,28 @@ JobStatus JobQueue::Get(const std::string& id) const {
 JobStatus JobQueue::Cancel(const std::string& id) {
   std::shared_ptr<Job> job;
   JobStatus status;
+  bool waited = false;
   {
     const std::lock_guard lock(mutex_);
     job = Find(id);
+    status = job->status;
+    if (!IsActive(status.state)) return status;
     job->cancelled = true;
     job->stop.request_stop();
-    status = job->status;
-    if (std::erase(queue_, job) == 0) return status;  // it runs or has ended
+    waited = std::erase(queue_, job) > 0;
   }
-  status.state = JobState::kCancelled;
-  Become(*job, std::move(status));
-  return Get(id);
+  if (waited) {
+    status.state = JobState::kCancelled;
+    Become(*job, std::move(status));
+    return Get(id);
+  }
+  const std::lock_guard saving(saving_);
+  {
+    const std::lock_guard lock(mutex_);
+    status = job->status;
+  }
+  if (IsActive(status.state)) SaveOrThrow(*job, status);  // what is promised must survive
+  return status;
 }
 
 std::vector<JobStatus> JobQueue::List() const {

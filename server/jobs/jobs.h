@@ -46,6 +46,7 @@ struct JobStatus {
   double total = 1;
   std::uint64_t failed = 0;          // items that could not be done
   int attempts = 0;                  // times it was begun
+  bool cancelled = false;            // it was asked to end, and is not begun again
   std::vector<SkippedItem> skipped;  // the first JobQueue::kMaxSkipped of them
   std::optional<Problem> problem;    // when kFailed
   std::string result;                // address of what was made; empty until kDone
@@ -105,7 +106,9 @@ class JobQueue {
 
   // Throw ProblemError "job_not_found".
   JobStatus Get(const std::string& id) const;
-  JobStatus Cancel(const std::string& id);  // no effect on a job that has ended
+  // No effect on a job that has ended. One that runs ends soon, and is not begun again by a later
+  // start; throws what the store throws when that cannot be written down.
+  JobStatus Cancel(const std::string& id);
 
   std::vector<JobStatus> List() const;  // newest first
   // A queued or running job of that kind, if any.
@@ -119,7 +122,7 @@ class JobQueue {
   struct Job {
     JobStatus status;
     std::stop_source stop;
-    bool cancelled = false;
+    bool cancelled = false;  // the latest: Save() writes this one
     std::chrono::steady_clock::time_point saved;
   };
 
@@ -134,7 +137,8 @@ class JobQueue {
   void ForgetRows();                                       // saving_ held; the same in the store
   // Writes down what a job has become, then shows it. No mutex held.
   void Become(Job& job, JobStatus status);
-  void Save(const JobStatus& status);  // saving_ held; a failure is logged
+  void Save(const Job& job, JobStatus status);         // saving_ held; a failure is logged
+  void SaveOrThrow(const Job& job, JobStatus status);  // saving_ held
 
   ServiceStore* store_;
   std::map<std::string, JobKind> kinds_;  // not changed after Start()

@@ -55,7 +55,7 @@ void JobQueue::OnProgress(Job& job, double done, double total) {
     job.saved = now;
     status = job.status;
   }
-  Save(status);
+  Save(job, std::move(status));
 }
 
 void JobQueue::Execute(const std::shared_ptr<Job>& job) {
@@ -114,7 +114,7 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
 void JobQueue::Become(Job& job, JobStatus status) {
   if (!IsActive(status.state)) status.finished_ms = UnixMs();
   const std::lock_guard saving(saving_);
-  Save(status);
+  Save(job, status);
   {
     const std::lock_guard lock(mutex_);
     job.status = std::move(status);
@@ -123,13 +123,21 @@ void JobQueue::Become(Job& job, JobStatus status) {
 }
 
 // A job does its work whether or not its progress can be written down at the moment.
-void JobQueue::Save(const JobStatus& status) {
-  if (store_ == nullptr) return;
+void JobQueue::Save(const Job& job, JobStatus status) {
   try {
-    store_->SaveJob(ToRecord(status));
+    SaveOrThrow(job, std::move(status));
   } catch (const Error& error) {
     spdlog::warn("job {}: its state could not be saved: {}", status.id, error.what());
   }
+}
+
+void JobQueue::SaveOrThrow(const Job& job, JobStatus status) {
+  if (store_ == nullptr) return;
+  {
+    const std::lock_guard lock(mutex_);
+    status.cancelled = job.cancelled;  // it may have been cancelled since `status` was taken
+  }
+  store_->SaveJob(ToRecord(status));
 }
 
 }  // namespace pliant::server
