@@ -31,4 +31,8 @@ std::unique_ptr<Store> OpenStore(const StoreOptions& options);
 // "database_not_found" and what OpenStore throws for files that are no database.
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
 
+// Removes the incomplete copies that killed processes have left in a directory of backups, once
+// they are a minute old. Returns how many. Never throws.
+std::uint64_t RemoveAbandonedBackups(const std::filesystem::path& directory);
+
 }  // namespace pliant

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -44,7 +45,9 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
                   "); it was left untouched: name another file");
 }
 
-constexpr const char* kSideFiles[] = {"", "-wal", "-shm", "-journal"};
+// The file itself last: as long as it is there, what remains is found.
+constexpr const char* kSideFiles[] = {"-wal", "-shm", "-journal", ""};
+constexpr const char* kTemporaryMark = ".new-";
 
 void RemoveWithSideFiles(const fs::path& path) noexcept {
   for (const char* suffix : kSideFiles) {
@@ -62,7 +65,7 @@ class TemporaryFile {
   explicit TemporaryFile(const fs::path& beside) {
     static std::atomic<unsigned> counter{0};
     path_ = beside;
-    path_ += ".new-" + std::to_string(::getpid()) + "-" + std::to_string(++counter);
+    path_ += kTemporaryMark + std::to_string(::getpid()) + "-" + std::to_string(++counter);
     RemoveWithSideFiles(path_);
     file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
     if (file_ < 0) ThrowErrno("cannot make", path_);
@@ -99,6 +102,35 @@ bool IsAbandoned(const fs::path& path) {
   return free;
 }
 
+// Whether `name` is that of a TemporaryFile, with kTemporaryMark at `mark`.
+bool IsTemporaryName(const std::string& name, std::size_t mark) {
+  const std::size_t digits = mark + std::strlen(kTemporaryMark);
+  return mark != std::string::npos && name.size() > digits &&
+         name.find_first_not_of("0123456789-", digits) == std::string::npos;
+}
+
+// A database, or one of which no page has been written yet.
+bool MayBeDatabase(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::array<char, 16> begin{};
+  file.read(begin.data(), begin.size());
+  if (file.gcount() == 0) return file.eof();
+  return begin == std::array<char, 16>{} ||
+         std::memcmp(begin.data(), "SQLite format 3", begin.size()) == 0;
+}
+
+// Removes the databases in `directory` that `is_abandoned` names.
+std::uint64_t RemoveDatabases(const fs::path& directory,
+                              const std::function<bool(const fs::path&)>& is_abandoned) {
+  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
+  std::vector<fs::path> abandoned;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
+    if (is_abandoned(entry.path())) abandoned.push_back(entry.path());
+  }
+  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
+  return abandoned.size();
+}
+
 // Gives `from` the name `to` unless that name is taken by more than an empty file. False = taken.
 bool Publish(const fs::path& from, const fs::path& to, bool may_replace_empty) {
   SyncPath(from, O_RDONLY);
@@ -123,18 +155,20 @@ std::int64_t NowMs() {
 }
 
 void RemoveAbandoned(const fs::path& database) {
-  const std::string begin = database.filename().string() + ".new-";
-  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
-  std::vector<fs::path> abandoned;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(fs::absolute(database).parent_path(), ignored)) {
-    const std::string name = entry.path().filename().string();
-    const bool is_temporary =
-        name.starts_with(begin) && name.size() > begin.size() &&
-        name.find_first_not_of("0123456789-", begin.size()) == std::string::npos;
-    if (is_temporary && IsAbandoned(entry.path())) abandoned.push_back(entry.path());
-  }
-  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
+  const std::string begin = database.filename().string() + kTemporaryMark;
+  RemoveDatabases(fs::absolute(database).parent_path(), [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    const std::size_t mark = begin.size() - std::strlen(kTemporaryMark);
+    return name.starts_with(begin) && IsTemporaryName(name, mark) && IsAbandoned(path);
+  });
+}
+
+std::uint64_t RemoveAbandonedBackups(const fs::path& directory) {
+  return RemoveDatabases(fs::absolute(directory), [](const fs::path& path) {
+    const std::string name = path.filename().string();
+    return IsTemporaryName(name, name.rfind(kTemporaryMark)) && IsAbandoned(path) &&
+           MayBeDatabase(path);
+  });
 }
 
 FileState InspectDatabaseFile(const fs::path& path) {
@@ -215,7 +249,7 @@ void BackupDatabase(Connection& source, const fs::path& target) {
                      DisplayPath(target) + " exists already; name a new file for the backup");
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) throw exists;
-  RemoveAbandoned(target);
+  RemoveAbandonedBackups(fs::absolute(target).parent_path());
   TemporaryFile temporary(target);
   {
     SQLite::Database copy(fs::absolute(temporary.path()).string(),

@@ -4,6 +4,7 @@
 // to index/.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 #include "descriptor/features/descriptor.h"
@@ -26,12 +27,17 @@ void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& mod
 // name. Those that are being made by living ones are locked and stay.
 void RemoveAbandoned(const std::filesystem::path& database);
 
+// The same of backups in the making in `directory`, whatever their names. Files that cannot be
+// ours stay. Returns how many were removed.
+std::uint64_t RemoveAbandonedBackups(const std::filesystem::path& directory);
+
 // Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
 // Error kConflict "old_schema".
 void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, int busy_timeout_ms);
 
 // Copies the database of `source` to `target` while it is in use: temporary file, fsync, rename.
-// Throws kConflict "backup_exists" when `target` exists.
+// What killed processes have left in that directory is removed first. Throws kConflict
+// "backup_exists" when `target` exists.
 void BackupDatabase(Connection& source, const std::filesystem::path& target);
 
 std::int64_t NowMs();  // Unix time
