@@ -50,4 +50,8 @@ struct RestoreResult {
 RestoreResult RestoreDatabase(const std::filesystem::path& backup,
                               const std::filesystem::path& database, bool replace);
 
+// Removes the incomplete copies that killed processes have left in a directory of backups, once
+// they are a minute old. Returns how many. Never throws.
+std::uint64_t RemoveAbandonedBackups(const std::filesystem::path& directory);
+
 }  // namespace pliant

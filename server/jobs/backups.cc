@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
+#include "index/store/open_store.h"
 
 namespace pliant::server {
 
@@ -93,6 +94,10 @@ JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
 }
 
 void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
+  if (!directory_.empty()) {
+    const std::uint64_t removed = RemoveAbandonedBackups(directory_);
+    if (removed > 0) spdlog::info("removed {} incomplete backups", removed);
+  }
   JobKind kind;
   kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
     const std::string name = job.parameters.at("name");

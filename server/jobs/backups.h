@@ -32,7 +32,8 @@ class Backups {
   // one with the time in it. Throws ProblemError "invalid_parameter" and "backup_exists".
   JobStatus Add(JobQueue& jobs, std::string name) const;
 
-  // Kind "backup". It is not resumed after a restart: it would copy a different state.
+  // Kind "backup". It is not resumed after a restart: it would copy a different state. What was
+  // left incomplete is removed, here and before the next backup, once it is a minute old.
   void RegisterJob(JobQueue& jobs, Engine& engine) const;
 
  private:

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The database file: made whole, recognised, migrated, refused untouched.
+#include "index/store/open_store.h"
 #include "index/store/sqlite/database.h"
 
 #include <array>
@@ -62,6 +63,38 @@ TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
   EXPECT_THAT(left,
               ::testing::UnorderedElementsAre("a.db.new-13-7", "a.db.new-x-1", "a.db.new-",
                                               "b.db.new-12-1", "a.db.newer", "a.db.new-99-1"));
+}
+
+TEST_F(DatabaseTest, WhatKilledBackupsLeftIsRemoved) {
+  const auto old = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
+  const std::string header("SQLite format 3\0", 16);
+  const auto leave = [&](const char* name, const std::string& text) {
+    WriteText(folder_ / name, text);
+    std::filesystem::last_write_time(folder_ / name, old);
+  };
+  leave("mon.db.new-12-1", header + "pages");
+  leave("mon.db.new-12-1-journal", "pages");
+  leave("tue.db.new-12-2", "");
+  leave("wed.db.new-12-3", std::string(8192, '\0'));
+  leave("letter.new-12-3", "of somebody");
+  leave("thu.db", header);
+  leave("fri.db.new-13-1", header);
+  WriteText(folder_ / "sat.db.new-14-1", header);
+  const int living = ::open((folder_ / "fri.db.new-13-1").c_str(), O_RDONLY);
+  ASSERT_EQ(::flock(living, LOCK_EX), 0);
+  CreateDatabase(file_, kModel);
+  Connection db = Open();
+  BackupDatabase(db, folder_ / "sun.db");  // another name than those
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "mon.db.new-12-1"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "mon.db.new-12-1-journal"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "tue.db.new-12-2"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "wed.db.new-12-3"));
+  for (const char* name : {"letter.new-12-3", "thu.db", "fri.db.new-13-1", "sat.db.new-14-1"}) {
+    EXPECT_TRUE(std::filesystem::exists(folder_ / name)) << name;
+  }
+  ::close(living);
+  EXPECT_EQ(RemoveAbandonedBackups(folder_.path()), 1u) << "its process has ended";
+  EXPECT_EQ(RemoveAbandonedBackups(folder_ / "missing"), 0u);
 }
 
 TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {

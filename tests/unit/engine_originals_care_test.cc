@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Directories of originals looked after: moved, swept, copied, backed up.
+#include <atomic>
+#include <thread>
+#include <vector>
+
 #include <gmock/gmock.h>
 
 #include "index/store/sqlite/original_store.h"
@@ -93,6 +97,14 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
   fs::create_directory(directory_ / "ee");
   WriteText(directory_ / "ee" / orphan, "renamed, never committed");
   WriteText(directory_ / "incoming" / "dead", "half a pic");
+  const fs::path claim = directory_ / "pliant-originals.new-77";
+  WriteText(claim, "an ow");
+  EXPECT_EQ(engine.SweepOriginals(), 2U);
+  EXPECT_TRUE(fs::exists(claim)) << "it could be of a living process";
+  fs::last_write_time(claim, fs::file_time_type::clock::now() - std::chrono::hours(1));
+  EXPECT_EQ(engine.SweepOriginals(), 1U);
+  WriteText(directory_ / "ee" / orphan, "renamed, never committed");
+  WriteText(directory_ / "incoming" / "dead", "half a pic");
   WriteText(directory_ / "ee" / "README", "somebody's");
   WriteText(directory_ / "notes.txt", "somebody's");
   const IncomingOriginal living(directory_, std::string(64, 'f'), RandomPng(9));
@@ -134,6 +146,48 @@ TEST_F(EngineOriginalsTest, ARemovalThatWasCutOffIsFinished) {
   EXPECT_THAT(tool.Check(), IsEmpty());
   EXPECT_FALSE(fs::exists(FileOf(1)));
   EXPECT_TRUE(fs::exists(FileOf(2)));
+}
+
+// Whoever is killed, or fails to commit, keeps the old state, and that has its file.
+TEST_F(EngineOriginalsTest, AFileIsNotRemovedBeforeTheCommitThatDroppedIt) {
+  constexpr int kThreads = 6;
+  Engine engine(Options(directory_));
+  std::atomic<bool> stop{false};
+  std::vector<std::string> missing;
+  std::jthread watcher([&] {  // what a process that opens the database now would find
+    SQLite::Database db(db_.string(), SQLite::OPEN_READONLY, 2000);
+    SQLite::Statement rows(
+        db, "SELECT picture, lower(hex(sha256)) FROM original_files ORDER BY picture");
+    SQLite::Statement still(db, "SELECT count(*) FROM original_files WHERE picture = ?");
+    while (!stop) {
+      std::vector<std::int64_t> gone;
+      for (; rows.executeStep();) {
+        const std::string sha256 = rows.getColumn(1).getString();
+        if (!fs::exists(directory_ / sha256.substr(0, 2) / sha256))
+          gone.push_back(rows.getColumn(0));
+      }
+      rows.reset();
+      for (const std::int64_t picture : gone) {  // unless its removal was committed meanwhile
+        still.bind(1, picture);
+        still.executeStep();
+        if (still.getColumn(0).getInt() != 0) missing.push_back(std::to_string(picture));
+        still.reset();
+      }
+    }
+  });
+  {
+    std::vector<std::jthread> threads;
+    for (std::uint64_t t = 0; t < kThreads; ++t) {
+      threads.emplace_back([&, t] {
+        for (std::uint64_t i = 0; i < 25; ++i) Add(engine, 100 * t + i, "p" + std::to_string(t));
+      });
+    }
+  }
+  stop = true;
+  watcher.join();
+  EXPECT_THAT(missing, IsEmpty());
+  EXPECT_THAT(engine.Check(), IsEmpty());
+  EXPECT_EQ(Files(), std::size_t{kThreads});
 }
 
 // What `cp a.db` and a backup are: they name a directory that is not theirs.

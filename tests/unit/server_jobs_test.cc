@@ -139,6 +139,39 @@ TEST_F(JobsTest, GoOnAfterARestart) {
   EXPECT_EQ(jobs.Get(running).attempts, 1) << "an orderly stop is no failed attempt";
 }
 
+// kill -9 between the answer to a cancellation and the end of the job.
+TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
+  std::promise<void> let_go;
+  JobQueue jobs(store_.get());
+  jobs.Register("wait", Kind([&](const JobStatus&, const JobContext& context) {
+                  while (!context.stop().stop_requested()) {
+                    std::this_thread::sleep_for(milliseconds(1));
+                  }
+                  context.Progress(1, 2);
+                  let_go.get_future().wait();  // it does not end at once
+                  return std::string("/done");
+                }));
+  jobs.Start();
+  const std::string id = jobs.Add("wait", "a", Json::object()).id;
+  while (jobs.Get(id).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
+  EXPECT_EQ(jobs.Cancel(id).state, JobState::kRunning);
+  {
+    JobQueue later(store_.get());  // what the next start of the server finds
+    later.Register("wait", Kind([](const JobStatus&, const JobContext&) -> std::string {
+                     ADD_FAILURE() << "it was cancelled";
+                     return "/done";
+                   }));
+    later.Start();
+    EXPECT_TRUE(later.WaitFor(id, kPatience));
+    EXPECT_EQ(later.Get(id).state, JobState::kCancelled);
+    EXPECT_NE(later.Get(id).finished_ms, 0);
+    EXPECT_FALSE(later.Get(id).problem);
+  }
+  let_go.set_value();
+  EXPECT_TRUE(jobs.WaitFor(id, kPatience));
+  EXPECT_EQ(jobs.Get(id).state, JobState::kDone) << "too late to end it";
+}
+
 // Another process holds the write lock: rows wait for it, and nobody waits for the rows.
 TEST_F(JobsTest, AreShownWhileTheDatabaseIsBusy) {
   JobQueue jobs(store_.get());

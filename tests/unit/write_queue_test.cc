@@ -9,6 +9,7 @@
 #include <memory>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -69,6 +70,42 @@ TEST_F(WriteQueueTest, WhatWorkThrowsUndoesItAloneAndIsThrownToItsCaller) {
   EXPECT_THROW(queue.Run([](Connection&) { throw 7; }), int);
   queue.Run(Insert);
   EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 1);
+}
+
+// Work with effects outside the database must not see what could still be undone.
+TEST_F(WriteQueueTest, WhatRunsAloneSeesOnlyWhatIsCommitted) {
+  WriteQueue queue(Open(), [] {});
+  std::promise<void> go;
+  std::shared_future<void> gate = go.get_future().share();
+  std::atomic<int> begun{0};
+  std::vector<std::jthread> threads;
+  threads.emplace_back([&] {  // holds the queue until all others wait in it
+    queue.Run([&](Connection&) {
+      ++begun;
+      gate.wait();
+    });
+  });
+  while (begun == 0) std::this_thread::yield();
+  std::atomic<int> uncommitted{0};
+  std::atomic<int> alone{0};
+  for (int i = 0; i < 12; ++i) {
+    threads.emplace_back([&, i] {
+      if (i % 3 != 1) return queue.Run(Insert);
+      queue.Run(
+          [&](Connection& db) {
+            const std::int64_t here = db.Scalar("SELECT count(*) FROM t");
+            if (here != Open()->Scalar("SELECT count(*) FROM t")) ++uncommitted;
+            ++alone;
+          },
+          {.alone = true});
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  go.set_value();
+  threads.clear();
+  EXPECT_EQ(alone, 4);
+  EXPECT_EQ(uncommitted, 0);
+  EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 8);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ void Access::BeginWriting(std::function<void()> after_commit) {
   });
 }
 
-void Access::Write(WriteQueue::Work work, bool reclaim) {
+void Access::Write(WriteQueue::Work work, const WriteOptions& options) {
   if (!writer_) {
     throw Error(ErrorCode::kReadOnly, "read_only",
                 "the database " + DisplayPath(path_) + " is open for reading only");
@@ -29,7 +29,7 @@ void Access::Write(WriteQueue::Work work, bool reclaim) {
           work(db);
           CheckInPlace();  // again, as near to the commit as can be
         },
-        reclaim);
+        options);
   });
 }
 

@@ -43,7 +43,7 @@ class Access {
   }
   // Runs `work` in the writer's transaction; see WriteQueue::Run. kReadOnly "read_only" before
   // BeginWriting.
-  void Write(WriteQueue::Work work, bool reclaim = false);
+  void Write(WriteQueue::Work work, const WriteOptions& options = {});
   // Runs `work` in a transaction of its own connection: before BeginWriting.
   void WriteAlone(const std::function<void(Connection& db)>& work);
 

@@ -15,6 +15,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/records/records.h"
+#include "index/store/open_store.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/sqlite_error.h"
@@ -139,7 +140,7 @@ void BackupDatabase(Connection& source, const fs::path& target) {
                      DisplayPath(target) + " exists already; name a new file for the backup");
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) throw exists;
-  RemoveAbandoned(target);
+  RemoveAbandonedBackups(fs::absolute(target).parent_path());
   NewDatabaseFile temporary(target);
   CopyDatabase(source, temporary.path());
   if (!temporary.Publish(target, NewDatabaseFile::Over::kNothing)) throw exists;

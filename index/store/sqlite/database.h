@@ -30,6 +30,7 @@ void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, i
 void CopyDatabase(Connection& source, const std::filesystem::path& target);
 
 // Copies it to the new file `target`, whole or not at all: temporary file, fsync, rename.
+// What killed processes have left in that directory is removed first.
 // Throws kConflict "backup_exists" when `target` exists.
 void BackupDatabase(Connection& source, const std::filesystem::path& target);
 

@@ -72,9 +72,11 @@ MoveOriginalsResult OriginalsKeeper::Move(const std::filesystem::path& directory
             ++moved;
           }
         },
-        !from_files);
+        {.reclaim = !from_files});
     result.moved += moved;
-    if (from_files) access_.Write([&](Connection& db) { target.RemoveDropped(db); });
+    if (from_files) {
+      access_.Write([&](Connection& db) { target.RemoveDropped(db); }, {.alone = true});
+    }
     if (progress) progress(static_cast<double>(result.moved + result.left) / total);
   }
   return result;

@@ -2,10 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/new_database.h"
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <functional>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -16,14 +20,18 @@
 #include <unistd.h>
 
 #include "index/files/durable_file.h"
+#include "index/store/open_store.h"
 
 namespace pliant {
 namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kMark = ".new-";
+
 void RemoveWithSideFiles(const fs::path& path) noexcept {
-  for (const char* suffix : {"", "-wal", "-shm", "-journal"}) {
+  // The file itself last: as long as it is there, what remains is found.
+  for (const char* suffix : {"-wal", "-shm", "-journal", ""}) {
     std::error_code ignored;  // it is not there, or it stays as a stray file beside the database
     fs::remove(fs::path(path.string() + suffix), ignored);
   }
@@ -41,12 +49,41 @@ bool IsAbandoned(const fs::path& path) {
   return free;
 }
 
+// Whether `name` is that of a NewDatabaseFile, with kMark at `mark`.
+bool IsTemporaryName(const std::string& name, std::size_t mark) {
+  const std::size_t digits = mark + std::strlen(kMark);
+  return mark != std::string::npos && name.size() > digits &&
+         name.find_first_not_of("0123456789-", digits) == std::string::npos;
+}
+
+// A database, or one of which no page has been written yet.
+bool MayBeDatabase(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::array<char, 16> begin{};
+  file.read(begin.data(), begin.size());
+  if (file.gcount() == 0) return file.eof();
+  return begin == std::array<char, 16>{} ||
+         std::memcmp(begin.data(), "SQLite format 3", begin.size()) == 0;
+}
+
+// Removes the databases in `directory` that `is_abandoned` names; how many.
+std::uint64_t RemoveDatabases(const fs::path& directory,
+                              const std::function<bool(const fs::path&)>& is_abandoned) {
+  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
+  std::vector<fs::path> abandoned;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
+    if (is_abandoned(entry.path())) abandoned.push_back(entry.path());
+  }
+  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
+  return abandoned.size();
+}
+
 }  // namespace
 
 NewDatabaseFile::NewDatabaseFile(const fs::path& beside) {
   static std::atomic<unsigned> counter{0};
   path_ = beside;
-  path_ += ".new-" + std::to_string(::getpid()) + "-" + std::to_string(++counter);
+  path_ += kMark + std::to_string(::getpid()) + "-" + std::to_string(++counter);
   RemoveWithSideFiles(path_);
   file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (file_ < 0) ThrowErrno("cannot make", path_);
@@ -82,18 +119,18 @@ bool NewDatabaseFile::Publish(const fs::path& name, Over over) {
 }
 
 void RemoveAbandoned(const fs::path& database) {
-  const std::string begin = database.filename().string() + ".new-";
-  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
-  std::vector<fs::path> abandoned;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(fs::absolute(database).parent_path(), ignored)) {
-    const std::string name = entry.path().filename().string();
-    const bool is_temporary =
-        name.starts_with(begin) && name.size() > begin.size() &&
-        name.find_first_not_of("0123456789-", begin.size()) == std::string::npos;
-    if (is_temporary && IsAbandoned(entry.path())) abandoned.push_back(entry.path());
-  }
-  for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
+  const std::string own = database.filename().string();
+  RemoveDatabases(fs::absolute(database).parent_path(), [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    return name.starts_with(own + kMark) && IsTemporaryName(name, own.size()) && IsAbandoned(path);
+  });
+}
+
+std::uint64_t RemoveAbandonedBackups(const fs::path& directory) {
+  return RemoveDatabases(fs::absolute(directory), [](const fs::path& path) {
+    const std::string name = path.filename().string();
+    return IsTemporaryName(name, name.rfind(kMark)) && IsAbandoned(path) && MayBeDatabase(path);
+  });
 }
 
 }  // namespace pliant

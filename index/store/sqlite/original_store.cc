@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <fstream>
 
 #include <fcntl.h>
@@ -24,7 +25,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kOwnerFile = "pliant-originals";
+constexpr const char* kNewOwnerFile = "pliant-originals.new-";  // and the process
 constexpr const char* kIncoming = "incoming";
+constexpr std::chrono::minutes kClaimTakes{1};  // no longer, by far
 constexpr std::size_t kHashDigits = 64;
 
 bool IsHash(const std::string& name) {
@@ -123,7 +126,7 @@ void OriginalStore::Claim(const OriginalsOwner& owner) const {
   MakeDirectory(directory_);
   MakeDirectory(directory_ / kIncoming);
   const fs::path file = directory_ / kOwnerFile;
-  const fs::path temporary = file.string() + ".new-" + std::to_string(::getpid());
+  const fs::path temporary = directory_ / (kNewOwnerFile + std::to_string(::getpid()));
   const std::string text = owner.id + "\n" + owner.database + "\n";
   const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (fd < 0) ThrowErrno("cannot make", temporary);
@@ -207,6 +210,18 @@ std::uint64_t OriginalStore::RemoveAbandoned() const {
     // Whoever writes it holds the lock, and lets go of it by ending.
     if (::flock(fd, LOCK_EX | LOCK_NB) == 0 && ::unlink(file.path().c_str()) == 0) ++removed;
     ::close(fd);
+  }
+  return removed + RemoveAbandonedClaims();
+}
+
+std::uint64_t OriginalStore::RemoveAbandonedClaims() const {
+  std::uint64_t removed = 0;
+  std::error_code none;
+  const auto young = fs::file_time_type::clock::now() - kClaimTakes;
+  for (const fs::directory_entry& file : fs::directory_iterator(directory_, none)) {
+    if (!file.path().filename().string().starts_with(kNewOwnerFile)) continue;
+    const auto written = fs::last_write_time(file.path(), none);
+    if (!none && written < young && ::unlink(file.path().c_str()) == 0) ++removed;
   }
   return removed;
 }

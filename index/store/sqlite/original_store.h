@@ -77,7 +77,7 @@ class OriginalStore {
                                                 std::uint64_t size) const;
 
   std::vector<std::string> List() const;  // hashes of all published files
-  // Removes what dead writers left in `incoming`; how many.
+  // Removes what dead writers left in `incoming`, and of Claim(); how many.
   std::uint64_t RemoveAbandoned() const;
 
  private:
@@ -91,6 +91,7 @@ class OriginalStore {
     std::set<std::filesystem::path> known_;
   };
 
+  std::uint64_t RemoveAbandonedClaims() const;
   std::filesystem::path PathOf(const std::string& sha256) const;
 
   std::filesystem::path directory_;

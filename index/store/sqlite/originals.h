@@ -43,10 +43,11 @@ class Originals {
   std::unique_ptr<IncomingOriginal> Receive(const std::string& sha256, Bytes bytes) const;
   // In the writer's transaction: `picture` has `bytes`, which are `incoming` if there is one.
   void Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const;
-  // Removes files whose last picture is gone. In the writer's transaction, after the commit that
-  // dropped it.
+  // Removes files whose last picture is gone. In a transaction of its own (WriteOptions::alone),
+  // after the commit that dropped it: in one with others' work it would remove files of pictures
+  // whose removal is not committed, and may never be.
   void RemoveDropped(Connection& db) const;
-  // Removes the file unless a picture refers to it. In the writer's transaction.
+  // Removes the file unless a picture refers to it. In a transaction of its own, too.
   bool RemoveUnreferenced(Connection& db, const std::string& sha256) const;
 
  private:

@@ -73,7 +73,7 @@ void OriginalsKeeper::Restore(const ImageRecord& stored, Bytes bytes) {
 void OriginalsKeeper::RemoveDropped() {
   if (!originals_.owned()) return;
   if (access_.Read([](Connection& db) { return DroppedOriginals(db).empty(); })) return;
-  access_.Write([&](Connection& db) { originals_.RemoveDropped(db); });
+  access_.Write([&](Connection& db) { originals_.RemoveDropped(db); }, {.alone = true});
 }
 
 void OriginalsKeeper::Tidy() {
@@ -87,7 +87,8 @@ void OriginalsKeeper::Tidy() {
 
 void OriginalsKeeper::Forget(const std::string& sha256) {
   try {
-    access_.Write([&](Connection& db) { originals_.RemoveUnreferenced(db, sha256); });
+    access_.Write([&](Connection& db) { originals_.RemoveUnreferenced(db, sha256); },
+                  {.alone = true});
   } catch (const Error&) {
     // What failed before is what the caller must hear of; the next sweep finds the file.
   }
@@ -103,11 +104,13 @@ std::uint64_t OriginalsKeeper::Sweep() {
     std::erase_if(orphans, [&](const std::string& sha256) { return IsOriginalFile(db, sha256); });
   });
   if (orphans.empty()) return removed;
-  access_.Write([&](Connection& db) {  // nobody can begin to refer to one meanwhile
-    for (const std::string& sha256 : orphans) {
-      removed += originals_.RemoveUnreferenced(db, sha256) ? 1 : 0;
-    }
-  });
+  access_.Write(
+      [&](Connection& db) {  // nobody can begin to refer to one meanwhile
+        for (const std::string& sha256 : orphans) {
+          removed += originals_.RemoveUnreferenced(db, sha256) ? 1 : 0;
+        }
+      },
+      {.alone = true});
   return removed;
 }
 

@@ -93,7 +93,7 @@ bool SqliteWriter::Remove(const std::string& collection, const std::string& id) 
         removed = picture.has_value();
         if (picture) DeletePicture(db, *picture);
       },
-      true);
+      {.reclaim = true});
   originals_.Tidy();
   return removed;
 }
@@ -105,7 +105,7 @@ std::uint64_t SqliteWriter::RemoveObject(const std::string& collection, const st
         removed =
             DeletePicturesOf(db, FindObject(db, RequireCollection(db, collection).key, object));
       },
-      true);
+      {.reclaim = true});
   originals_.Tidy();
   return removed;
 }
@@ -127,7 +127,7 @@ bool SqliteWriter::RemoveCollection(const std::string& name) {
         removed = collection.has_value();
         if (collection) DeleteCollection(db, collection->key);
       },
-      true);
+      {.reclaim = true});
   originals_.Tidy();
   return removed;
 }
@@ -172,7 +172,7 @@ void SqliteWriter::SetActiveVocabulary(const std::string& collection, Key vocabu
 }
 
 void SqliteWriter::DropVocabulary(Key vocabulary) {
-  access_.Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, true);
+  access_.Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, {.reclaim = true});
 }
 
 }  // namespace pliant

@@ -14,8 +14,15 @@ constexpr std::size_t kMaxBatch = 64;
 
 }  // namespace
 
-void WriteQueue::Run(Work work, bool reclaim) {
-  Job job{std::move(work), reclaim, false, nullptr};
+std::size_t WriteQueue::NextBatch() const {
+  if (!jobs_.empty() && jobs_.front()->options.alone) return 1;
+  const auto end =
+      std::find_if(jobs_.begin(), jobs_.end(), [](const Job* job) { return job->options.alone; });
+  return std::min(static_cast<std::size_t>(end - jobs_.begin()), kMaxBatch);
+}
+
+void WriteQueue::Run(Work work, const WriteOptions& options) {
+  Job job{std::move(work), options, false, nullptr};
   std::unique_lock lock(mutex_);
   jobs_.push_back(&job);
   while (!job.done) {
@@ -25,7 +32,7 @@ void WriteQueue::Run(Work work, bool reclaim) {
     // what it catches. Whatever left busy_ set would block every writer for ever.
     busy_ = true;
     std::array<Job*, kMaxBatch> jobs;
-    const std::size_t count = std::min(jobs_.size(), jobs.size());
+    const std::size_t count = NextBatch();
     std::copy_n(jobs_.begin(), count, jobs.begin());
     jobs_.erase(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(count));
     const std::span<Job* const> batch = std::span(jobs).first(count);
@@ -54,7 +61,7 @@ void WriteQueue::Execute(std::span<Job* const> batch) noexcept {
   }
   try {
     if (std::any_of(batch.begin(), batch.end(),
-                    [](const Job* j) { return j->reclaim && !j->failure; })) {
+                    [](const Job* j) { return j->options.reclaim && !j->failure; })) {
       ReclaimSpace();
     }
     after_commit_();

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <exception>
 #include <functional>
@@ -16,6 +17,13 @@
 #include "index/store/sqlite/connection.h"
 
 namespace pliant {
+
+struct WriteOptions {
+  bool reclaim = false;  // it removes much: give pages back to the file system after the commit
+  // In a transaction without others' work, which sees nothing but what is committed. For work with
+  // effects outside the database, such as removing files: it must not act on what may be undone.
+  bool alone = false;
+};
 
 class WriteQueue {
  public:
@@ -28,17 +36,18 @@ class WriteQueue {
   // Returns when `work` is committed and durable. What `work` throws undoes only its own changes
   // and is thrown here; a failing transaction fails every work in it. `work` may run once more
   // than its effects are kept, so it must not change anything but the database and its own result.
-  // `reclaim`: it removed much; give pages back to the file system after the commit. Thread-safe.
-  void Run(Work work, bool reclaim = false);
+  // Thread-safe.
+  void Run(Work work, const WriteOptions& options = {});
 
  private:
   struct Job {
     Work work;
-    bool reclaim = false;
+    WriteOptions options;
     bool done = false;
     std::exception_ptr failure;
   };
 
+  std::size_t NextBatch() const;  // how many of jobs_, from the first; mutex_ held
   void Execute(std::span<Job* const> batch) noexcept;
   void RunInSavepoint(Job& job);
   void ReclaimSpace();
