@@ -10,8 +10,9 @@ namespace pliant {
 
 // An empty file beside the database, `NAME.server-ID`, that a process holds locked (flock) while it
 // lives. The system ends the lock with the process, however that ends, so others need no clocks to
-// tell, and see it through the borders of containers. Removed by the destructor; one that a killed
-// process left is removed by the next lock on that database.
+// tell, and see it through the borders of containers. Links to the database lead to one file.
+// Removed by the destructor; one that a killed process left is removed by the next lock on that
+// database.
 class ProcessLock {
  public:
   // Throws what ThrowErrno throws when the directory may not be written.
@@ -22,12 +23,15 @@ class ProcessLock {
 
   const std::string& id() const { return id_; }
 
-  // Whether the process with that id lives. One that cannot be asked counts as living: what it does
-  // must not be done twice.
-  static bool IsHeld(const std::filesystem::path& database, const std::string& id);
+  // Whether the process with that id lives. One that cannot be asked counts as living, because what
+  // it does must not be done twice; so does one whose file is gone where this one's is gone, too.
+  bool IsHeld(const std::string& id) const;
 
  private:
-  std::string id_;  // process number and 16 random hex digits
+  bool IsInPlace() const;
+
+  std::filesystem::path database_;  // without links
+  std::string id_;                  // process number and 16 random hex digits
   std::filesystem::path path_;
   int file_ = -1;
 };

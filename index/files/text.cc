@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <random>
 
 #include <nlohmann/json.hpp>
 
@@ -127,6 +128,14 @@ std::string PercentEncode(std::string_view text, std::string_view kept) {
     }
   }
   return out;
+}
+
+std::string RandomHex(std::size_t digits) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  std::random_device random;
+  std::string text;
+  for (std::size_t i = 0; i < digits; ++i) text += kDigits[random() % 16];
+  return text;
 }
 
 void CheckImageId(std::string_view id) {

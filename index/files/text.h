@@ -3,6 +3,7 @@
 // Validation of names and metadata.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -16,6 +17,9 @@ std::string ToDisplayText(std::string_view text);
 
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
 std::string PercentEncode(std::string_view text, std::string_view kept);
+
+// Hex digits of the system's random numbers, for names that nobody else has.
+std::string RandomHex(std::size_t digits);
 
 // Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,
 // not "." or "..", so that it can be a part of a URL; a collection name 1..64 of letters, digits,

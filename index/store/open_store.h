@@ -43,12 +43,16 @@ struct RestoreResult {
 
 // Makes `database` a copy of `backup`, which is checked as a whole first, in one step: whenever it
 // is interrupted, the database is the old one or the new one. With `replace` it takes the place,
-// owner and mode of an existing one, even a damaged one, which is kept with its log beside it as
-// NAME.before-restore-TIME. Throws kNotFound "backup_not_found" and "no_such_directory", kConflict
-// "database_exists", kUnavailable "database_in_use", kCorrupt "backup_damaged" and
-// "not_a_database", and what a full disk throws; then nothing was changed.
+// owner and mode of an existing one, even of one that is cut short or damaged inside, which is kept
+// with its log beside it as NAME.before-restore-TIME. Throws kNotFound "backup_not_found" and
+// "no_such_directory", kConflict "database_exists", kUnavailable "database_in_use", kCorrupt
+// "backup_damaged" and "not_a_database", and what a full disk throws; then nothing was changed.
 RestoreResult RestoreDatabase(const std::filesystem::path& backup,
                               const std::filesystem::path& database, bool replace);
+
+// Whether what RestoreDatabase has set aside still lies beside the database: it may be put back,
+// and needs its originals.
+bool IsSetAside(const std::filesystem::path& database);
 
 // Removes the incomplete copies that killed processes have left in a directory of backups, once
 // they are a minute old. Returns how many. Never throws.

@@ -162,15 +162,15 @@ void Reception::Answer(Guests::iterator guest) {
 }
 
 std::unique_ptr<Visit> Reception::HandOver(Guests::iterator guest) {
-  std::unique_ptr<Visit> visit = std::move(guest->second.visit);
   const int fd = guest->first;
-  epoll_ctl(poll_fd_, EPOLL_CTL_DEL, fd, nullptr);
-  deadlines_.erase({guest->second.deadline, fd});
-  guests_.erase(guest);
   {
     const std::lock_guard lock(mutex_);
     away_.insert(fd);
   }
+  std::unique_ptr<Visit> visit = std::move(guest->second.visit);
+  epoll_ctl(poll_fd_, EPOLL_CTL_DEL, fd, nullptr);
+  deadlines_.erase({guest->second.deadline, fd});
+  guests_.erase(guest);
   return visit;
 }
 

@@ -23,7 +23,11 @@ VisitQueue::~VisitQueue() {
 bool VisitQueue::Offer(std::unique_ptr<Visit>& visit) {
   const std::lock_guard lock(mutex_);
   if (queue_.size() >= limit_) return false;
-  queue_.push_back(std::move(visit));
+  try {
+    queue_.push_back(std::move(visit));
+  } catch (const std::bad_alloc&) {
+    return false;  // it is where it was
+  }
   wake_.notify_one();
   return true;
 }

@@ -83,6 +83,7 @@ bool AutoTrainer::HasOutgrown(const CollectionRecord& record) {
 
 std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) {
   const std::lock_guard lock(train_mutex_);
+  jobs_.LookNow();  // another server may be at it
   if (auto active = jobs_.Active("train", collection)) {
     OnAdded(collection);  // look again later: what came meanwhile may call for the next one
     return active;

@@ -57,7 +57,11 @@ void JobQueue::Register(const std::string& kind, JobKind how) {
 }
 
 void JobQueue::Start() {
-  LookNow();
+  try {
+    LookNow();
+  } catch (const std::exception& error) {  // a full or busy disk: Watch() tries again
+    spdlog::warn("what the server was doing cannot be taken up yet: {}", error.what());
+  }
   const std::lock_guard lock(mutex_);
   for (const auto& [kind, how] : kinds_) {
     threads_.emplace_back([this, name = kind] { Run(name); });
@@ -116,43 +120,41 @@ std::shared_ptr<JobQueue::Job> JobQueue::FindOrNull(const std::string& id) const
   return found == jobs_.end() ? nullptr : *found;
 }
 
-std::shared_ptr<JobQueue::Job> JobQueue::Find(const std::string& id) const {
-  if (auto job = FindOrNull(id)) return job;
-  throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
-}
-
-JobStatus JobQueue::Get(const std::string& id) {
+JobStatus JobQueue::Get(const std::string& id) const {
   {
     const std::lock_guard lock(mutex_);
     if (const auto job = FindOrNull(id)) return job->status;
   }
-  LookNow();  // another server may have just made it
-  const std::lock_guard lock(mutex_);
-  return Find(id)->status;
+  if (store_ != nullptr) {  // another server may have just made it
+    for (const JobRecord& record : store_->Jobs()) {
+      if (record.id == id) return FromRecord(record);
+    }
+  }
+  throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
 }
 
 JobStatus JobQueue::Cancel(const std::string& id) {
-  JobStatus status = Get(id);
+  const JobStatus status = Get(id);
+  if (!IsActive(status.state)) return status;
+  if (store_ != nullptr) store_->RequestCancel(id);  // what is promised must survive
+  CancelOwn(id);
+  return Get(id);
+}
+
+void JobQueue::CancelOwn(const std::string& id) {
   std::shared_ptr<Job> job;
-  bool waited = false;
+  JobStatus status;
   {
     const std::lock_guard lock(mutex_);
-    job = Find(id);
+    job = FindOrNull(id);
+    if (job == nullptr || job->owner != owner_ || !IsActive(job->status.state)) return;
+    job->cancelled = true;
+    job->stop.request_stop();
+    if (std::erase(queue_, job) == 0) return;  // it runs
     status = job->status;
-    if (!IsActive(status.state)) return status;
-    waited = job->owner == owner_ && std::erase(queue_, job) > 0;
-    if (job->owner == owner_) {
-      job->cancelled = true;
-      job->stop.request_stop();
-    }
   }
-  if (waited) {
-    status.state = JobState::kCancelled;
-    Become(*job, std::move(status));
-  } else if (store_ != nullptr) {
-    store_->RequestCancel(id);  // what is promised must survive
-  }
-  return Get(id);
+  status.state = JobState::kCancelled;
+  Become(*job, std::move(status));
 }
 
 std::vector<JobStatus> JobQueue::List() const {

@@ -106,10 +106,14 @@ class JobQueue {
   JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters);
 
   // Throw ProblemError "job_not_found".
-  JobStatus Get(const std::string& id);
+  JobStatus Get(const std::string& id) const;
   // No effect on a job that has ended. One that runs, here or at another server, ends soon and is
   // not begun again by anyone. Throws what the store throws when that cannot be written down.
   JobStatus Cancel(const std::string& id);
+
+  // Sees at once what other servers have made, unless something is being written; else that happens
+  // every kLookEvery. Throws what the store throws.
+  void LookNow();
 
   std::vector<JobStatus> List() const;  // newest first
   // A queued or running job of that kind, if any.
@@ -122,7 +126,9 @@ class JobQueue {
  private:
   struct Job {
     JobStatus status;
-    std::string owner;  // owner_: it is done here
+    std::string owner;     // owner_: it is done here
+    bool begun = false;    // by this queue
+    bool unsaved = false;  // its row is not what it has become; guarded by saving_
     std::stop_source stop;
     bool cancelled = false;
     std::chrono::steady_clock::time_point saved;
@@ -131,13 +137,13 @@ class JobQueue {
   // Sees what other servers have written, and takes up what nobody does; saving_ held. Returns own
   // jobs whose end another server asked for.
   std::vector<std::string> Look();
-  // The same at once, unless something is being written; ends those jobs. No mutex held.
-  void LookNow();
   void Watch();  // looks every kLookEvery
+  void CancelOwn(const std::string& id);
   // One row as a job in jobs_; null = an own one, which is known better here.
   std::shared_ptr<Job> See(const JobRecord& record);
   void ForgetVanished(const std::vector<JobRecord>& records);
-  void TakeUp(const std::shared_ptr<Job>& job);  // saving_ held
+  void TakeUp(const std::shared_ptr<Job>& job, bool cancelled);  // saving_ held
+  void SaveAgain();  // what could not be written; saving_ held
   bool MayGoOn(const JobStatus& status) const;
   void Run(const std::string& kind);
   std::shared_ptr<Job> TakeNext(const std::string& kind);  // mutex_ held; null = none waits
@@ -145,7 +151,6 @@ class JobQueue {
   void Execute(const std::shared_ptr<Job>& job);
   void OnProgress(Job& job, double done, double total);
   std::shared_ptr<Job> FindOrNull(const std::string& id) const;  // mutex_ held
-  std::shared_ptr<Job> Find(const std::string& id) const;        // the same; throws
   void Forget();                                                 // mutex_ held; what is too old
   void ForgetRows();  // saving_ held; the same in the store
   // Writes down what a job has become, then shows it. No mutex held.

@@ -29,6 +29,7 @@ void JobQueue::Run(const std::string& kind) {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] { return stopping_ || (job = TakeNext(kind)) != nullptr; });
       if (stopping_) return;  // a job that was just taken stays queued in the store
+      job->begun = true;
       job->status.state = JobState::kRunning;
       ++job->status.attempts;
       begun = job->status;
@@ -136,7 +137,10 @@ void JobQueue::BecomeNow(Job& job, JobStatus status) {
 void JobQueue::Save(Job& job, const JobStatus& status) {
   if (store_ == nullptr) return;
   try {
-    if (store_->SaveJob(ToRecord(status, owner_))) return;
+    job.unsaved = true;
+    const bool own = store_->SaveJob(ToRecord(status, owner_));
+    job.unsaved = false;
+    if (own) return;
     spdlog::warn("job {}: another server has taken it over; it ends here", status.id);
     const std::lock_guard lock(mutex_);
     job.owner.clear();  // the next look says whose it is

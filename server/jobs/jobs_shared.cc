@@ -22,7 +22,7 @@ void JobQueue::Watch() {
     try {
       LookNow();
       works = true;
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       if (std::exchange(works, false)) {
         spdlog::warn("the jobs of other servers cannot be seen: {}", error.what());
       }
@@ -36,17 +36,30 @@ void JobQueue::LookNow() {
   {
     const std::unique_lock saving(saving_, std::try_to_lock);
     if (!saving) return;
+    SaveAgain();
     cancelled = Look();
   }
-  for (const std::string& id : cancelled) Cancel(id);
+  for (const std::string& id : cancelled) CancelOwn(id);
+}
+
+void JobQueue::SaveAgain() {
+  std::vector<std::pair<std::shared_ptr<Job>, JobStatus>> unsaved;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& job : jobs_) {
+      if (job->unsaved && job->owner == owner_) unsaved.emplace_back(job, job->status);
+    }
+  }
+  for (const auto& [job, status] : unsaved) Save(*job, status);
 }
 
 std::vector<std::string> JobQueue::Look() {
   const std::int64_t version = store_->Version();
   if (version == seen_version_ && !others_work_) return {};
+  seen_version_ = -1;  // not before all was seen
+  others_work_ = false;
   const std::vector<JobRecord> records = store_->Jobs();
   std::vector<std::string> cancelled;
-  others_work_ = false;
   for (const JobRecord& record : records) {
     const auto job = See(record);
     if (job == nullptr) {
@@ -54,8 +67,7 @@ std::vector<std::string> JobQueue::Look() {
     } else if (IsActive(job->status.state)) {
       // An own one that is not known is of a queue before this one in the same process.
       if (record.owner == owner_ || !store_->Lives(record.owner)) {
-        TakeUp(job);
-        if (record.cancel) cancelled.push_back(record.id);
+        TakeUp(job, record.cancel);
       } else {
         others_work_ = true;
       }
@@ -63,26 +75,31 @@ std::vector<std::string> JobQueue::Look() {
   }
   ForgetVanished(records);
   changed_.notify_all();
-  seen_version_ = version;  // not before all was seen
+  seen_version_ = version;
   return cancelled;
 }
 
 std::shared_ptr<JobQueue::Job> JobQueue::See(const JobRecord& record) {
   JobStatus status = FromRecord(record);
   const std::lock_guard lock(mutex_);
-  std::shared_ptr<Job> job = FindOrNull(record.id);
-  if (job == nullptr) {
-    job = std::make_shared<Job>();
-    jobs_.push_back(job);
-  } else if (job->owner == owner_ && record.owner == owner_) {
-    return nullptr;
-  } else if (job->owner == owner_) {
-    std::erase(queue_, job);  // it was taken away
-    job->stop.request_stop();
+  const auto known = std::find_if(jobs_.begin(), jobs_.end(),
+                                  [&](const auto& job) { return job->status.id == record.id; });
+  if (known == jobs_.end()) {
+    jobs_.push_back(std::make_shared<Job>());
+    jobs_.back()->owner = record.owner;
+    jobs_.back()->status = std::move(status);
+    return jobs_.back();
   }
-  job->owner = record.owner;
-  job->status = std::move(status);
-  return job;
+  if ((*known)->owner == owner_ && record.owner == owner_) return nullptr;
+  std::erase(queue_, *known);  // an own one was taken away
+  if ((*known)->begun) {       // and still runs: whatever comes of it, it is not that job any more
+    (*known)->owner.clear();
+    (*known)->stop.request_stop();
+    *known = std::make_shared<Job>();
+  }
+  (*known)->owner = record.owner;
+  (*known)->status = std::move(status);
+  return *known;
 }
 
 void JobQueue::ForgetVanished(const std::vector<JobRecord>& records) {
@@ -90,11 +107,11 @@ void JobQueue::ForgetVanished(const std::vector<JobRecord>& records) {
   for (const JobRecord& record : records) ids.insert(record.id);
   const std::lock_guard lock(mutex_);
   std::erase_if(jobs_, [&](const auto& job) {
-    return !IsActive(job->status.state) && job->owner != owner_ && !ids.contains(job->status.id);
+    return !IsActive(job->status.state) && !job->unsaved && !ids.contains(job->status.id);
   });
 }
 
-void JobQueue::TakeUp(const std::shared_ptr<Job>& job) {
+void JobQueue::TakeUp(const std::shared_ptr<Job>& job, bool cancelled) {
   if (job->owner != owner_ && !store_->TakeJob(job->status.id, job->owner)) {
     others_work_ = true;  // another server was faster
     return;
@@ -103,9 +120,11 @@ void JobQueue::TakeUp(const std::shared_ptr<Job>& job) {
   {
     const std::lock_guard lock(mutex_);
     job->owner = owner_;
-    job->stop = std::stop_source();
-    job->cancelled = false;
     status = job->status;
+  }
+  if (cancelled) {
+    status.state = JobState::kCancelled;
+    return BecomeNow(*job, std::move(status));
   }
   if (!MayGoOn(status)) {
     status.state = JobState::kFailed;

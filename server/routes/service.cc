@@ -28,7 +28,11 @@ void Service::Open() {
   EngineOptions engine_options = options.engine;
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_ = std::make_unique<Engine>(engine_options);
-  if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
+  if (IsSetAside(engine_options.database)) {
+    spdlog::info(
+        "the originals' directory is not swept: {}.before-restore-... may need what lies there",
+        engine_options.database.string());
+  } else if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
     spdlog::info("removed {} files of no picture from the originals' directory", swept);
   }
   store_ = OpenServiceStore(options.engine.database);

@@ -75,6 +75,18 @@ TEST_F(RestoreTest, TakesThePlaceOfADatabaseAndKeepsThatOne) {
   EXPECT_EQ(Images(backup_), 3) << "the backup stays";
 }
 
+TEST_F(RestoreTest, ALinkStaysALink) {
+  MakeBackup(2);
+  const std::string link = db_;
+  db_ = (folder_ / "x.db.real").string();
+  fs::rename(link, db_);
+  fs::create_symlink(db_, link);
+  ASSERT_EQ(RunProgram({"db", "restore", backup_, "--db", link, "--replace", "--json"}).status, 0);
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_FALSE(fs::is_symlink(db_));
+  EXPECT_EQ(Images(link), 2);
+}
+
 TEST_F(RestoreTest, MakesADatabaseWhereNoneIs) {
   MakeBackup(2);
   fs::remove(db_);

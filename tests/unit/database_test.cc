@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The database file: made whole, recognised, migrated, refused untouched.
-#include "index/store/open_store.h"
 #include "index/store/sqlite/database.h"
 
 #include <array>
@@ -14,6 +13,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "index/store/open_store.h"
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
@@ -47,7 +47,8 @@ class DatabaseTest : public ::testing::Test {
 TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
   const auto old = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
   for (const char* name : {"a.db.new-12-1", "a.db.new-12-1-wal", "a.db.new-13-7", "a.db.new-x-1",
-                           "a.db.new-", "b.db.new-12-1", "a.db.newer"}) {
+                           "a.db.new-2024-05-01", "a.db.new-14-0123456789abcdef", "a.db.new-",
+                           "b.db.new-12-1", "a.db.newer"}) {
     WriteText(folder_ / name, "left");
     std::filesystem::last_write_time(folder_ / name, old);
   }
@@ -60,9 +61,9 @@ TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
     left.push_back(entry.path().filename().string());
   }
-  EXPECT_THAT(left,
-              ::testing::UnorderedElementsAre("a.db.new-13-7", "a.db.new-x-1", "a.db.new-",
-                                              "b.db.new-12-1", "a.db.newer", "a.db.new-99-1"));
+  EXPECT_THAT(left, ::testing::UnorderedElementsAre("a.db.new-13-7", "a.db.new-x-1", "a.db.new-",
+                                                    "b.db.new-12-1", "a.db.newer", "a.db.new-99-1",
+                                                    "a.db.new-2024-05-01"));
 }
 
 TEST_F(DatabaseTest, WhatKilledBackupsLeftIsRemoved) {

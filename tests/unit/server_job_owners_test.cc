@@ -221,14 +221,39 @@ TEST_F(JobOwnersTest, WhoLosesAJobEndsItAndWritesNoMore) {
 }
 
 TEST_F(JobOwnersTest, OwnersOfForeignDatabasesAreNoPaths) {
-  std::ofstream(folder_.path() / "x.db.server-0") << "";
-  EXPECT_FALSE(ProcessLock::IsHeld(database(), "0")) << "there, and nobody's";
-  EXPECT_FALSE(ProcessLock::IsHeld(database(), ""));
-  EXPECT_FALSE(ProcessLock::IsHeld(database(), "../x.db"));
-  EXPECT_FALSE(ProcessLock::IsHeld(database(), std::string(1000, '0')));
+  const std::string dead = "12-0123456789abcdef";
+  const std::string copy = "13-0123456789abcdef";
+  std::ofstream(database().string() + ".server-" + dead) << "";
+  std::ofstream(database().string() + ".server-" + copy) << "somebody's";
+  std::ofstream(database().string() + ".server-2") << "";
   const ProcessLock lock(database());
-  EXPECT_TRUE(ProcessLock::IsHeld(database(), lock.id()));
-  EXPECT_EQ(Locks(), 1U) << "what nobody holds is removed";
+  EXPECT_EQ(Locks(), 3U) << "what a dead process left is removed, and nothing else";
+  EXPECT_FALSE(std::filesystem::exists(database().string() + ".server-" + dead));
+  EXPECT_TRUE(lock.IsHeld(lock.id()));
+  for (const std::string& id : {dead, copy, std::string("2"), std::string(), std::string("../x.db"),
+                                std::string(99, '0')}) {
+    EXPECT_FALSE(lock.IsHeld(id)) << id;
+  }
+}
+
+TEST_F(JobOwnersTest, LinksLeadToOneDatabase) {
+  std::filesystem::create_directory(folder_.path() / "elsewhere");
+  const std::filesystem::path link = folder_.path() / "elsewhere" / "link.db";
+  std::filesystem::create_symlink(database(), link);
+  const ProcessLock one(database());
+  const ProcessLock other(link);
+  EXPECT_TRUE(other.IsHeld(one.id()));
+  EXPECT_TRUE(one.IsHeld(other.id()));
+}
+
+// Somebody removed the locks of both, or renamed their directory: then neither knows.
+TEST_F(JobOwnersTest, WhoCannotKnowTakesNothing) {
+  const ProcessLock one(database());
+  const ProcessLock other(database());
+  std::filesystem::remove(database().string() + ".server-" + one.id());
+  EXPECT_FALSE(other.IsHeld(one.id()));
+  std::filesystem::remove(database().string() + ".server-" + other.id());
+  EXPECT_TRUE(other.IsHeld(one.id()));
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include "index/store/sqlite/new_database.h"
 
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -20,6 +19,7 @@
 #include <unistd.h>
 
 #include "index/files/durable_file.h"
+#include "index/files/text.h"
 #include "index/store/open_store.h"
 
 namespace pliant {
@@ -49,11 +49,15 @@ bool IsAbandoned(const fs::path& path) {
   return free;
 }
 
-// Whether `name` is that of a NewDatabaseFile, with kMark at `mark`.
+// Whether `name` is that of a NewDatabaseFile, with kMark at `mark`: a process number, a dash, and
+// hex digits (a number, of versions before).
 bool IsTemporaryName(const std::string& name, std::size_t mark) {
-  const std::size_t digits = mark + std::strlen(kMark);
-  return mark != std::string::npos && name.size() > digits &&
-         name.find_first_not_of("0123456789-", digits) == std::string::npos;
+  if (mark == std::string::npos) return false;
+  const std::size_t process = mark + std::strlen(kMark);
+  const std::size_t dash = name.find_first_not_of("0123456789", process);
+  return dash != std::string::npos && dash > process && name[dash] == '-' &&
+         dash + 1 < name.size() &&
+         name.find_first_not_of("0123456789abcdef", dash + 1) == std::string::npos;
 }
 
 // A database, or one of which no page has been written yet.
@@ -81,10 +85,9 @@ std::uint64_t RemoveDatabases(const fs::path& directory,
 }  // namespace
 
 NewDatabaseFile::NewDatabaseFile(const fs::path& beside) {
-  static std::atomic<unsigned> counter{0};
+  // Random: two containers can have processes of one number.
   path_ = beside;
-  path_ += kMark + std::to_string(::getpid()) + "-" + std::to_string(++counter);
-  RemoveWithSideFiles(path_);
+  path_ += kMark + std::to_string(::getpid()) + "-" + RandomHex(16);
   file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (file_ < 0) ThrowErrno("cannot make", path_);
   ::flock(file_, LOCK_EX | LOCK_NB);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <SQLiteCpp/Transaction.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -27,11 +28,18 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kBusyTimeoutMs = 10'000;
+constexpr const char* kAside = ".before-restore-";  // and the time
 
 fs::path WithSuffix(const fs::path& path, const std::string& suffix) {
   fs::path with = path;
   with += suffix;
   return with;
+}
+
+[[noreturn]] void ThrowInUse(const fs::path& database) {
+  throw Error(
+      ErrorCode::kUnavailable, "database_in_use",
+      "another process has " + DisplayPath(database) + " open; stop it first: nothing was changed");
 }
 
 // Keeps every process from opening the database with SQLite, whether or not its content makes
@@ -40,25 +48,28 @@ fs::path WithSuffix(const fs::path& path, const std::string& suffix) {
 class ExclusiveHold {
  public:
   explicit ExclusiveHold(const fs::path& database)
-      : file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
+      : database_(database), file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
     if (file_ < 0) ThrowErrno("cannot open", database);
     struct flock lock {};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;
     lock.l_start = 0x40000000;
     lock.l_len = 512;
-    if (::fcntl(file_, F_SETLK, &lock) == 0) return;
+    if (::fcntl(file_, F_SETLK, &lock) == 0 && IsInPlace()) return;
     const int code = errno;
     ::close(file_);
     errno = code;
-    if (code != EAGAIN && code != EACCES) ThrowErrno("cannot lock", database);
-    throw Error(ErrorCode::kUnavailable, "database_in_use",
-                "another process has " + DisplayPath(database) +
-                    " open; stop it first: nothing was changed");
+    if (code != EAGAIN && code != EACCES && code != 0) ThrowErrno("cannot lock", database);
+    ThrowInUse(database);
   }
   ~ExclusiveHold() { ::close(file_); }
   ExclusiveHold(const ExclusiveHold&) = delete;
   ExclusiveHold& operator=(const ExclusiveHold&) = delete;
+
+  // Throws "database_in_use" when another process has put something else in its place.
+  void RequireInPlace() const {
+    if (!IsInPlace()) ThrowInUse(database_);
+  }
 
   // The new file belongs to whom the old one belongs, who may read it as before.
   void GiveOwnerAndModeTo(const fs::path& path) const {
@@ -76,7 +87,16 @@ class ExclusiveHold {
   }
 
  private:
-  int file_;
+  bool IsInPlace() const {
+    errno = 0;
+    struct stat held {};
+    struct stat named {};
+    return ::fstat(file_, &held) == 0 && ::stat(database_.c_str(), &named) == 0 &&
+           held.st_dev == named.st_dev && held.st_ino == named.st_ino;
+  }
+
+  const fs::path database_;
+  const int file_;
 };
 
 // One that is cut short is the best reason to restore a backup.
@@ -96,6 +116,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   }
   Connection made(copy, Connection::Mode::kReadWrite, kBusyTimeoutMs);
   Migrate(made.database(), Migrations());
+  made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
     return static_cast<std::uint64_t>(made.Scalar("SELECT count(*) FROM pictures"));
@@ -113,13 +134,13 @@ std::string TimeSuffix() {
   ::gmtime_r(&now, &utc);
   char text[32];
   std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &utc);
-  return std::string(".before-restore-") + text;
+  return std::string(kAside) + text;
 }
 
 // What is there gets a second name, with its log; then the log loses its first one, so that it can
 // never be taken for the new database's. If the power fails between that and the new file's name,
-// the old one is there without its newest changes, which are under the second name: the restoring
-// is begun anew. Returns the second name; empty = nothing was there.
+// the old one is there without its log (EmptyLog: only a damaged one has any), which is under the
+// second name: the restoring is begun anew. Returns the second name; empty = nothing was there.
 fs::path SetAside(const fs::path& database) {
   const fs::path aside = WithSuffix(database, TimeSuffix());
   bool found = false;
@@ -141,9 +162,35 @@ fs::path SetAside(const fs::path& database) {
   return found ? aside : fs::path();
 }
 
+// The log gets its first name back.
+void PutBack(const fs::path& aside, const fs::path& database) noexcept {
+  for (const char* side : {"-wal", "-journal"}) {
+    // It was not there; or it is kept under the second name, of which the user hears.
+    [[maybe_unused]] const int put =
+        ::link(WithSuffix(aside, side).c_str(), WithSuffix(database, side).c_str());
+  }
+}
+
+// A sound database's log goes into it first: then it has none, and one step replaces it. That of a
+// damaged one may be another's, and stays apart from it. In use or unreadable: left as it is.
+void EmptyLog(const fs::path& database) {
+  try {
+    {
+      Connection db(database, Connection::Mode::kReadOnly, 0);
+      if (!QuickCheck(db).empty()) return;
+    }
+    Connection(database, Connection::Mode::kReadWrite, 0)
+        .database()
+        .exec("PRAGMA wal_checkpoint(TRUNCATE)");
+  } catch (const SQLite::Exception&) {
+    // Of a damaged database. SetAside keeps what is there.
+  }
+}
+
 }  // namespace
 
-RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& database, bool replace) {
+RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& name, bool replace) {
+  const fs::path database = fs::weakly_canonical(fs::absolute(name));  // a link stays one
   if (InspectDatabaseFile(backup) != FileState::kPliant) {
     throw Error(ErrorCode::kNotFound, "backup_not_found",
                 "there is no backup " + DisplayPath(backup));
@@ -155,32 +202,51 @@ RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& database, 
     throw Error(ErrorCode::kInvalidArgument, "same_file",
                 DisplayPath(backup) + " is the database itself; name a backup of it");
   }
+  const Error exists(ErrorCode::kConflict, "database_exists",
+                     DisplayPath(database) +
+                         " exists; restore over it with replace (it is kept under another name)");
   std::optional<ExclusiveHold> hold;
   if (IsThere(database)) {
-    if (!replace) {
-      throw Error(ErrorCode::kConflict, "database_exists",
-                  DisplayPath(database) +
-                      " exists; restore over it with replace (it is kept under another name)");
-    }
+    if (!replace) throw exists;
+    EmptyLog(database);
     hold.emplace(database);
   }
   RestoreResult result;
   NewDatabaseFile made(database);
   WithDatabaseErrors(backup, [&] { result.images = CopyAndCheck(backup, made.path()); });
   if (hold) hold->GiveOwnerAndModeTo(made.path());
+  SyncPath(made.path(), O_RDONLY);  // what can fail, before anything is moved
+  if (hold) {
+    hold->RequireInPlace();
+  } else if (IsThere(database)) {  // made by another process meanwhile
+    throw exists;
+  }
   result.before = SetAside(database);
-  const auto over = hold ? NewDatabaseFile::Over::kAnything : NewDatabaseFile::Over::kEmptyFile;
-  if (!made.Publish(database, over)) {
-    throw Error(ErrorCode::kConflict, "database_exists",
-                DisplayPath(database) + " was made by another process meanwhile");
+  try {
+    const auto over = hold ? NewDatabaseFile::Over::kAnything : NewDatabaseFile::Over::kEmptyFile;
+    if (!made.Publish(database, over)) throw exists;
+  } catch (const Error&) {
+    PutBack(result.before, database);
+    throw;
   }
   return result;
+}
+
+bool IsSetAside(const fs::path& name) {
+  const fs::path database = fs::weakly_canonical(fs::absolute(name));
+  const std::string begin = database.filename().string() + kAside;
+  std::error_code ignored;  // what cannot be listed holds nothing that is known
+  for (const fs::directory_entry& entry : fs::directory_iterator(database.parent_path(), ignored)) {
+    if (entry.path().filename().string().starts_with(begin)) return true;
+  }
+  return false;
 }
 
 void CheckDatabaseFile(const fs::path& database) {
   if (InspectDatabaseFile(database) != FileState::kPliant) return;
   WithDatabaseErrors(database, [&] {
     Connection db(database, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    const SQLite::Transaction reading(db.database());  // others may write meanwhile
     const std::vector<std::string> problems = QuickCheck(db);
     if (problems.empty()) return;
     throw Error(

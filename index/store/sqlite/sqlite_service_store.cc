@@ -75,7 +75,7 @@ class SqliteServiceStore : public ServiceStore {
   std::uint64_t ForgetRevokedKeys() override;
   std::vector<JobRecord> Jobs() override;
   const std::string& Owner() override;
-  bool Lives(const std::string& owner) override { return ProcessLock::IsHeld(path_, owner); }
+  bool Lives(const std::string& owner) override;
   bool SaveJob(const JobRecord& job) override;
   bool TakeJob(const std::string& id, const std::string& from) override;
   void RequestCancel(const std::string& id) override;
@@ -179,6 +179,12 @@ const std::string& SqliteServiceStore::Owner() {
   const std::lock_guard lock(lock_mutex_);
   if (!lock_) lock_.emplace(path_);
   return lock_->id();
+}
+
+bool SqliteServiceStore::Lives(const std::string& owner) {
+  Owner();
+  const std::lock_guard lock(lock_mutex_);
+  return lock_->IsHeld(owner);
 }
 
 bool SqliteServiceStore::SaveJob(const JobRecord& job) {
