@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/new_database.h"
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <new>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -22,11 +25,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::array<std::string_view, 4> kSuffixes = {"", "-wal", "-shm", "-journal"};
+
+// What cannot be removed stays as a stray file beside the database, until RemoveAbandoned.
 void RemoveWithSideFiles(const fs::path& path) noexcept {
-  for (const char* suffix : {"", "-wal", "-shm", "-journal"}) {
-    std::error_code ignored;  // it is not there, or it stays as a stray file beside the database
-    fs::remove(fs::path(path.string() + suffix), ignored);
+  for (const std::string_view suffix : kSuffixes) {
+    try {
+      std::error_code ignored;
+      fs::remove(fs::path(path.string().append(suffix)), ignored);
+    } catch (const std::bad_alloc&) {
+      continue;
+    }
   }
+}
+
+// The name of the file that `name` stands beside, or `name` itself.
+std::string WithoutSuffix(const std::string& name) {
+  for (const std::string_view suffix : kSuffixes) {
+    if (!suffix.empty() && name.ends_with(suffix)) {
+      return name.substr(0, name.size() - suffix.size());
+    }
+  }
+  return name;
 }
 
 bool IsAbandoned(const fs::path& path) {
@@ -87,11 +107,15 @@ void RemoveAbandoned(const fs::path& database) {
   std::vector<fs::path> abandoned;
   for (const fs::directory_entry& entry :
        fs::directory_iterator(fs::absolute(database).parent_path(), ignored)) {
-    const std::string name = entry.path().filename().string();
+    const std::string name = WithoutSuffix(entry.path().filename().string());
     const bool is_temporary =
         name.starts_with(begin) && name.size() > begin.size() &&
         name.find_first_not_of("0123456789-", begin.size()) == std::string::npos;
-    if (is_temporary && IsAbandoned(entry.path())) abandoned.push_back(entry.path());
+    if (!is_temporary) continue;
+    const fs::path main = entry.path().parent_path() / name;  // it is what is locked
+    if ((entry.path() == main || !fs::exists(main, ignored)) && IsAbandoned(entry.path())) {
+      abandoned.push_back(main);
+    }
   }
   for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
 }
