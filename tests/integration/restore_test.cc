@@ -40,11 +40,12 @@ class RestoreTest : public CliTest {
   std::string Code(const ProgramResult& result) {
     return result.status == 0 ? "" : result.json()["error"]["code"].get<std::string>();
   }
-  // The database's, with what lies beside it.
+  // The database, and what lies beside it but SQLite's own files.
   std::size_t Files() {
     std::size_t count = 0;
     for (const auto& entry : fs::directory_iterator(folder_.path())) {
-      count += entry.path().filename().string().starts_with("x.db") ? 1 : 0;
+      const std::string name = entry.path().filename().string();
+      count += name.starts_with("x.db") && name != "x.db-wal" && name != "x.db-shm" ? 1 : 0;
     }
     return count;
   }
@@ -116,7 +117,7 @@ TEST_F(RestoreTest, WhatCannotBeRestoredChangesNothing) {
   at[40] ^= 1;
   WriteBytes(backup_, bytes);
   const std::size_t files = Files();
-  ASSERT_GE(files, 1U);
+  ASSERT_EQ(files, 1U);
   const ProgramResult damaged = Restore({"--replace"});
   EXPECT_EQ(Code(damaged), "backup_damaged");
   EXPECT_THAT(damaged.err, HasSubstr("checksum"));

@@ -98,6 +98,10 @@ Cursor Connection::Prepare(std::string_view sql) {
   return {*this, std::make_unique<SQLite::Statement>(database_, std::string(sql))};
 }
 
+bool Connection::in_transaction() const {
+  return sqlite3_get_autocommit(database_.getHandle()) == 0;
+}
+
 void Connection::GiveBack(std::unique_ptr<SQLite::Statement> statement) noexcept {
   statement->tryReset();  // its error was thrown when the statement ran
   try {
@@ -123,6 +127,7 @@ ConnectionPool::Lease ConnectionPool::Borrow() {
 
 void ConnectionPool::GiveBack(std::unique_ptr<Connection> connection) noexcept {
   try {
+    connection->EndLeftOver();
     const std::lock_guard lock(mutex_);
     if (idle_.size() < kMaxIdleConnections) idle_.push_back(std::move(connection));
   } catch (const std::exception&) {

@@ -94,6 +94,11 @@ class Connection {
   std::int64_t Scalar(std::string_view sql) { return Prepare(sql).One().Int(0); }
   std::int64_t last_insert_key() const { return database_.getLastInsertRowid(); }
   int changes() const { return database_.getChanges(); }
+  bool in_transaction() const;
+  // Ends a transaction whose own rollback has failed (for want of memory): no other could begin.
+  void EndLeftOver() {
+    if (in_transaction()) database_.exec("ROLLBACK");
+  }
 
  private:
   friend class Cursor;

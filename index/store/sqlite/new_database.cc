@@ -9,7 +9,10 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <new>
+#include <set>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -28,13 +31,29 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kMark = ".new-";
+// The file itself last: as long as it is there, what remains is found.
+constexpr std::array<std::string_view, 4> kSuffixes = {"-wal", "-shm", "-journal", ""};
 
+// What cannot be removed stays as a stray file beside the database, until RemoveAbandoned.
 void RemoveWithSideFiles(const fs::path& path) noexcept {
-  // The file itself last: as long as it is there, what remains is found.
-  for (const char* suffix : {"-wal", "-shm", "-journal", ""}) {
-    std::error_code ignored;  // it is not there, or it stays as a stray file beside the database
-    fs::remove(fs::path(path.string() + suffix), ignored);
+  for (const std::string_view suffix : kSuffixes) {
+    try {
+      std::error_code ignored;
+      fs::remove(fs::path(path.string().append(suffix)), ignored);
+    } catch (const std::bad_alloc&) {
+      continue;
+    }
   }
+}
+
+// The name of the file that `name` stands beside, or `name` itself.
+std::string WithoutSuffix(const std::string& name) {
+  for (const std::string_view suffix : kSuffixes) {
+    if (!suffix.empty() && name.ends_with(suffix)) {
+      return name.substr(0, name.size() - suffix.size());
+    }
+  }
+  return name;
 }
 
 bool IsAbandoned(const fs::path& path) {
@@ -60,9 +79,10 @@ bool IsTemporaryName(const std::string& name, std::size_t mark) {
          name.find_first_not_of("0123456789abcdef", dash + 1) == std::string::npos;
 }
 
-// A database, or one of which no page has been written yet.
+// A database, or one of which no page has been written yet, or only side files.
 bool MayBeDatabase(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
+  if (!file) return !fs::exists(path);
   std::array<char, 16> begin{};
   file.read(begin.data(), begin.size());
   if (file.gcount() == 0) return file.eof();
@@ -70,13 +90,18 @@ bool MayBeDatabase(const fs::path& path) {
          std::memcmp(begin.data(), "SQLite format 3", begin.size()) == 0;
 }
 
-// Removes the databases in `directory` that `is_abandoned` names; how many.
+// Removes the databases in `directory` that nobody makes any more and that `is_ours` names, also
+// side files that have outlived theirs; how many.
 std::uint64_t RemoveDatabases(const fs::path& directory,
-                              const std::function<bool(const fs::path&)>& is_abandoned) {
+                              const std::function<bool(const fs::path&)>& is_ours) {
   std::error_code ignored;  // whoever cannot list or remove leaves things as they are
-  std::vector<fs::path> abandoned;
+  std::set<fs::path> abandoned;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
-    if (is_abandoned(entry.path())) abandoned.push_back(entry.path());
+    const fs::path main = directory / WithoutSuffix(entry.path().filename().string());
+    const bool outlived = entry.path() != main && !fs::exists(main, ignored);  // main is locked
+    if ((entry.path() == main || outlived) && is_ours(main) && IsAbandoned(entry.path())) {
+      abandoned.insert(main);
+    }
   }
   for (const fs::path& path : abandoned) RemoveWithSideFiles(path);
   return abandoned.size();
@@ -125,14 +150,14 @@ void RemoveAbandoned(const fs::path& database) {
   const std::string own = database.filename().string();
   RemoveDatabases(fs::absolute(database).parent_path(), [&](const fs::path& path) {
     const std::string name = path.filename().string();
-    return name.starts_with(own + kMark) && IsTemporaryName(name, own.size()) && IsAbandoned(path);
+    return name.starts_with(own + kMark) && IsTemporaryName(name, own.size());
   });
 }
 
 std::uint64_t RemoveAbandonedBackups(const fs::path& directory) {
   return RemoveDatabases(fs::absolute(directory), [](const fs::path& path) {
     const std::string name = path.filename().string();
-    return IsTemporaryName(name, name.rfind(kMark)) && IsAbandoned(path) && MayBeDatabase(path);
+    return IsTemporaryName(name, name.rfind(kMark)) && MayBeDatabase(path);
   });
 }
 

@@ -99,11 +99,23 @@ IncomingOriginal::~IncomingOriginal() {
   ::close(fd_);
 }
 
-void OriginalStore::DurableFolders::Make(const fs::path& path) {
+void OriginalStore::Folders::Make(const fs::path& path) {
   const std::lock_guard lock(mutex_);
-  if (known_.contains(path)) return;
+  if (durable_.contains(path)) return;
   MakeDirectory(path);
-  known_.insert(path);
+  durable_.insert(path);
+}
+
+void OriginalStore::Folders::Flush(const fs::path& path) {
+  const std::lock_guard lock(mutex_);
+  unflushed_.insert(path);
+  SyncPath(path, O_RDONLY | O_DIRECTORY);
+  unflushed_.erase(path);
+}
+
+bool OriginalStore::Folders::Flushed(const fs::path& path) {
+  const std::lock_guard lock(mutex_);
+  return !unflushed_.contains(path);
 }
 
 fs::path OriginalStore::PathOf(const std::string& sha256) const {
@@ -148,7 +160,7 @@ void OriginalStore::Publish(IncomingOriginal& incoming) const {
   folders_->Make(path.parent_path());
   if (::rename(incoming.path_.c_str(), path.c_str()) != 0) ThrowErrno("cannot make", path);
   incoming.path_.clear();
-  SyncDirectoryOf(path);
+  folders_->Flush(path.parent_path());
 }
 
 bool OriginalStore::Remove(const std::string& sha256) const {
@@ -163,6 +175,10 @@ std::optional<std::uint64_t> OriginalStore::SizeOf(const std::string& sha256) co
   const std::uintmax_t size = fs::file_size(PathOf(sha256), error);
   if (error) return std::nullopt;
   return size;
+}
+
+bool OriginalStore::Holds(const std::string& sha256, std::uint64_t size) const {
+  return SizeOf(sha256) == size && folders_->Flushed(PathOf(sha256).parent_path());
 }
 
 std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& sha256,

@@ -70,6 +70,8 @@ class OriginalStore {
   void Publish(IncomingOriginal& incoming) const;
   bool Remove(const std::string& sha256) const;                          // false = was not there
   std::optional<std::uint64_t> SizeOf(const std::string& sha256) const;  // nullopt = not there
+  // Is of that size, and Publish has not failed to make it durable.
+  bool Holds(const std::string& sha256, std::uint64_t size) const;
 
   // nullopt = there is no such file. Throws kCorrupt "original_corrupt" when it cannot be read, is
   // larger than `size` bytes, or does not have the hash.
@@ -81,21 +83,24 @@ class OriginalStore {
   std::uint64_t RemoveAbandoned() const;
 
  private:
-  // Those that this process knows to be there after power loss.
-  class DurableFolders {
+  // What this process knows of the folders.
+  class Folders {
    public:
-    void Make(const std::filesystem::path& path);
+    void Make(const std::filesystem::path& path);   // and durable
+    void Flush(const std::filesystem::path& path);  // the names in it
+    bool Flushed(const std::filesystem::path& path);
 
    private:
-    std::mutex mutex_;  // guards known_
-    std::set<std::filesystem::path> known_;
+    std::mutex mutex_;  // guards what follows
+    std::set<std::filesystem::path> durable_;
+    std::set<std::filesystem::path> unflushed_;  // where that has failed
   };
 
   std::uint64_t RemoveAbandonedClaims() const;
   std::filesystem::path PathOf(const std::string& sha256) const;
 
   std::filesystem::path directory_;
-  std::shared_ptr<DurableFolders> folders_ = std::make_shared<DurableFolders>();  // copies share it
+  std::shared_ptr<Folders> folders_ = std::make_shared<Folders>();  // copies share it
 };
 
 }  // namespace pliant

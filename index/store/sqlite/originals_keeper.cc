@@ -62,7 +62,7 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
 }
 
 void OriginalsKeeper::Restore(const ImageRecord& stored, Bytes bytes) {
-  if (!originals_.owned() || originals_.store()->SizeOf(stored.sha256) == bytes.size()) return;
+  if (!originals_.owned() || originals_.store()->Holds(stored.sha256, bytes.size())) return;
   if (!access_.Read([&](Connection& db) { return IsOriginalFile(db, stored.sha256); })) return;
   IncomingOriginal incoming(originals_.store()->directory(), stored.sha256, bytes);
   access_.Write([&](Connection& db) {

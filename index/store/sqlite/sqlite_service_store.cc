@@ -94,6 +94,7 @@ class SqliteServiceStore : public ServiceStore {
   auto Write(Work&& work) {
     return WithDatabaseErrors(path_, [&] {
       const std::lock_guard lock(writer_mutex_);
+      writer_->EndLeftOver();
       SQLite::Transaction transaction(writer_->database(), SQLite::TransactionBehavior::IMMEDIATE);
       auto result = work(*writer_);
       transaction.commit();

@@ -49,6 +49,7 @@ void WriteQueue::Run(Work work, const WriteOptions& options) {
 
 void WriteQueue::Execute(std::span<Job* const> batch) noexcept {
   try {
+    connection_->EndLeftOver();
     SQLite::Transaction transaction(connection_->database(),
                                     SQLite::TransactionBehavior::IMMEDIATE);
     for (Job* job : batch) RunInSavepoint(*job);
