@@ -86,9 +86,12 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="pliant-kill-", dir=options.folder))
     report = Report()
     print(f"seed {options.seed}, {options.folder or ''} {folder}", flush=True)
-    sound = campaign(options, folder, report)
-    print(", ".join(f"{number} {name}" for name, number in dataclasses.asdict(report.figures).items())
-          + " (" + ", ".join(f"{number} {kind}" for kind, number in sorted(report.kinds.items())) + ")")
+    sound = False
+    try:
+        sound = campaign(options, folder, report)
+    finally:  # also when somebody has seen enough and interrupts it
+        print(", ".join(f"{number} {name}" for name, number in dataclasses.asdict(report.figures).items())
+              + " (" + ", ".join(f"{number} {kind}" for kind, number in sorted(report.kinds.items())) + ")", flush=True)
     if sound:
         shutil.rmtree(folder)
     sys.exit(not sound)

@@ -150,7 +150,8 @@ class Client(threading.Thread):
             return None
         if status != 200 or sha256(data) != state.sha256:
             raise Wrong(f"content of {key} was answered {status}, {sha256(data)} instead of {state}")
-        return self.put(key, data, State(state.sha256, f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}", self.own_metadata()))
+        named = f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}"
+        return self.put(key, data, State(state.sha256, named, self.own_metadata()))
 
     def post(self):
         """Without an id: it is made from the bytes."""
