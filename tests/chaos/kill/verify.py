@@ -10,7 +10,7 @@ import sqlite3
 import subprocess
 import time
 
-from kill.client import SEARCH, image_path, state_of
+from kill.client import image_path, search_path, state_of
 from kill.model import EXISTS
 from kill.pictures import sha256
 from kill.server import Wrong
@@ -133,7 +133,7 @@ class Verifier:
         live = self.model.live()
         for key in self.dice.sample(sorted(live), min(number, len(live))):
             data = connection.ask("GET", image_path(key) + "/content")[1]
-            status, answer = connection.ask("POST", SEARCH, data)
+            status, answer = connection.ask("POST", search_path(live[key]), data)
             answer = json.loads(answer)
             if status == 409 and not self.model.has_vocabulary:
                 return
