@@ -64,7 +64,7 @@ def play(number, options, folder, report, lives):
 
 
 def campaign(options, folder, report):
-    lives, begin, number = min(LIVES, max(4, options.kills // 5)), time.monotonic(), options.first_round
+    lives, begin, number = min(LIVES, max(4, options.kills // 10)), time.monotonic(), options.first_round
     while report.figures.kills < options.kills and time.monotonic() - begin < options.seconds:
         if not play(number, options, folder, report, lives):
             return False
@@ -75,7 +75,7 @@ def campaign(options, folder, report):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--bin", required=True, type=pathlib.Path, metavar="DIR")
-    parser.add_argument("--kills", type=int, default=40, help="at least so many; default 40, about a minute")
+    parser.add_argument("--kills", type=int, default=40, help="at least so many; default 40, about a minute on a core")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="no round begins after this time")
     parser.add_argument("--seed", type=int, default=20240607)
     parser.add_argument("--first-round", type=int, default=0, metavar="N", help="begin with round N of this seed")
@@ -86,9 +86,12 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="pliant-kill-", dir=options.folder))
     report = Report()
     print(f"seed {options.seed}, {options.folder or ''} {folder}", flush=True)
-    sound = campaign(options, folder, report)
-    print(", ".join(f"{number} {name}" for name, number in dataclasses.asdict(report.figures).items())
-          + " (" + ", ".join(f"{number} {kind}" for kind, number in sorted(report.kinds.items())) + ")")
+    sound = False
+    try:
+        sound = campaign(options, folder, report)
+    finally:  # also when somebody has seen enough and interrupts it
+        print(", ".join(f"{number} {name}" for name, number in dataclasses.asdict(report.figures).items())
+              + " (" + ", ".join(f"{number} {kind}" for kind, number in sorted(report.kinds.items())) + ")", flush=True)
     if sound:
         shutil.rmtree(folder)
     sys.exit(not sound)

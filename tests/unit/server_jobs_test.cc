@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Jobs in memory and over restarts, what may be imported, and names of backups.
+// Jobs in memory, what may be imported, and names of backups.
 #include <atomic>
 #include <fstream>
 #include <future>
@@ -8,31 +8,13 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include "index/engine/engine.h"
-#include "index/store/open_store.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/import_job.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/jobs_fixture.h"
 
 namespace pliant::server {
 namespace {
-
-using pliant::testing::TemporaryFolder;
-using std::chrono::milliseconds;
-
-constexpr milliseconds kPatience{20'000};
-
-JobKind Kind(std::function<std::string(const JobStatus&, const JobContext&)> run,
-             bool resumes = true) {
-  return {std::move(run), resumes};
-}
-
-std::string UntilStopped(const JobStatus&, const JobContext& context) {
-  while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
-  throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
-}
 
 std::string CodeOf(const std::function<void()>& work) {
   try {
@@ -42,21 +24,6 @@ std::string CodeOf(const std::function<void()>& work) {
   }
   return "";
 }
-
-class JobsTest : public ::testing::Test {
- protected:
-  JobsTest() {
-    EngineOptions options;
-    options.database = database();
-    options.descriptor = "rootsift";
-    const Engine made(options);
-    store_ = OpenServiceStore(database());
-  }
-  std::filesystem::path database() { return folder_ / "x.db"; }
-
-  TemporaryFolder folder_;
-  std::unique_ptr<ServiceStore> store_;
-};
 
 TEST_F(JobsTest, RunReportAndAreRemembered) {
   JobQueue jobs(store_.get());
@@ -110,66 +77,6 @@ TEST_F(JobsTest, FailAndAreCancelled) {
   jobs.Cancel(running.id);
   EXPECT_TRUE(jobs.WaitFor(running.id, kPatience));
   EXPECT_EQ(jobs.Get(running.id).state, JobState::kCancelled);
-}
-
-TEST_F(JobsTest, GoOnAfterARestart) {
-  std::string running;
-  std::string queued;
-  {
-    JobQueue jobs(store_.get());
-    jobs.Register("wait", Kind(UntilStopped));
-    jobs.Start();
-    running = jobs.Add("wait", "a", Json::object()).id;
-    queued = jobs.Add("wait", "b", Json::object()).id;
-    while (jobs.Get(running).state != JobState::kRunning) {
-      std::this_thread::sleep_for(milliseconds(1));
-    }
-  }  // the server is stopped, nobody has cancelled anything
-  std::vector<std::string> order;
-  JobQueue jobs(store_.get());
-  jobs.Register("wait", Kind([&](const JobStatus& job, const JobContext&) {
-                  order.push_back(job.collection);
-                  return std::string("/done");
-                }));
-  jobs.Start();
-  EXPECT_TRUE(jobs.WaitFor(running, kPatience));
-  EXPECT_TRUE(jobs.WaitFor(queued, kPatience));
-  EXPECT_EQ(order, (std::vector<std::string>{"a", "b"}));
-  EXPECT_EQ(jobs.Get(running).state, JobState::kDone);
-  EXPECT_EQ(jobs.Get(running).attempts, 1) << "an orderly stop is no failed attempt";
-}
-
-// kill -9 between the answer to a cancellation and the end of the job.
-TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
-  std::promise<void> let_go;
-  JobQueue jobs(store_.get());
-  jobs.Register("wait", Kind([&](const JobStatus&, const JobContext& context) {
-                  while (!context.stop().stop_requested()) {
-                    std::this_thread::sleep_for(milliseconds(1));
-                  }
-                  context.Progress(1, 2);
-                  let_go.get_future().wait();  // it does not end at once
-                  return std::string("/done");
-                }));
-  jobs.Start();
-  const std::string id = jobs.Add("wait", "a", Json::object()).id;
-  while (jobs.Get(id).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
-  EXPECT_EQ(jobs.Cancel(id).state, JobState::kRunning);
-  {
-    JobQueue later(store_.get());  // what the next start of the server finds
-    later.Register("wait", Kind([](const JobStatus&, const JobContext&) -> std::string {
-                     ADD_FAILURE() << "it was cancelled";
-                     return "/done";
-                   }));
-    later.Start();
-    EXPECT_TRUE(later.WaitFor(id, kPatience));
-    EXPECT_EQ(later.Get(id).state, JobState::kCancelled);
-    EXPECT_NE(later.Get(id).finished_ms, 0);
-    EXPECT_FALSE(later.Get(id).problem);
-  }
-  let_go.set_value();
-  EXPECT_TRUE(jobs.WaitFor(id, kPatience));
-  EXPECT_EQ(jobs.Get(id).state, JobState::kDone) << "too late to end it";
 }
 
 // Another process holds the write lock: rows wait for it, and nobody waits for the rows.
@@ -228,36 +135,6 @@ TEST_F(JobsTest, AreSavedInOrder) {
     EXPECT_EQ(rows[i].state, "done");
     EXPECT_EQ(rows[i].result, "/result/" + ids[i]);
     EXPECT_EQ(rows[i].failed, 1U);
-  }
-}
-
-// What a killed server leaves: "running".
-TEST_F(JobsTest, AreMarkedAsFailedWhereTheyCannotGoOn) {
-  const auto leave = [&](const std::string& id, const std::string& kind, int attempts) {
-    JobRecord record;
-    record.id = id;
-    record.kind = kind;
-    record.state = "running";
-    record.attempts = attempts;
-    record.created_ms = 1;
-    store_->SaveJob(record);
-  };
-  leave("once", "again", 1);
-  leave("thrice", "again", JobQueue::kMaxAttempts);
-  leave("backup", "never", 1);
-  leave("gone", "a kind of a newer version", 1);
-  JobQueue jobs(store_.get());
-  const auto succeed = [](const JobStatus&, const JobContext&) { return std::string("/done"); };
-  jobs.Register("again", Kind(succeed));
-  jobs.Register("never", Kind(succeed, false));
-  jobs.Start();
-  EXPECT_TRUE(jobs.WaitFor("once", kPatience));
-  EXPECT_EQ(jobs.Get("once").state, JobState::kDone);
-  EXPECT_EQ(jobs.Get("once").attempts, 2);
-  for (const char* id : {"thrice", "backup", "gone"}) {
-    EXPECT_EQ(jobs.Get(id).state, JobState::kFailed) << id;
-    ASSERT_TRUE(jobs.Get(id).problem) << id;
-    EXPECT_EQ(jobs.Get(id).problem->code, "interrupted") << id;
   }
 }
 

@@ -13,11 +13,13 @@ from kill.pictures import sha256, texture
 from kill.server import Connection, Wrong
 
 IMAGES = "/v1/collections/default/images"
-SEARCH = "/v1/collections/default/search?group_by=image&limit=50"
+SEARCH = "/v1/collections/default/search?group_by=image&limit=100"
 OWN_IDS = 10
 OWN_OBJECTS = 3
 GENERATED = 4  # most pictures of its own without an id of its own
 SHARED = [f"shared {number}" for number in range(6)]  # textures that all clients store under ids of their own
+# A descriptor that several pictures have becomes a word itself, and `neighbours` counts only what is nearer than the word.
+SHARED_HASHES = {sha256(texture(name)) for name in SHARED}
 HONEST = {"busy", "starting", "stopping"}
 BOUNDARY = "pliant-kill-test"
 
@@ -28,6 +30,11 @@ def image_path(key):
 
 def state_of(record):
     return State(record["sha256"], record["object"], json.dumps(record["metadata"], sort_keys=True))
+
+
+def search_path(state):
+    """A search that finds the picture of this state by itself."""
+    return SEARCH + ("&rank=tfidf" if state.sha256 in SHARED_HASHES else "")
 
 
 def form(pictures, items):
@@ -150,7 +157,8 @@ class Client(threading.Thread):
             return None
         if status != 200 or sha256(data) != state.sha256:
             raise Wrong(f"content of {key} was answered {status}, {sha256(data)} instead of {state}")
-        return self.put(key, data, State(state.sha256, f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}", self.own_metadata()))
+        named = f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}"
+        return self.put(key, data, State(state.sha256, named, self.own_metadata()))
 
     def post(self):
         """Without an id: it is made from the bytes."""
@@ -216,9 +224,10 @@ class Client(threading.Thread):
 
     def search(self):
         key = self.own_live_key()
-        if self.model.known.get(key) is None:
+        state = self.model.known.get(key)
+        if state is None:
             return
-        status, data = self.connection.json("POST", SEARCH, {"image_id": key[1]})
+        status, data = self.connection.json("POST", search_path(state), {"image_id": key[1]})
         if status == 503 or (status == 409 and data["code"] == "no_vocabulary" and not self.model.has_vocabulary):
             return
         if status != 200:

@@ -22,8 +22,9 @@ class JobClient(Client):
         self.book, self.imports, self.large_imports = book, imports, large_imports
 
     def act(self):
-        acts = {self.train: 6, self.backup: 5, self.import_folder: 5, self.activate: 3, self.follow: 12, self.cancel: 3,
-                self.demonstrate: 1, self.make_collection: 4, self.fill_collection: 6, self.drop_collection: 3, self.remove_imported: 5}
+        acts = {self.train: 6, self.backup: 5, self.import_folder: 5, self.activate: 3, self.follow: 12,
+                self.cancel: 3, self.demonstrate: 1, self.make_collection: 4, self.fill_collection: 6,
+                self.drop_collection: 3, self.remove_imported: 5}
         self.dice.choices(list(acts), list(acts.values()))[0]()
 
     def start_job(self, kind, mark, path, document):

@@ -10,14 +10,15 @@ import sqlite3
 import subprocess
 import time
 
-from kill.client import SEARCH, image_path, state_of
+from kill.client import image_path, search_path, state_of
 from kill.model import EXISTS
 from kill.pictures import sha256
 from kill.server import Wrong
 
 TEMPORARY = re.compile(r"\.new-[\d-]+(-wal|-shm|-journal)?$")
 PAGE = 37
-PATIENCE_S = 120
+PATIENCE_S = 120  # for something to happen to a job, however busy the machine
+STRAYS_S = 30  # for files of removed pictures to go
 
 
 def everything(connection, path, name):
@@ -133,7 +134,7 @@ class Verifier:
         live = self.model.live()
         for key in self.dice.sample(sorted(live), min(number, len(live))):
             data = connection.ask("GET", image_path(key) + "/content")[1]
-            status, answer = connection.ask("POST", SEARCH, data)
+            status, answer = connection.ask("POST", search_path(live[key]), data)
             answer = json.loads(answer)
             if status == 409 and not self.model.has_vocabulary:
                 return
@@ -149,12 +150,15 @@ class Verifier:
                     self.wrong(f"a search finds {hit} of {named!r}, known is {state}", [("default", hit)])
 
     def wait_for_jobs(self, connection):
-        latest = time.monotonic() + PATIENCE_S
-        while self.book.active_jobs():
-            self.book.settle_by(connection.get("/v1/jobs")["jobs"])
+        before, latest = None, 0
+        while active := self.book.active_jobs():
+            listed = connection.get("/v1/jobs")["jobs"]
+            self.book.settle_by(listed)
+            if listed != before:
+                before, latest = listed, time.monotonic() + PATIENCE_S
             if time.monotonic() > latest:
-                raise Wrong(f"jobs do not end: {[self.book.jobs[number] for number in self.book.active_jobs()]}")
-            time.sleep(0.05)
+                raise Wrong(f"nothing happens to jobs: {[self.book.jobs[number] for number in active]}")
+            time.sleep(0.2)
 
 
 class Files:
@@ -193,7 +197,7 @@ class Files:
 
     def expect_none(self):
         """After a start that nothing has been added since, but perhaps by jobs: so not at once."""
-        latest = time.monotonic() + PATIENCE_S
+        latest = time.monotonic() + STRAYS_S
         while (strays := self.strays()) and time.monotonic() < latest:
             time.sleep(0.1)
         if strays:
