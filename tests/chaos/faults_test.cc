@@ -131,10 +131,12 @@ INSTANTIATE_TEST_SUITE_P(Of, Faults, ::testing::ValuesIn(Scenarios()),
                          [](const auto& scenario) { return scenario.param.name; });
 
 // Not where new pictures are described: OpenCV ends the program when memory fails it (its
-// BufferArea throws from a destructor).
+// BufferArea throws from a destructor). Nor the sweep: std::filesystem's iterators do the same.
 std::vector<Scenario> WithoutDescribing() {
   std::vector<Scenario> scenarios = Scenarios();
-  std::erase_if(scenarios, [](const Scenario& scenario) { return scenario.describes; });
+  std::erase_if(scenarios, [](const Scenario& scenario) {
+    return scenario.describes || scenario.name == "sweep";
+  });
   return scenarios;
 }
 

@@ -46,9 +46,10 @@ class DatabaseTest : public ::testing::Test {
 // A killed process cannot clean up; what a living one makes is locked and stays.
 TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
   const auto old = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
-  for (const char* name : {"a.db.new-12-1", "a.db.new-12-1-wal", "a.db.new-13-7", "a.db.new-x-1",
-                           "a.db.new-2024-05-01", "a.db.new-14-0123456789abcdef", "a.db.new-",
-                           "b.db.new-12-1", "a.db.newer"}) {
+  for (const char* name :
+       {"a.db.new-12-1", "a.db.new-12-1-wal", "a.db.new-13-7", "a.db.new-13-7-journal",
+        "a.db.new-14-2-journal", "a.db.new-x-1", "a.db.new-2024-05-01",
+        "a.db.new-14-0123456789abcdef", "a.db.new-", "b.db.new-12-1", "a.db.newer"}) {
     WriteText(folder_ / name, "left");
     std::filesystem::last_write_time(folder_ / name, old);
   }
@@ -61,9 +62,9 @@ TEST_F(DatabaseTest, WhatKilledProcessesLeftIsRemoved) {
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
     left.push_back(entry.path().filename().string());
   }
-  EXPECT_THAT(left, ::testing::UnorderedElementsAre("a.db.new-13-7", "a.db.new-x-1", "a.db.new-",
-                                                    "b.db.new-12-1", "a.db.newer", "a.db.new-99-1",
-                                                    "a.db.new-2024-05-01"));
+  EXPECT_THAT(left, ::testing::UnorderedElementsAre(
+                        "a.db.new-13-7", "a.db.new-13-7-journal", "a.db.new-x-1", "a.db.new-",
+                        "b.db.new-12-1", "a.db.newer", "a.db.new-99-1", "a.db.new-2024-05-01"));
 }
 
 TEST_F(DatabaseTest, WhatKilledBackupsLeftIsRemoved) {

@@ -7,6 +7,8 @@
 #include <new>
 #include <stdexcept>
 
+#include <dirent.h>
+#include <dlfcn.h>
 #include <sqlite3.h>
 
 namespace pliant::chaos {
@@ -17,11 +19,18 @@ struct Counter {
   bool struck = false;
   std::uint64_t at = 0;
   std::uint64_t allocations = 0;
+  int spared = 0;  // the next ones do not fail
 };
 thread_local constinit Counter counter;
 
 bool Fails() {
-  if (!counter.armed || ++counter.allocations != counter.at) return false;
+  if (!counter.armed) return false;
+  ++counter.allocations;
+  if (counter.spared > 0) {
+    --counter.spared;
+    return false;
+  }
+  if (counter.struck || counter.at == 0 || counter.allocations < counter.at) return false;
   counter.struck = true;
   return true;
 }
@@ -33,7 +42,7 @@ sqlite3_mem_methods& MethodsOfSqlite() {
 
 }  // namespace
 
-FailingMemory::FailingMemory(std::uint64_t at) { counter = {true, false, at, 0}; }
+FailingMemory::FailingMemory(std::uint64_t at) { counter = {true, false, at, 0, 0}; }
 FailingMemory::~FailingMemory() { counter.armed = false; }
 bool FailingMemory::struck() { return counter.struck; }
 std::uint64_t FailingMemory::allocations() { return counter.allocations; }
@@ -73,6 +82,15 @@ void* AllocateOrThrow(std::size_t size, std::size_t alignment) {
 
 using pliant::chaos::Allocate;
 using pliant::chaos::AllocateOrThrow;
+using pliant::chaos::counter;
+
+// std::filesystem's iterators put the name together where an exception ends the program.
+extern "C" dirent* readdir(DIR* directory) {
+  constexpr int kAllocationsOfAName = 16;
+  static auto* const real = reinterpret_cast<dirent* (*)(DIR*)>(::dlsym(RTLD_NEXT, "readdir"));
+  counter.spared = kAllocationsOfAName;
+  return real(directory);
+}
 
 void* operator new(std::size_t size) { return AllocateOrThrow(size, 1); }
 void* operator new[](std::size_t size) { return AllocateOrThrow(size, 1); }
