@@ -29,7 +29,7 @@ import time
 from kill.commands import Commands
 from kill.model import Report
 from kill.round import Round
-from kill.server import Wrong
+from service.server import Wrong
 
 LIVES = 16  # of a round; fewer when fewer kills are wanted
 MODEL = pathlib.Path(__file__).resolve().parents[2] / "descriptor" / "model" / "deal.safetensors"

@@ -20,8 +20,8 @@ import tempfile
 import threading
 import time
 
-from kill.pictures import sha256, texture, write_folder
-from kill.server import Connection, Server, Wrong
+from service.pictures import sha256, texture, write_folder
+from service.server import Connection, Server, Wrong
 
 IMAGES = "/v1/collections/default/images"
 SEARCH = "/v1/collections/default/search?limit=5"

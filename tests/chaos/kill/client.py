@@ -9,8 +9,8 @@ import time
 import urllib.parse
 
 from kill.model import State
-from kill.pictures import sha256, texture
-from kill.server import Connection, Wrong
+from service.pictures import sha256, texture
+from service.server import Connection, Wrong
 
 IMAGES = "/v1/collections/default/images"
 SEARCH = "/v1/collections/default/search?group_by=image&limit=100"

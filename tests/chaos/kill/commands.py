@@ -6,7 +6,7 @@ import subprocess
 import time
 
 from kill.jobs import import_states
-from kill.pictures import write_folder
+from service.pictures import write_folder
 
 PICTURES = 4
 OBJECTS = 3

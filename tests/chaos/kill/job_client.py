@@ -6,8 +6,8 @@ import json
 from kill.client import Client
 from kill.jobs import import_states
 from kill.model import EXISTS, State
-from kill.pictures import sha256, write_folder
-from kill.server import Wrong
+from service.pictures import sha256, write_folder
+from service.server import Wrong
 
 VOCABULARIES = "/v1/collections/default/vocabularies"
 MOST_ACTIVE = 5  # jobs at once

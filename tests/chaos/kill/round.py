@@ -11,9 +11,9 @@ from kill.client import Client
 from kill.job_client import JobClient
 from kill.jobs import JobBook, import_states
 from kill.model import Model
-from kill.pictures import write_folder
-from kill.server import Connection, Server, Wrong
 from kill.verify import Files, Verifier
+from service.pictures import write_folder
+from service.server import Connection, Server, Wrong
 
 CLIENTS = 8
 LONGEST_LIFE_S = 12

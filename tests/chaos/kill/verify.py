@@ -12,8 +12,8 @@ import time
 
 from kill.client import image_path, search_path, state_of
 from kill.model import EXISTS
-from kill.pictures import sha256
-from kill.server import Wrong
+from service.pictures import sha256
+from service.server import Wrong
 
 TEMPORARY = re.compile(r"\.new-[\d-]+(-wal|-shm|-journal)?$")
 PAGE = 37
