@@ -37,7 +37,9 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
     const float base = coder.binary() ? distance : distance * distance;
     cells_.push_back({word, static_cast<std::uint32_t>(i / cells_per_row), base});
     if (i % cells_per_row != 0) continue;
-    limits_.push_back(options.reach * base);
+    const float next = cells_per_row > 1 ? words[i + 1].distance : 0;
+    const float usual = options.least * (coder.binary() ? next : next * next);
+    limits_.push_back(options.reach * std::max(base, usual));
     most += limits_.back();
   }
   std::sort(cells_.begin(), cells_.end(), [](const Cell& a, const Cell& b) {

@@ -5,8 +5,10 @@
 //
 // Let w be the nearest word of the query descriptor q, and |q - w| its distance. A descriptor x in
 // one of the cells (words) nearest to q votes
-//   v = max(0, a |q - w|^2 - |q - x|^2)
-// for its picture, the best once per query descriptor and picture. The weight is relative, as in
+//   v = max(0, a max(|q - w|^2, b |q - w'|^2) - |q - x|^2)
+// for its picture, the best once per query descriptor and picture. w' is the second nearest word: a
+// descriptor that has become a word itself, because it is stored several times or the collection
+// is small, is as far from usual as that says. The weight is relative, as in
 // local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
 // second nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and
 // only what is nearer than the word, that is than usual, says something. Distances are estimated
@@ -31,9 +33,10 @@
 namespace pliant {
 
 struct NeighbourOptions {
-  int cells = 16;      // nearest words whose lists a query descriptor looks into
-  float reach = 0.7F;  // a
-  int threads = 1;     // 0 = all cores
+  int cells = 16;       // nearest words whose lists a query descriptor looks into
+  float reach = 0.7F;   // a
+  int threads = 1;      // 0 = all cores
+  float least = 0.25F;  // b
 };
 
 struct Vote {

@@ -19,6 +19,7 @@ namespace {
 constexpr int kDim = 16;
 constexpr std::size_t kWords = 24;
 constexpr double kReach = 0.7;  // NeighbourOptions
+constexpr double kLeast = 0.25;
 constexpr std::size_t kCells = 16;
 
 Descriptors RandomUnit(std::mt19937_64& random, std::size_t rows) {
@@ -121,7 +122,9 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       const auto square = [&](float d) {
         return quantizer_->coder()->binary() ? d : static_cast<double>(d) * d;
       };
-      const double limit = kReach * square(cells[q * kCells].distance);
+      const double limit =
+          kReach * std::max<double>(square(cells[q * kCells].distance),
+                                    kLeast * square(cells[q * kCells + 1].distance));
       most += limit;
       std::map<std::int64_t, Best> best;
       for (const auto& [key, stored] : truth_) {
@@ -215,6 +218,19 @@ TEST_P(NeighbourRankingTest, ACopyIsFirstAndScoresNearOne) {
   EXPECT_EQ(ranking.best[0].ref.version, 7);
   EXPECT_GT(ranking.best[0].score, 0.5);
   EXPECT_LE(ranking.best[0].score, 1);
+}
+
+// One that is stored several times, or the first of a small collection, makes up the vocabulary:
+// its descriptors are at no distance from their words.
+TEST_P(NeighbourRankingTest, APictureOfWordsIsFound) {
+  for (std::int64_t key = 1; key <= 5; ++key) index_->Apply({Make(key, Random(50), 0)}, {});
+  const Descriptors words = quantizer_->vocabulary().words;
+  index_->Apply({Make(6, words, 0), Make(7, words, 0)}, {});
+  const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, words, {});
+  ASSERT_GE(ranking.best.size(), 2U);
+  EXPECT_THAT((std::vector{ranking.best[0].ref.version, ranking.best[1].ref.version}),
+              ::testing::UnorderedElementsAre(6, 7));
+  EXPECT_GT(ranking.best[1].score, 0.3);
 }
 
 TEST_P(NeighbourRankingTest, AQueryWithoutDescriptorsFindsNothing) {
