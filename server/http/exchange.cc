@@ -114,44 +114,6 @@ void Exchange::CheckHost() const {
                      "allow it with --allowed-hosts.");
 }
 
-bool Exchange::IsAllowedOrigin(const std::string& origin) const {
-  const auto& allowed = shared_.allowed_origins;
-  return !origin.empty() && std::any_of(allowed.begin(), allowed.end(), [&](const auto& one) {
-    return one == "*" || one == origin;
-  });
-}
-
-bool Exchange::IsPreflight() const {
-  return request_.method == "OPTIONS" && IsAllowedOrigin(request_.header("Origin")) &&
-         request_.headers.contains("Access-Control-Request-Method");
-}
-
-// What a page of an allowed origin may send here (Fetch standard, CORS-preflight).
-void Exchange::AnswerPreflight(httplib::Response& answer) {
-  const std::string methods = shared_.router.AllowedMethods(SplitPath(request_.path));
-  if (methods.empty()) throw ProblemError("route_not_found", "There is nothing at this path.");
-  Response response;
-  response.status = 204;
-  response.headers = {{"Access-Control-Allow-Methods", methods},
-                      {"Access-Control-Allow-Headers",
-                       "Authorization, X-API-Key, Content-Type, If-None-Match, X-Request-Id"},
-                      {"Access-Control-Max-Age", "600"}};
-  Answer(response, answer);
-}
-
-// A page of another site may make a browser send requests here; it must not change anything.
-void Exchange::CheckSameSite() const {
-  if (request_.method == "GET") return;
-  const std::string site = request_.header("Sec-Fetch-Site");
-  const std::string origin = request_.header("Origin");
-  if (IsAllowedOrigin(origin)) return;
-  const bool same_origin = origin.empty() || origin == "http://" + request_.header("Host") ||
-                           origin == "https://" + request_.header("Host");
-  if (site == "cross-site" || site == "same-site" || !same_origin) {
-    throw ProblemError("cross_site", "Requests from pages of other sites are not accepted.");
-  }
-}
-
 bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer) {
   if (prepared_) return complete_;
   prepared_ = true;
@@ -162,11 +124,12 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     if (request_.path.size() > kMaxPathBytes) {
       throw ProblemError("uri_too_long", "The path is too long.");
     }
-    if (IsPreflight()) {
-      AnswerPreflight(answer);
+    if (shared_.origins.IsPreflight(request_)) {
+      const auto methods = shared_.router.AllowedMethods(SplitPath(request_.path));
+      Answer(OriginPolicy::PreflightAnswer(methods), answer);
       return complete_ = true;
     }
-    CheckSameSite();
+    shared_.origins.CheckSameSite(request_);
     request_.segments = SplitPath(request_.path);
     route_ = &shared_.router.Resolve(request_);
     record_.route = route_->name;
@@ -234,15 +197,9 @@ void Exchange::AddSecurityHeaders(httplib::Response& answer) const {
   }
   if (!answer.has_header("Referrer-Policy")) answer.set_header("Referrer-Policy", "no-referrer");
   if (shared_.encrypted) answer.set_header("Strict-Transport-Security", "max-age=31536000");
-  const std::string origin = request_.header("Origin");
-  if (!shared_.allowed_origins.empty()) answer.set_header("Vary", "Origin");
-  if (!IsAllowedOrigin(origin)) {
-    answer.set_header("Cross-Origin-Resource-Policy", "same-origin");
-    return;
+  for (const auto& [name, value] : shared_.origins.Headers(request_)) {
+    answer.set_header(name, value);
   }
-  answer.set_header("Access-Control-Allow-Origin", origin);
-  answer.set_header("Access-Control-Expose-Headers", "ETag, Location, Retry-After, X-Request-Id");
-  answer.set_header("Cross-Origin-Resource-Policy", "cross-origin");
 }
 
 void Exchange::AnswerProblem(const Problem& problem, httplib::Response& answer) {

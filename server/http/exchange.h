@@ -14,6 +14,7 @@
 #include "server/http/connection.h"
 #include "server/http/http_server.h"
 #include "server/http/message.h"
+#include "server/http/origin_policy.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
 
@@ -23,7 +24,7 @@ namespace pliant::server {
 struct ExchangeShared {
   const Router& router;
   const AdmitRequest admit;
-  const std::vector<std::string> allowed_origins;
+  const OriginPolicy origins;
   const AllowedHosts allowed_hosts;
   const bool encrypted = false;
   std::size_t max_body_bytes = 0;
@@ -66,10 +67,6 @@ class Exchange {
   void ReadHead(const httplib::Request& raw);
   void CheckFraming(const httplib::Request& raw);
   void CheckHost() const;
-  bool IsAllowedOrigin(const std::string& origin) const;
-  bool IsPreflight() const;
-  void AnswerPreflight(httplib::Response& answer);
-  void CheckSameSite() const;
   void ReadMultipart(const httplib::ContentReader& reader, const httplib::Response& answer);
   void ReadPlain(const httplib::ContentReader& reader, const httplib::Response& answer);
   ProblemError BodyProblem(bool too_large, bool too_many_parts) const;

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <string_view>
 #include <utility>
 
@@ -14,6 +13,7 @@
 #include "descriptor/base/error.h"
 #include "server/http/exchange.h"
 #include "server/http/library.h"
+#include "server/http/library_handlers.h"
 #include "server/http/reception.h"
 #include "server/http/visit_queue.h"
 
@@ -22,7 +22,6 @@ namespace pliant::server {
 namespace {
 
 constexpr std::size_t kMaxRequestsPerConnection = 1000;
-constexpr const char* kAnyPath = R"([\s\S]*)";
 constexpr int kListenBacklog = 512;
 // Threads of their own for those who ask whether the server lives, so that they are answered when
 // all others are busy.
@@ -31,24 +30,10 @@ constexpr int kHealthQueue = 64;
 // Cores that TLS greetings may take from everything else.
 constexpr int kGreetingThreads = 1;
 
-// The library calls its handlers without saying for which connection. One thread serves one
-// connection at a time, so this is that thread's exchange.
-thread_local Exchange* current_exchange = nullptr;
-
 // Without SO_REUSEPORT, which the library sets: two servers on one port must not go unnoticed.
 void SetListenOptions(socket_t listener) {
   const int yes = 1;
   setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-}
-
-// Types have no case (RFC 9110, section 8.3.1), but the library knows forms in lower case only.
-void LowerMediaType(httplib::Headers& headers) {
-  const auto type = headers.find("Content-Type");
-  if (type == headers.end()) return;
-  std::string& text = type->second;
-  const auto end = std::find(text.begin(), text.end(), ';');
-  std::transform(text.begin(), end, text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
 }
 
 bool AsksForHealth(const RequestHead& head) {
@@ -68,7 +53,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
         on_request_(std::move(on_request)),
         shared_{router,
                 std::move(admit),
-                options_.allowed_origins,
+                OriginPolicy(options_.allowed_origins),
                 AllowedHosts(options_.host, options_.allowed_hosts),
                 !options_.tls_certificate.empty(),
                 options_.limits.max_body_bytes},
@@ -94,7 +79,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     if (!options_.tls_certificate.empty()) {
       tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
     }
-    SetHandlers();
+    SetLibraryHandlers(*this);
     Bind();
   }
 
@@ -126,46 +111,6 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
   int port() const { return port_; }
 
  private:
-  void SetHandlers() {
-    set_pre_routing_handler([](const httplib::Request& request, httplib::Response& answer) {
-      const bool handled =
-          current_exchange->BeforeBody(request, answer) || current_exchange->AwaitsBody(answer);
-      return handled ? HandlerResponse::Handled : HandlerResponse::Unhandled;
-    });
-    const auto with_body = [](const httplib::Request&, httplib::Response& answer,
-                              const httplib::ContentReader& reader) {
-      current_exchange->WithBody(reader, answer);
-    };
-    Post(kAnyPath, with_body);
-    Put(kAnyPath, with_body);
-    Delete(kAnyPath, with_body);
-    set_expect_100_continue_handler([](const httplib::Request& request, httplib::Response& answer) {
-      return current_exchange->BeforeBody(request, answer) ? answer.status : 100;
-    });
-    // Must be of the kind that returns nothing: the library then sets Content-Length.
-    set_error_handler([](const httplib::Request& request, httplib::Response& answer) {
-      current_exchange->OnLibraryError(request, answer);
-    });
-    set_exception_handler(
-        [](const httplib::Request&, httplib::Response& answer, std::exception_ptr error) {
-          try {
-            std::rethrow_exception(error);
-          } catch (...) {
-            current_exchange->OnException(answer);
-          }
-        });
-    set_post_routing_handler([](const httplib::Request&, httplib::Response& answer) {
-      // RFC 9110, section 8.6: these have no content, so they have no length either.
-      if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
-      // The library promises both without asking.
-      answer.headers.erase("Accept-Ranges");
-      if (answer.get_header_value("Connection") == "close") answer.headers.erase("Keep-Alive");
-    });
-    set_logger([](const httplib::Request&, const httplib::Response& answer) {
-      current_exchange->NoteAnswer(answer);
-    });
-  }
-
   void Bind() {
     const int port = options_.port == 0
                          ? bind_to_any_port(options_.host)
@@ -241,17 +186,12 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     const bool last = visit.served + 1 >= kMaxRequestsPerConnection || shared_.stopping;
     bool client_closes = false;
     connection.Rewind();
-    current_exchange = &exchange;
+    const ServingExchange serving(exchange);
     const bool written =
         ProcessRequest(connection, last, client_closes, [&](httplib::Request& request) {
-          // Answers are whole and plain: ranges and on-the-fly compression cost more than they
-          // give for pictures and short JSON.
-          request.ranges.clear();
-          request.headers.erase("Accept-Encoding");
-          LowerMediaType(request.headers);
+          PrepareForLibrary(request);
           if (connection.body_received()) request.headers.erase("Expect");  // was answered
         });
-    current_exchange = nullptr;
     if (exchange.awaits_body()) return Next::kBody;
     if (exchange.answered()) {
       const std::chrono::duration<double> seconds = Clock::now() - visit.begun;

@@ -11,19 +11,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "index/engine/engine.h"
 #include "index/files/process_lock.h"
-#include "index/store/open_store.h"
-#include "server/jobs/jobs.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/jobs_fixture.h"
 
 namespace pliant::server {
 namespace {
-
-using pliant::testing::TemporaryFolder;
-using std::chrono::milliseconds;
-
-constexpr milliseconds kPatience{20'000};
 
 bool Eventually(const std::function<bool()>& holds) {
   const auto until = std::chrono::steady_clock::now() + kPatience;
@@ -70,15 +62,8 @@ class Server {
   std::unique_ptr<JobQueue> jobs_;
 };
 
-class JobOwnersTest : public ::testing::Test {
+class JobOwnersTest : public JobsTest {
  protected:
-  JobOwnersTest() {
-    EngineOptions options;
-    options.database = database();
-    options.descriptor = "rootsift";
-    const Engine made(options);
-  }
-  std::filesystem::path database() const { return folder_.path() / "x.db"; }
   std::size_t Locks() const {
     std::size_t count = 0;
     for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
@@ -86,8 +71,6 @@ class JobOwnersTest : public ::testing::Test {
     }
     return count;
   }
-
-  TemporaryFolder folder_;
 };
 
 TEST_F(JobOwnersTest, ASecondServerLeavesARunningJobAlone) {
