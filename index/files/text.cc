@@ -177,7 +177,11 @@ std::string CanonicalMetadata(const std::string& metadata) {
   const nlohmann::json json = nlohmann::json::parse(metadata, watch_depth, false);
   if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
   if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
-  return json.dump();
+  std::string canonical = json.dump();  // may be longer: 1e9 is 1000000000.0
+  if (canonical.size() > kMaxMetadataBytes) {
+    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
+  }
+  return canonical;
 }
 
 }  // namespace pliant

@@ -104,6 +104,13 @@ void CheckShape(const Features& features) {
                     " rows of " + std::to_string(d.dim) + " for " +
                     std::to_string(features.keypoints.size()) + " key points");
   }
+  for (const Keypoint& k : features.keypoints) {
+    for (const float value : {k.x, k.y, k.size, k.angle, k.response}) {
+      if (std::isfinite(value)) continue;
+      throw Error(ErrorCode::kInvalidArgument, "keypoint_not_finite",
+                  "the features have key points that are not finite");
+    }
+  }
 }
 
 }  // namespace
@@ -162,6 +169,11 @@ Features DecodeFeatures(Bytes blob) {
   features.keypoints.reserve(rows);
   for (std::size_t i = 0; i < rows; ++i) {
     const std::size_t at = kFeatureHeaderBytes + i * kKeypointBytes;
+    for (std::size_t value = 0; value < 5; ++value) {
+      if (!std::isfinite(GetValue<float>(body, at + 4 * value))) {
+        ThrowCorruptBlob("features have key points that are not finite");
+      }
+    }
     features.keypoints.push_back({GetValue<float>(body, at), GetValue<float>(body, at + 4),
                                   GetValue<float>(body, at + 8), GetValue<float>(body, at + 12),
                                   GetValue<float>(body, at + 16),

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -126,6 +127,10 @@ TEST(BlobCodec, BadFeaturesAreRefused) {
   features = RandomFeatures(2, Values::kUnit, 7);
   features.keypoints.pop_back();
   ExpectError(ErrorCode::kInvalidArgument, "features_shape", [&] { EncodeFeatures(features); });
+  features = RandomFeatures(2, Values::kUnit, 7);
+  features.keypoints[1].size = std::numeric_limits<float>::infinity();
+  ExpectError(ErrorCode::kInvalidArgument, "keypoint_not_finite",
+              [&] { EncodeFeatures(features); });
 }
 
 // A blob whose checksum is right but whose header lies must not make the reader allocate or run on.
@@ -149,7 +154,9 @@ TEST(BlobCodec, LyingHeadersWithAGoodChecksum) {
                                                                         {8, 4, 4},
                                                                         {8, 0xffffffff, 4},
                                                                         {12, 127, 4},
-                                                                        {12, 0xffffffff, 4}}) {
+                                                                        {12, 0xffffffff, 4},
+                                                                        {24, 0x7fc00000, 4},
+                                                                        {64, 0xff800000, 4}}) {
     const std::vector<std::uint8_t> changed = with(at, value, bytes);
     ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
   }

@@ -116,6 +116,8 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
   EXPECT_EQ(Files(), 4U) << "one, the two of somebody, and the one that is being written";
   EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
   EXPECT_EQ(engine.SweepOriginals(), 0U);
+  fs::rename(directory_, folder_ / "elsewhere");
+  ExpectError(ErrorCode::kInternal, "io_error", [&] { engine.SweepOriginals(); });
 }
 
 TEST_F(EngineOriginalsTest, WhoOpensToAddPicturesRemovesHalfWrittenOnes) {

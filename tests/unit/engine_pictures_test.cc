@@ -105,6 +105,10 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   for (int i = 0; i < 40; ++i) deep = "{\"a\":" + deep + "}";
   ExpectError(ErrorCode::kInvalidArgument, "metadata_invalid",
               [&] { Add(engine, png, "x", {}, deep); });
+  std::string growing = "{\"a\":[1e9";  // 1000000000.0 when it is written out
+  while (growing.size() < 60'000) growing += ",1e9";
+  ExpectError(ErrorCode::kInvalidArgument, "metadata_invalid",
+              [&] { Add(engine, png, "x", {}, growing + "]}"); });
   AddRequest request;
   request.bytes = png;
   request.collection = "nowhere";

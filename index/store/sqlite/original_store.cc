@@ -204,14 +204,18 @@ std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& 
 
 std::vector<std::string> OriginalStore::List() const {
   std::vector<std::string> hashes;
-  for (const fs::directory_entry& folder : fs::directory_iterator(directory_)) {
-    if (folder.path().filename().string().size() != 2 || !folder.is_directory()) continue;
-    for (const fs::directory_entry& file : fs::directory_iterator(folder.path())) {
-      const std::string name = file.path().filename().string();
-      if (IsHash(name) && name.starts_with(folder.path().filename().string())) {
-        hashes.push_back(name);
+  try {
+    for (const fs::directory_entry& folder : fs::directory_iterator(directory_)) {
+      const std::string prefix = folder.path().filename().string();
+      if (prefix.size() != 2 || !folder.is_directory()) continue;
+      for (const fs::directory_entry& file : fs::directory_iterator(folder.path())) {
+        const std::string name = file.path().filename().string();
+        if (IsHash(name) && name.starts_with(prefix)) hashes.push_back(name);
       }
     }
+  } catch (const fs::filesystem_error& error) {
+    errno = error.code().value();
+    ThrowErrno("cannot list", error.path1());
   }
   std::sort(hashes.begin(), hashes.end());
   return hashes;
