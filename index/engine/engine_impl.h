@@ -73,6 +73,9 @@ class Engine::Impl {
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
                        const std::stop_token& stop, const std::function<void(double)>& progress);
   void DropUnfinished(Key vocabulary) noexcept;
+  VocabularyRecord StoreVocabulary(const CollectionState& collection,
+                                   const std::shared_ptr<const Vocabulary>& vocabulary,
+                                   const TrainOptions& options);
 
   EngineOptions options_;
   std::mutex extractors_mutex_;  // guards the making of extractors_

@@ -60,6 +60,22 @@ int ChooseWords(const TrainOptions& options, const DescriptorSample& sample) {
   return words;
 }
 
+// Runs `work`. When it fails because the collection was removed meanwhile, with all that belongs to
+// it, the error is "collection_not_found", also when there is another one of that name now.
+template <typename Work>
+auto OnCollection(Catalogue& catalogue, const CollectionState& collection, Work work) {
+  try {
+    return work();
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kCancelled ||
+        catalogue.RequireCollection(collection.name).key == collection.key) {
+      throw;
+    }
+  }
+  throw Error(ErrorCode::kNotFound, "collection_not_found",
+              "the collection " + collection.name + " was removed meanwhile");
+}
+
 }  // namespace
 
 VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
@@ -83,8 +99,16 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
       sample.descriptors, store_->model().info.model_id, sample.available, k_medoids));
   ThrowIfStopped(options.stop);
 
-  const Key key = writer().AddVocabulary(collection.key, *vocabulary);
+  return OnCollection(catalogue(), collection,
+                      [&] { return StoreVocabulary(collection, vocabulary, options); });
+}
+
+VocabularyRecord Engine::Impl::StoreVocabulary(const CollectionState& collection,
+                                               const std::shared_ptr<const Vocabulary>& vocabulary,
+                                               const TrainOptions& options) {
+  Key key = 0;
   try {
+    key = writer().AddVocabulary(collection.key, *vocabulary);
     const Quantizer quantizer(vocabulary);
     QuantizeMissing(
         collection.key, key, quantizer, options.threads, options.stop, [&](double share) {
@@ -95,7 +119,7 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
     const auto prepared = is_first ? ranker_->Prepare(collection.key, key) : nullptr;
     return writer().FinishVocabulary(options.collection, key, quantizer, options.automatic);
   } catch (...) {
-    DropUnfinished(key);
+    if (key != 0) DropUnfinished(key);
     throw;
   }
 }
@@ -143,12 +167,15 @@ void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_
                 "vocabulary " + std::to_string(id) + " was made for " + record->model_id +
                     ", the database holds " + model_id);
   }
-  const Quantizer quantizer(catalogue().ReadVocabulary(id));
-  QuantizeMissing(collection.key, id, quantizer, options.threads, options.stop, [&](double share) {
-    if (options.progress) options.progress(share);
+  OnCollection(catalogue(), collection, [&] {
+    const Quantizer quantizer(catalogue().ReadVocabulary(id));
+    QuantizeMissing(collection.key, id, quantizer, options.threads, options.stop,
+                    [&](double share) {
+                      if (options.progress) options.progress(share);
+                    });
+    const auto prepared = record->active ? nullptr : ranker_->Prepare(collection.key, id);
+    writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
   });
-  const auto prepared = record->active ? nullptr : ranker_->Prepare(collection.key, id);
-  writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
 }
 
 }  // namespace pliant

@@ -40,6 +40,63 @@ TEST_F(EngineTest, VocabulariesAreVersionsAndSwitch) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
+void AddShirts(Engine& engine, std::uint64_t last, std::uint64_t first = 1) {
+  AddRequest request;
+  request.collection = "shirts";
+  for (std::uint64_t seed = first; seed <= last; ++seed) {
+    const std::vector<std::uint8_t> png = RandomPng(seed);
+    request.bytes = png;
+    engine.Add(request);
+  }
+}
+
+TEST_F(EngineTest, ACollectionThatIsRemovedWhileItTrains) {
+  for (const double moment : {0.1, 0.8, 0.9, 1.0}) {
+    for (const bool made_again : {false, true}) {
+      Engine engine(Options());
+      engine.CreateCollection("shirts");
+      AddShirts(engine, 6);
+      TrainOptions train;
+      train.collection = "shirts";
+      train.words = 10;
+      train.sample = 100;
+      bool removed = false;
+      train.progress = [&](double done, double /*loss*/) {
+        if (removed || done < moment) return;
+        removed = true;
+        engine.RemoveCollection("shirts");
+        if (made_again) engine.CreateCollection("shirts");
+      };
+      ExpectError(ErrorCode::kNotFound, "collection_not_found",
+                  [&] { engine.TrainVocabulary(train); });
+      ASSERT_TRUE(removed) << moment;
+      EXPECT_THAT(engine.Check(), IsEmpty());
+      engine.RemoveCollection("shirts");
+    }
+  }
+}
+
+TEST_F(EngineTest, ACollectionThatIsRemovedWhileItsVocabularyIsSwitched) {
+  Engine engine(Options());
+  engine.CreateCollection("shirts");
+  AddShirts(engine, 6);
+  TrainOptions train;
+  train.collection = "shirts";
+  train.words = 10;
+  train.sample = 100;
+  engine.TrainVocabulary(train);
+  train.seed = 2;
+  const VocabularyRecord second = engine.TrainVocabulary(train);
+  AddShirts(engine, 9, 9);  // has no words of it yet
+  UseOptions options;
+  options.progress = [&](double /*done*/) {
+    if (engine.RemoveCollection("shirts")) engine.CreateCollection("shirts");
+  };
+  ExpectError(ErrorCode::kNotFound, "collection_not_found",
+              [&] { engine.UseVocabulary("shirts", second.id, options); });
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
 TEST_F(EngineTest, TheSameSeedGivesTheSameVocabularyInAnyOrderOfAdding) {
   double loss = 0;
   for (const bool reversed : {false, true}) {

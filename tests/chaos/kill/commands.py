@@ -69,9 +69,14 @@ class Commands:
         said, _ = self.done("db", "originals", place)
         if said.get("left") != 0:
             self.report.add("lost", f"originals were left when they were moved to {place}: {said}")
-        self.done("db", "check", "--sweep")
+        self.sweep()
         self.files.expect_none()
         self.model.touched.update(self.model.live())
+
+    def sweep(self):
+        """Sweeps the directory of originals, if there ever was one."""
+        stats, _ = self.done("db", "stats")
+        self.done("db", "check", *(["--sweep"] if stats["originals"] else []))
 
     def train(self):
         for _ in range(2):
@@ -106,5 +111,5 @@ class Commands:
             self.report.add("mixtures", f"objects were removed in part: {there}")
         self.done(*arguments, may_skip=True)
         self.model.adopt({key: None for key, state in self.model.live().items() if state.object in names})
-        self.done("db", "check", "--sweep")
+        self.sweep()
         self.files.expect_none()
