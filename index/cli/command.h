@@ -7,7 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "index/cli/exit_status.h"
-#include "index/cli/usage/checks.h"
+#include "index/usage/checks.h"
 
 namespace pliant::cli {
 

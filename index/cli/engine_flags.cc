@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/engine_flags.h"
 
-#include "index/cli/usage/checks.h"
+#include "index/usage/checks.h"
 
 namespace pliant::cli {
 namespace {

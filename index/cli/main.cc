@@ -8,9 +8,9 @@
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/cli/usage/completion.h"
-#include "index/cli/usage/manual.h"
-#include "index/cli/usage/usage_error.h"
+#include "index/usage/completion.h"
+#include "index/usage/manual.h"
+#include "index/usage/usage_error.h"
 
 namespace {
 

@@ -11,10 +11,10 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "index/cli/usage/checks.h"
-#include "index/cli/usage/completion.h"
-#include "index/cli/usage/manual.h"
-#include "index/cli/usage/usage_error.h"
+#include "index/usage/checks.h"
+#include "index/usage/completion.h"
+#include "index/usage/manual.h"
+#include "index/usage/usage_error.h"
 
 namespace pliant::server {
 

@@ -9,11 +9,11 @@
 #include <fmt/format.h>
 
 #include "descriptor/base/error.h"
-#include "index/cli/usage/checks.h"
-#include "index/cli/usage/usage_error.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
+#include "index/usage/checks.h"
+#include "index/usage/usage_error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
 

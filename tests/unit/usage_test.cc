@@ -8,11 +8,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "index/cli/usage/checks.h"
-#include "index/cli/usage/closest_name.h"
-#include "index/cli/usage/completion.h"
-#include "index/cli/usage/manual.h"
-#include "index/cli/usage/usage_error.h"
+#include "index/usage/checks.h"
+#include "index/usage/closest_name.h"
+#include "index/usage/completion.h"
+#include "index/usage/manual.h"
+#include "index/usage/usage_error.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/closest_name.h"
+#include "index/usage/closest_name.h"
 
 #include <algorithm>
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/completion.h"
+#include "index/usage/completion.h"
 
 #include <algorithm>
 #include <vector>
 
 #include "descriptor/base/error.h"
-#include "index/cli/usage/option_words.h"
+#include "index/usage/option_words.h"
 
 namespace pliant::cli {
 namespace {

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/usage_error.h"
+#include "index/usage/usage_error.h"
 
 #include <vector>
 
-#include "index/cli/usage/closest_name.h"
-#include "index/cli/usage/option_words.h"
+#include "index/usage/closest_name.h"
+#include "index/usage/option_words.h"
 
 namespace pliant::cli {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/option_words.h"
+#include "index/usage/option_words.h"
 
 #include <algorithm>
 #include <cctype>

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/manual.h"
+#include "index/usage/manual.h"
 
 #include <algorithm>
 #include <cctype>
 
-#include "index/cli/usage/option_words.h"
+#include "index/usage/option_words.h"
 
 namespace pliant::cli {
 namespace {

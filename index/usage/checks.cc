@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/usage/checks.h"
+#include "index/usage/checks.h"
 
 #include <charconv>
 #include <cmath>
 #include <optional>
 #include <utility>
 
-#include "index/cli/usage/closest_name.h"
+#include "index/usage/closest_name.h"
 
 namespace pliant::cli {
 namespace {
