@@ -13,6 +13,29 @@ install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EX
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant
         COMPONENT runtime)
+# Manual pages and completion scripts, which the programs print themselves.
+set(PLIANT_PRINTED ${PROJECT_BINARY_DIR}/printed)
+set(PLIANT_PRINTED_FILES)
+foreach(program pliant pliant-server)
+  set(pages ${PLIANT_PRINTED}/${program}.1 ${PLIANT_PRINTED}/${program} ${PLIANT_PRINTED}/_${program}
+            ${PLIANT_PRINTED}/${program}.fish)
+  add_custom_command(
+    OUTPUT ${pages}
+    COMMAND ${CMAKE_COMMAND} -D PROGRAM=$<TARGET_FILE:${program}> -D FOLDER=${PLIANT_PRINTED} -P
+            ${PROJECT_SOURCE_DIR}/cmake/PliantPrint.cmake
+    DEPENDS ${program} ${PROJECT_SOURCE_DIR}/cmake/PliantPrint.cmake
+    VERBATIM)
+  list(APPEND PLIANT_PRINTED_FILES ${pages})
+  install(FILES ${PLIANT_PRINTED}/${program}.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
+  install(FILES ${PLIANT_PRINTED}/${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+          COMPONENT runtime)
+  install(FILES ${PLIANT_PRINTED}/_${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions
+          COMPONENT runtime)
+  install(FILES ${PLIANT_PRINTED}/${program}.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d
+          COMPONENT runtime)
+endforeach()
+add_custom_target(printed ALL DEPENDS ${PLIANT_PRINTED_FILES})
+
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 # The public headers, each under the name that the sources include it by; the rest is each folder's

@@ -4,12 +4,10 @@
 // main reports exceptions.
 #pragma once
 
-#include <map>
-#include <string>
-
 #include <CLI/CLI.hpp>
 
 #include "index/cli/exit_status.h"
+#include "index/usage/checks.h"
 
 namespace pliant::cli {
 
@@ -26,14 +24,5 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status);
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
 void AddEvalRetrieval(CLI::App& eval, ExitStatus& status);
 void AddEvalTracking(CLI::App& eval, ExitStatus& status);
-
-// An option whose values are the names in `choices`; `names` lists them for --help.
-template <typename Enum>
-void AddChoice(CLI::App& app, const std::string& name, Enum& value, const std::string& help,
-               const std::map<std::string, Enum>& choices, const std::string& names) {
-  app.add_option(name, value, help)
-      ->transform(CLI::CheckedTransformer(choices))
-      ->option_text(names);
-}
 
 }  // namespace pliant::cli

@@ -201,6 +201,9 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("db", "Inspect and maintain a database");
   app->require_subcommand(1);
   AddDatabaseFlags(*app, options->engine, options->collection);
+  app->footer(
+      "Example:  pliant db backup my-backup.db --db my.db\n"
+      "          pliant db check --db my.db");
   app->add_option_function<std::string>(
          "--originals-dir",
          [options](const std::string& text) {

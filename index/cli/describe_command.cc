@@ -7,7 +7,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/features_file.h"
 #include "index/cli/output.h"
-#include "index/files/picture_files.h"
+#include "index/cli/picture_input.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {
@@ -22,14 +22,15 @@ struct Options {
 };
 
 ExitStatus Run(const Options& options) {
-  const std::vector<std::uint8_t> bytes =
-      ReadFile(options.image, options.engine.extraction.decode.max_bytes);
+  const PictureInput picture =
+      ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =
       options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
                                    options.engine.extraction);
   ExtractionTimings timings;
-  const Features features = extractor.Extract(bytes, options.threads, &timings);
+  const Features features =
+      Naming(picture, [&] { return extractor.Extract(picture.bytes, options.threads, &timings); });
   WriteFeatures(options.out, features);
   if (options.json) {
     PrintJson({{"file", ToDisplayText(options.out.string())},
@@ -57,13 +58,14 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "describe", "Write a picture's key points and descriptors to a safetensors file");
-  app->add_option("IMAGE", options->image, "the picture")->required();
+  app->add_option("IMAGE", options->image, "the picture; - = standard input")->required();
   app->add_option("--out,-o", options->out, "the file to write")->required()->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--jobs,-j", options->threads, "threads; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer("Example:  pliant describe PHOTO.jpg --out photo.safetensors");
   app->callback([options, &status] { status = Run(*options); });
 }
 

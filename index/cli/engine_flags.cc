@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/engine_flags.h"
 
+#include "index/usage/checks.h"
+
 namespace pliant::cli {
 namespace {
 
@@ -17,11 +19,11 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
   app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
                  "number of key points per picture, strongest first")
       ->capture_default_str()
-      ->check(CLI::Range(1, 4096));
+      ->check(Between(1, 4096));
   app.add_option("--max-side", extraction.decode.max_side_px,
                  "scale larger pictures down to this longer side in pixels; 0 = never")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
 }
 
 }  // namespace
@@ -50,7 +52,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
          },
          "number of key points per picture, strongest first (default: the database's own, 1024 for "
          "a new one)")
-      ->check(CLI::Range(1, 4096));
+      ->check(Between(1, 4096));
   app.add_option_function<int>(
          "--max-side",
          [&engine](int value) {
@@ -59,7 +61,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
          },
          "scale larger pictures down to this longer side in pixels (default: the database's own, "
          "1024 for a new one)")
-      ->check(CLI::Range(16, 65536));
+      ->check(Between(16, 65536));
 }
 
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,

@@ -102,7 +102,7 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
       ->capture_default_str();
   app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
 }
 
 }  // namespace
@@ -116,6 +116,7 @@ void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
   AddEvalFileFlags(*app, options->files, "write the tables to this file",
                    "draw the tables: bars, and curves of a sweep");
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer("Example:  pliant eval matching dev --pairs 40");
   app->callback([options, &status] { status = Run(*options); });
 }
 

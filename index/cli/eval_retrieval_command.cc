@@ -85,15 +85,14 @@ ExitStatus Run(Options& options) {
 
 void AddSetFlags(CLI::App& app, Options& options) {
   app.add_option("DIR", options.folder, "the pictures")->required();
-  app.add_option("--layout", options.layout,
-                 "how DIR names objects and queries; default: detect from the file names")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, RetrievalLayout>{{"auto", RetrievalLayout::kAuto},
-                                                 {"objects", RetrievalLayout::kObjects},
-                                                 {"ukbench", RetrievalLayout::kUkbench},
-                                                 {"pairs", RetrievalLayout::kPairs},
-                                                 {"labels", RetrievalLayout::kLabels}}))
-      ->option_text("auto|objects|ukbench|pairs|labels");
+  AddChoice<RetrievalLayout>(
+      app, "--layout", options.layout,
+      "how DIR names objects and queries; default: detect from the file names",
+      {{"auto", RetrievalLayout::kAuto},
+       {"objects", RetrievalLayout::kObjects},
+       {"ukbench", RetrievalLayout::kUkbench},
+       {"pairs", RetrievalLayout::kPairs},
+       {"labels", RetrievalLayout::kLabels}});
   app.add_option("--distractors", options.distractors,
                  "folder of pictures that show none of the objects; may be given more than once")
       ->allow_extra_args(false)
@@ -107,42 +106,37 @@ void AddSetFlags(CLI::App& app, Options& options) {
 }
 
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
-  app.add_option(
-         "--protocol", retrieval.protocols,
-         "paper: 10 words, histograms; default: as query does; unexpanded: the same "
-         "with --expand 0; unverified: the same without verification (default: paper,default)")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, RetrievalProtocol>{{"paper", RetrievalProtocol::kPaper},
-                                                   {"default", RetrievalProtocol::kDefault},
-                                                   {"unexpanded", RetrievalProtocol::kUnexpanded},
-                                                   {"unverified", RetrievalProtocol::kUnverified}}))
-      ->option_text("paper,default,unexpanded,unverified");
+  AddChoices<RetrievalProtocol>(
+      app, "--protocol", retrieval.protocols,
+      "paper: 10 words, histograms; default: as query does; unexpanded: the same "
+      "with --expand 0; unverified: the same without verification (default: paper,default)",
+      {{"paper", RetrievalProtocol::kPaper},
+       {"default", RetrievalProtocol::kDefault},
+       {"unexpanded", RetrievalProtocol::kUnexpanded},
+       {"unverified", RetrievalProtocol::kUnverified}});
   app.add_option("--seeds", retrieval.seeds, "number of vocabularies trained for each row")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+      ->check(Between(1, 1000));
   app.add_option("--words", retrieval.words,
                  "vocabulary sizes, one row each (not for paper); 0 = the default of index")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
   app.add_option("--sample", retrieval.sample,
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
   AddChoice<RankMethod>(app, "--rank", retrieval.rank,
                         "ranking of all protocols but the paper's (default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours}, {"tfidf", RankMethod::kTfIdf}},
-                        "neighbours|tfidf");
+                        {{"neighbours", RankMethod::kNeighbours}, {"tfidf", RankMethod::kTfIdf}});
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1'000'000));
+      ->check(Between(0, 1'000'000));
   app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one a core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   app.add_option("--cache", retrieval.cache,
                  "keep the features in this folder, so that the next run is faster")
       ->type_name("DIR");
@@ -168,6 +162,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
   app->add_flag("--list", options->list,
                 "only print the queries and the searched pictures, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer("Example:  pliant eval retrieval dev --descriptor deal,rootsift --protocol default");
   app->callback([options, &status] { status = Run(*options); });
 }
 

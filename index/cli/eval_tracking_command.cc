@@ -65,20 +65,21 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   app->add_option("--max-keypoints", benchmark.max_keypoints,
                   "number of key points of the object and of each frame, strongest first")
       ->capture_default_str()
-      ->check(CLI::Range(1, 4096));
+      ->check(Between(1, 4096));
   app->add_option("--every", benchmark.every, "use every N-th frame only")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1'000'000));
+      ->check(Between(1, 1'000'000));
   AddTrackingFlags(*app, benchmark.locate);
   app->add_option("--lpips", benchmark.lpips,
                   "ONNX file of LPIPS, to measure it too (see index/tracking/README.md)")
       ->type_name("FILE");
   app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   AddEvalFileFlags(*app, options->files, "write one row per frame and descriptor",
                    "draw the metrics over time");
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer("Example:  pliant eval tracking scenes");
   app->callback([options, &status] { status = Run(*options); });
 }
 

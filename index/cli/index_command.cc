@@ -124,7 +124,7 @@ ExitStatus Run(Options& options) {
     Message(
         "stopped on request; indexed pictures are kept: run the same command again to "
         "resume");
-    return ExitStatus::kFailed;
+    return ExitStatus::kFailed;  // of which main makes 130 or 143
   }
   return outcome.job.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
@@ -137,19 +137,14 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("DIR", options->inputs, "folders, searched recursively, or picture files")
       ->required();
   AddDatabaseFlags(*app, options->engine, options->job.collection);
-  app->add_option(
-         "--object-from", options->object_from,
-         "the name of a picture's object: its folder, its file name without extension (stem), "
-         "or none (default: folder; stem for a single folder without sub-folders)")
-      ->transform(
-          CLI::CheckedTransformer(std::map<std::string, ObjectFrom>{{"folder", ObjectFrom::kFolder},
-                                                                    {"stem", ObjectFrom::kStem},
-                                                                    {"none", ObjectFrom::kNone}}))
-      ->type_name("folder|stem|none")
-      ->option_text("folder|stem|none");
+  AddChoice<ObjectFrom>(
+      *app, "--object-from", options->object_from,
+      "the name of a picture's object: its folder, its file name without extension (stem), "
+      "or none (default: folder; stem for a single folder without sub-folders)",
+      {{"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}});
   app->add_option("--jobs,-j", options->job.threads, "threads, one picture each; 0 = one a core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
                 "also store the picture files, for the web page (default: yes)");
   app->add_option_function<std::string>(
@@ -162,6 +157,9 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("DIR|database");
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer(
+      "Example:  pliant index shirts/ --db my.db         one folder an object\n"
+      "          pliant index more/ --db my.db --json    goes on where it was stopped");
   app->callback([options, &status] { status = Run(*options); });
 }
 

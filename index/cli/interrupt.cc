@@ -9,10 +9,10 @@
 namespace pliant::cli {
 namespace {
 
-std::atomic<bool> interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
+std::atomic<int> signalled{0};
+static_assert(std::atomic<int>::is_always_lock_free, "set by a signal handler");
 
-extern "C" void OnSignal(int /*number*/) { interrupted = true; }
+extern "C" void OnSignal(int number) { signalled = number; }
 
 void Install(void (*handler)(int), int flags) {
   struct sigaction action {};
@@ -26,18 +26,18 @@ void Install(void (*handler)(int), int flags) {
 }  // namespace
 
 Interrupt::Interrupt() {
-  interrupted = false;
+  signalled = 0;
   Install(OnSignal, static_cast<int>(SA_RESETHAND) | SA_RESTART);
   watcher_ = std::jthread([this](const std::stop_token& end) {
-    while (!end.stop_requested() && !interrupted) {
+    while (!end.stop_requested() && signalled == 0) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
-    if (interrupted) source_.request_stop();
+    if (signalled != 0) source_.request_stop();
   });
 }
 
 Interrupt::~Interrupt() { Install(SIG_DFL, 0); }
 
-bool Interrupt::requested() const { return interrupted; }
+int Interrupt::Signal() { return signalled; }
 
 }  // namespace pliant::cli

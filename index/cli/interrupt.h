@@ -16,7 +16,10 @@ class Interrupt {
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
 
-  bool requested() const;
+  bool requested() const { return Signal() != 0; }
+  // The signal that came during the last object's lifetime, or 0.
+  static int Signal();
+
   std::stop_token token() const { return source_.get_token(); }  // set within 50 ms
 
  private:

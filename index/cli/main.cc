@@ -6,14 +6,19 @@
 
 #include "descriptor/image/quiet_decoders.h"
 #include "index/cli/command.h"
+#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
+#include "index/usage/completion.h"
+#include "index/usage/manual.h"
+#include "index/usage/usage_error.h"
 
 namespace {
 
 using pliant::cli::ExitStatus;
 
 constexpr const char* kFooter =
-    "Exit status: 0 done, 1 failed, 2 wrong usage, 3 done but some inputs were skipped.\n"
+    "Exit status: 0 done, 1 failed, 2 wrong usage, 3 done but some inputs were skipped,\n"
+    "130 stopped by Ctrl-C (128 and the signal).\n"
     "Start with:  pliant index PICTURES/ --db my.db\n"
     "             pliant query PHOTO.jpg --db my.db";
 
@@ -29,9 +34,13 @@ bool WantsJson(const CLI::App& app) {
 ExitStatus Run(int argc, char** argv) {
   CLI::App program("Find the same object again, however it is bent, folded or crumpled.", "pliant");
   program.set_version_flag("--version", std::string("pliant ") + PLIANT_VERSION);
-  program.require_subcommand(1);
   program.footer(kFooter);
-  program.failure_message(CLI::FailureMessage::simple);
+  program.failure_message(pliant::cli::UsageError);
+  std::string shell;
+  program.add_option("--completion", shell, "print a completion script for this shell, and exit")
+      ->option_text("bash|zsh|fish");
+  bool manual = false;
+  program.add_flag("--man", manual, "print the manual page (man -l), and exit");
   ExitStatus status = ExitStatus::kDone;
   for (const auto add :
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
@@ -39,6 +48,15 @@ ExitStatus Run(int argc, char** argv) {
         pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
     add(program, status);
   }
+  program.callback([&] {
+    if (!shell.empty()) {
+      pliant::cli::Print(pliant::cli::CompletionScript(program, shell));
+    } else if (manual) {
+      pliant::cli::Print(pliant::cli::ManualPage(program, std::string("pliant ") + PLIANT_VERSION));
+    } else if (program.get_subcommands().empty()) {
+      throw CLI::RequiredError("A command");
+    }
+  });
   try {
     program.parse(argc, argv);
     pliant::cli::FlushOutput();
@@ -66,5 +84,8 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::QuietDecoders();
-  return static_cast<int>(Run(argc, argv));
+  const ExitStatus status = Run(argc, argv);
+  // What was stopped by a signal ends as shells say it of those that signals end.
+  const int number = pliant::cli::Interrupt::Signal();
+  return number != 0 && status != ExitStatus::kDone ? 128 + number : static_cast<int>(status);
 }

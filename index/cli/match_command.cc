@@ -11,6 +11,7 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
+#include "index/cli/picture_input.h"
 #include "index/cli/write_picture.h"
 #include "index/files/picture_files.h"
 #include "index/verify/verification.h"
@@ -76,8 +77,12 @@ Result MatchPictures(const Options& options) {
                                    options.engine.extraction);
   const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
   Result result;
-  result.first = extractor.Extract(ReadFile(options.first, max_bytes), options.match.threads);
-  result.second = extractor.Extract(ReadFile(options.second, max_bytes), options.match.threads);
+  const auto extract = [&](const std::filesystem::path& file) {
+    const PictureInput picture = ReadPicture(file, max_bytes);
+    return Naming(picture, [&] { return extractor.Extract(picture.bytes, options.match.threads); });
+  };
+  result.first = extract(options.first);
+  result.second = extract(options.second);
   CheckDescriptors(result.first.descriptors, "the first picture's descriptors");
   CheckDescriptors(result.second.descriptors, "the second picture's descriptors");
   result.matches = MatchDescriptors(PackedDescriptors(result.second.descriptors),
@@ -214,15 +219,16 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--tolerance", options->tolerance_px,
                   "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
   app->add_option("--draw", options->draw,
                   "draw both pictures with the matches: green correct, red wrong, blue unknown")
       ->type_name("PNG");
   app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer("Example:  pliant match A.jpg B.jpg --verify --draw matches.png");
   app->callback([options, &status] { status = Run(*options); });
 }
 

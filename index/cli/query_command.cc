@@ -8,9 +8,9 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
+#include "index/cli/picture_input.h"
 #include "index/cli/query_pictures.h"
 #include "index/cli/write_picture.h"
-#include "index/files/picture_files.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
 
@@ -80,8 +80,8 @@ ExitStatus Run(Options& options) {
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
   if (!options.pictures.draw.empty()) CheckPictureName(options.pictures.draw);
-  const std::vector<std::uint8_t> bytes =
-      ReadFile(options.image, options.engine.extraction.decode.max_bytes);
+  const PictureInput picture =
+      ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
   Engine engine(options.engine);
@@ -89,12 +89,13 @@ ExitStatus Run(Options& options) {
   const bool explain = options.search.explain;
   if (!options.pictures.draw.empty() || !options.pictures.unwarp.empty())
     options.search.explain = true;
-  SearchResult result = engine.Search(bytes, options.search);
+  SearchResult result =
+      Naming(picture, [&] { return engine.Search(picture.bytes, options.search); });
   const double took_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   options.pictures.collection = options.search.collection;
   options.pictures.decode = options.engine.extraction.decode;
-  const bool drawn = WriteQueryPictures(engine, bytes, result, options.pictures);
+  const bool drawn = WriteQueryPictures(engine, picture.bytes, result, options.pictures);
   if (!explain) {  // it was for the pictures only
     for (Hit& hit : result.hits) hit.explanation.reset();
   }
@@ -113,43 +114,42 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   SearchOptions& search = options->search;
   CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
-  app->add_option("IMAGE", options->image, "the query picture")->required();
+  app->add_option("IMAGE", options->image, "the query picture; - = standard input")->required();
   AddDatabaseFlags(*app, options->engine, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
   app->add_option("--offset", search.offset, "number of hits to skip at the start")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
   AddChoice<GroupBy>(*app, "--group-by", search.group_by,
                      "one hit for each object, or for each image (default: object)",
-                     {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}}, "object|image");
+                     {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}});
   AddChoice<RankMethod>(*app, "--rank", search.rank,
                         "how pictures are compared: votes of nearest neighbours, words by tf-idf, "
                         "or the paper's histogram of words (default: neighbours)",
                         {{"neighbours", RankMethod::kNeighbours},
                          {"tfidf", RankMethod::kTfIdf},
-                         {"histogram", RankMethod::kHistogram}},
-                        "neighbours|tfidf|histogram");
+                         {"histogram", RankMethod::kHistogram}});
   AddChoice<Verification>(
       *app, "--verify", search.verify,
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
-      {{"none", Verification::kNone}, {"tps", Verification::kTps}}, "none|tps");
+      {{"none", Verification::kNone}, {"tps", Verification::kTps}});
   app->add_option("--verify-depth", search.verify_depth,
                   "how many of the best pictures are verified (default: 100, or the square root of "
                   "the collection's size if that is more)")
-      ->check(CLI::PositiveNumber)
+      ->check(AboveZero())
       ->option_text("N");
   app->add_option(
          "--expand", search.expand,
          "query expansion: use this many of the best verified pictures as further queries, for "
          "views that the query alone does not reach (default: 3 by image, 0 by object)")
-      ->check(CLI::Range(0, kMostExpansions))
+      ->check(Between(0, kMostExpansions))
       ->option_text("N");
   app->add_option("--instances", search.max_instances,
                   "maximum number of instances of one object in the query picture")
       ->capture_default_str()
-      ->check(CLI::Range(1, 100));
+      ->check(Between(1, 100));
   app->add_option("--region", options->region,
                   "use only this rectangle of the query picture: X,Y,W,H in pixels")
       ->delimiter(',')
@@ -174,6 +174,9 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "or all of them into a folder")
       ->type_name("FILE|DIR");
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer(
+      "Example:  pliant query PHOTO.jpg --db my.db --top 3 --draw found.png\n"
+      "          curl -s https://example.org/a.jpg | pliant query - --db my.db --json");
   app->callback([options, &status] { status = Run(*options); });
 }
 

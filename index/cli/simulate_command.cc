@@ -107,6 +107,8 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one per core")
       ->capture_default_str();
   app->add_flag("--json", options->json, "print one JSON document");
+  app->footer(
+      "Example:  pliant simulate --textures procedural --out scenes --preset objects --scenes 3");
   app->callback([options, &status] { status = Run(*options); });
 }
 

@@ -176,14 +176,15 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("OUT.png");
   app->add_option("--every", options->frames.every, "use every N-th frame only")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1'000'000));
+      ->check(Between(1, 1'000'000));
   AddTrackingFlags(*app, options->tracker.locate);
   AddExtractionFlags(*app, options->engine);
   app->add_option("--jobs,-j", options->tracker.threads,
                   "threads that describe a frame; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one line of JSON per frame, then a summary");
+  app->footer("Example:  pliant track POSTER.jpg VIDEO.mp4 --out tracked.mp4");
   app->callback([options, &status] { status = Run(*options); });
 }
 

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/track_flags.h"
 
+#include "index/usage/checks.h"
+
 namespace pliant::cli {
 
 void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
@@ -9,7 +11,7 @@ void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
   app.add_option("--iterations", verification.ransac.iterations,
                  "number of RANSAC samples per frame")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1'000'000));
+      ->check(Between(1, 1'000'000));
   app.add_option("--max-ratio", verification.max_ratio,
                  "ratio test: keep a match if its distance is at most this times that of the "
                  "second nearest")
@@ -20,7 +22,7 @@ void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
   app.add_option("--regularization", verification.ransac.regularization,
                  "stiffness of the thin-plate spline; 0 = none")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeast(0));
   app.add_option("--min-inliers", locate.min_inliers,
                  "with fewer inliers the object counts as lost")
       ->capture_default_str();

@@ -101,24 +101,27 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("vocab", "Train, list and switch vocabularies");
   app->require_subcommand(1);
   AddDatabaseFlags(*app, options->engine, options->train.collection);
+  app->footer(
+      "Example:  pliant vocab train --db my.db --words 4000\n"
+      "          pliant vocab list --db my.db");
   app->add_flag("--json", options->json, "print one JSON document");
 
   CLI::App* train = app->add_subcommand("train", "Train a new vocabulary on the stored pictures");
   train->fallthrough();
   train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
       ->capture_default_str()
-      ->check(CLI::Range(0, static_cast<int>(kMaxWords)));
+      ->check(Between(0, static_cast<int>(kMaxWords)));
   train
       ->add_option("--sample", options->train.sample,
                    "descriptors drawn at random; 0 = 40000, or ten per word if --words is given "
                    "(10000 at least)")
       ->capture_default_str()
-      ->check(CLI::Range(0, static_cast<int>(kMaxVocabularySamples)));
+      ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
   train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")
       ->capture_default_str();
   train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one per core")
       ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   train->add_flag("--use", options->use_at_once, "activate it when it is ready");
   train->callback([options, &status] { status = Train(*options); });
 

@@ -11,6 +11,11 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "index/usage/checks.h"
+#include "index/usage/completion.h"
+#include "index/usage/manual.h"
+#include "index/usage/usage_error.h"
+
 namespace pliant::server {
 
 namespace {
@@ -79,7 +84,7 @@ std::string EnvironmentName(const std::string& flag) {
 
 void AddNumber(CLI::App& app, const NumberFlag& number, ServerOptions& options) {
   app.add_option(number.flag, options.*number.value, number.help)
-      ->check(CLI::Range(number.lowest, number.highest))
+      ->check(cli::Between(number.lowest, number.highest))
       ->envname(EnvironmentName(number.flag))
       ->capture_default_str();
 }
@@ -116,9 +121,9 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
   AddSwitch(app, "--check-database", options.check_database,
             "Read the whole database file at the start and refuse a damaged one");
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
-  app.get_option("--log-level")->check(CLI::IsMember({"debug", "info", "warn", "error"}));
+  app.get_option("--log-level")->check(cli::OneOf({"debug", "info", "warn", "error"}));
   AddText(app, "--log-format", options.log_format, "text, or json: one object per line");
-  app.get_option("--log-format")->check(CLI::IsMember({"text", "json"}));
+  app.get_option("--log-format")->check(cli::OneOf({"text", "json"}));
 }
 
 void DefineDoors(CLI::App& app, ServerOptions& options) {
@@ -141,7 +146,16 @@ void Define(CLI::App& app, ServerOptions& options) {
   app.set_config("--config", "", "Configuration file (TOML): the flags' names without dashes");
   app.add_flag("--print-config")
       ->description("Print the effective configuration as a configuration file, and exit");
+  app.add_option("--completion")
+      ->description("Print a completion script for this shell, and exit")
+      ->option_text("bash|zsh|fish");
+  app.add_flag("--man")->description("Print the manual page (man -l), and exit");
   app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
+  app.failure_message(cli::UsageError);
+  app.footer(
+      "Commands: pliant-server keys create|list|revoke|purge manages API keys.\n"
+      "Example:  pliant-server --db my.db --listen 127.0.0.1:8080\n"
+      "          pliant-server keys create --db my.db --name shop --scope write");
 }
 
 // CLI11 lets the file win over the environment. Operators expect the opposite, so what the
@@ -179,6 +193,25 @@ std::string ConfigText(const CLI::App& app) {
   return text;
 }
 
+// The completion script and the manual page need no database, which is required otherwise.
+bool PrintsAboutItself(const CLI::App& app, int argc, const char* const* argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const std::string flag = argument.substr(0, argument.find('='));
+    if (flag == "--man") {
+      std::puts(cli::ManualPage(app, std::string("pliant-server ") + PLIANT_VERSION).c_str());
+      return true;
+    }
+    if (flag == "--completion") {
+      const std::string shell =
+          flag == argument ? (i + 1 < argc ? argv[i + 1] : "") : argument.substr(flag.size() + 1);
+      std::puts(cli::CompletionScript(app, shell).c_str());
+      return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
@@ -187,6 +220,10 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
                "pliant-server");
   Define(app, parsed.options);
   try {
+    if (PrintsAboutItself(app, argc, argv)) {
+      parsed.finished = true;
+      return parsed;
+    }
     app.parse(WithEnvironment(app, argc, argv));
     if (app.count("--print-config") > 0) {
       std::fputs(ConfigText(app).c_str(), stdout);

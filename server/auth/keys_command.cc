@@ -12,6 +12,8 @@
 #include "index/engine/engine.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
+#include "index/usage/checks.h"
+#include "index/usage/usage_error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
 
@@ -104,6 +106,7 @@ int Purge(const Options& options) {
 
 void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   app.require_subcommand(1);
+  app.failure_message(cli::UsageError);
   const auto add = [&](const char* name, const char* help, int (*run)(const Options&)) {
     CLI::App* sub = app.add_subcommand(name, help);
     sub->add_option("--db", options.engine.database, "the database file")
@@ -116,7 +119,7 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   CLI::App* create = add("create", "Create a key and print it, only this once", Create);
   create->add_option("--name", options.name, "what it is for")->required();
   create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
-      ->check(CLI::IsMember({"read", "write", "admin"}))
+      ->check(cli::OneOf({"read", "write", "admin"}))
       ->capture_default_str();
   create->add_option("--descriptor", options.engine.descriptor,
                      "of the database, if it does not exist yet");

@@ -132,7 +132,7 @@ TEST_F(SurvivalTest, CtrlCKeepsWhatWasIndexedAndSaysHowToResume) {
     for (int i = 0; i < 2000 && Committed() < 3; ++i) std::this_thread::sleep_for(milliseconds(5));
     program.Signal(signal);
     const ProgramResult result = program.Wait();
-    EXPECT_EQ(result.status, 1);
+    EXPECT_EQ(result.status, 128 + signal) << "as shells say it";
     EXPECT_THAT(result.err, HasSubstr("resume"));
     const Json json = result.json();
     EXPECT_EQ(json["interrupted"], true);

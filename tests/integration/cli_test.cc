@@ -25,6 +25,7 @@ TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
     const ProgramResult help = RunProgram({command, "--help"});
     EXPECT_EQ(help.status, 0);
     EXPECT_THAT(help.out, HasSubstr("--json"));
+    EXPECT_THAT(help.out, HasSubstr("Example:  pliant " + std::string(command)));
   }
   for (const std::vector<std::string>& wrong :
        std::vector<std::vector<std::string>>{{},
@@ -186,6 +187,42 @@ TEST_F(CliTest, ObjectsAreNamedAsAsked) {
   EXPECT_EQ(object_of_first({"--object-from", "folder"}, "flat"), "flat");
   EXPECT_EQ(object_of_first({"--object-from", "stem"}, "flat"), "cup");
   EXPECT_TRUE(object_of_first({"--object-from", "none"}, "flat").is_null());
+}
+
+TEST_F(CliTest, PicturesComeFromStandardInput) {
+  WriteBytes(folder_ / "q.png", RandomPng(1));
+  const auto described = [&](const std::string& redirection, const std::string& picture) {
+    const auto out = folder_ / (picture == "-" ? "piped.safetensors" : "named.safetensors");
+    const ProgramResult result =
+        Program({"-c", PliantPath().string() + " describe " + picture +
+                           " --descriptor rootsift --out " + out.string() + redirection},
+                {}, "/bin/sh")
+            .Wait();
+    EXPECT_EQ(result.status, 0) << result.err;
+    return ReadBytes(out);
+  };
+  const std::string file = (folder_ / "q.png").string();
+  EXPECT_EQ(described(" < " + file, "-"), described("", file));
+  const ProgramResult empty =
+      Program({"-c", PliantPath().string() + " describe - --out x --descriptor orb < /dev/null"},
+              {}, "/bin/sh")
+          .Wait();
+  EXPECT_EQ(empty.status, 1);
+  EXPECT_THAT(empty.err, StartsWith("pliant: standard input: "));
+}
+
+TEST_F(CliTest, ErrorsOfPicturesNameThem) {
+  WriteBytes(folder_ / "good.png", RandomPng(1));
+  WriteText(folder_ / "bad.jpg", "no picture");
+  const std::string good = (folder_ / "good.png").string();
+  const std::string bad = (folder_ / "bad.jpg").string();
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"describe", bad, "--descriptor", "orb", "--out", (folder_ / "x").string()},
+           {"match", good, bad, "--descriptor", "orb"}}) {
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.status, 1);
+    EXPECT_THAT(result.err, StartsWith("pliant: " + bad + ": "));
+  }
 }
 
 TEST_F(CliTest, DescribeWritesSafetensors) {

@@ -21,3 +21,9 @@ env PLIANT_MODEL="$work/prefix/share/pliant/deal.safetensors" \
   "$work/build/consumer" "$source_dir/tests/data/golden_163x117.png" "$work/one.db" | tee "$work/said"
 grep -qE '^[1-9][0-9]* descriptors, 1 picture$' "$work/said"
 "$work/prefix/bin/pliant" --version
+for program in pliant pliant-server; do
+  grep -q "^\.TH " "$work/prefix/share/man/man1/$program.1"
+  bash -n "$work/prefix/share/bash-completion/completions/$program"
+  grep -q "^#compdef $program$" "$work/prefix/share/zsh/vendor-completions/_$program"
+  grep -q "^complete -c $program " "$work/prefix/share/fish/vendor_completions.d/$program.fish"
+done

@@ -15,7 +15,7 @@ ROOMS = {
     "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
-              "import", "tracking", "evaluation", "cli"],
+              "import", "tracking", "evaluation", "usage", "cli"],
     "server": [("http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
 }
 FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
@@ -37,7 +37,7 @@ OWNERS = {
     "prometheus/": {"server"},
 }
 # Where flags may be named: the programs and what parses their command lines.
-PROGRAMS = re.compile(r"^(index/cli/|server/|descriptor/.*_main\.cc)")
+PROGRAMS = re.compile(r"^(index/cli/|index/usage/|server/|descriptor/.*_main\.cc)")
 FLAG = re.compile(r'"(?:[^"\\\n]|\\.)*?(?<![\w-])--[a-z](?:[^"\\\n]|\\.)*"')
 # The simulator's core must build where there is only a compiler, Eigen and nlohmann-json (headers).
 SIMULATION_FORBIDDEN = ("opencv2/", "dnnl", "openssl/")

@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A picture that was named on the command line; "-" is standard input.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "descriptor/base/error.h"
+#include "index/files/picture_files.h"
+
+namespace pliant::cli {
+
+struct PictureInput {
+  std::string name;  // for messages
+  std::vector<std::uint8_t> bytes;
+};
+
+// Throws like ReadFile.
+PictureInput ReadPicture(const std::filesystem::path& path, std::int64_t max_bytes);
+
+// Calls `work`; errors that concern the picture alone begin with its name.
+template <typename Work>
+auto Naming(const PictureInput& picture, Work work) {
+  try {
+    return work();
+  } catch (const Error& error) {
+    if (!ConcernsOnePicture(error.code())) throw;
+    throw Error(error.code(), error.reason(), picture.name + ": " + error.what());
+  }
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/usage/usage_error.h"
+
+#include <vector>
+
+#include "index/usage/closest_name.h"
+#include "index/usage/option_words.h"
+
+namespace pliant::cli {
+namespace {
+
+// The command that was begun: "pliant eval matching" is three apps.
+const CLI::App* Innermost(const CLI::App* app, std::string& path) {
+  path = app->get_name();
+  while (!app->get_subcommands().empty()) {
+    app = app->get_subcommands().front();
+    path += " " + app->get_name();
+  }
+  return app;
+}
+
+std::vector<std::string> CommandNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(sub->get_name());
+  }
+  return names;
+}
+
+std::vector<std::string> OptionNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : DashedOptions(app)) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+// What nothing was made of, of any of the apps that were begun.
+std::vector<std::string> Leftover(const CLI::App* app) {
+  std::vector<std::string> words = app->remaining();
+  while (words.empty() && !app->get_subcommands().empty()) {
+    app = app->get_subcommands().front();
+    words = app->remaining();
+  }
+  return words;
+}
+
+// What is said about it; empty = there is nothing.
+std::string Unexpected(const CLI::App& app, const std::string& path,
+                       const std::vector<std::string>& words) {
+  const std::vector<std::string> commands = CommandNames(app);
+  for (const std::string& word : words) {
+    if (word.size() > 1 && word[0] == '-') {
+      const std::string name = word.substr(0, word.find('='));
+      return path + " has no option " + name + DidYouMean(name, OptionNames(app));
+    }
+    if (!commands.empty()) {
+      return path + " has no command " + word + DidYouMean(word, commands);
+    }
+  }
+  return words.empty() ? "" : path + " takes no further argument: " + words.front();
+}
+
+}  // namespace
+
+std::string UsageError(const CLI::App* program, const CLI::Error& error) {
+  std::string path;
+  const CLI::App& app = *Innermost(program, path);
+  const auto is = [&error](CLI::ExitCodes code) {
+    return error.get_exit_code() == static_cast<int>(code);
+  };
+  std::string text;
+  if (is(CLI::ExitCodes::RequiredError) || is(CLI::ExitCodes::ExtrasError)) {
+    text = Unexpected(app, path, Leftover(program));  // is more telling than what is missing
+  }
+  if (text.empty() && is(CLI::ExitCodes::RequiredError) && !CommandNames(app).empty()) {
+    text = path + " needs a command:";
+    for (const std::string& name : CommandNames(app)) text += " " + name;
+  }
+  if (text.empty()) text = error.what();
+  const std::size_t colon = text.find(": ");
+  if (is(CLI::ExitCodes::ArgumentMismatch) && text.ends_with("missing") &&
+      colon != std::string::npos) {
+    text = text.substr(0, colon) + " needs a value";
+  }
+  return text + "\nRun " + path + " --help for more information.\n";
+}
+
+}  // namespace pliant::cli
