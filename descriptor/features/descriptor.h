@@ -66,6 +66,7 @@ struct ExtractionOptions {
   // (enlarged_keypoints.h). What is found there and not before is added, at most
   // keypoints.max_keypoints more. 0 = never.
   int enlarge_below = 0;
+  ImageDecoder decoder = DecodeImage;
 };
 
 // What a picture is described for.
@@ -93,8 +94,11 @@ class FeatureExtractor {
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 
-  // Of what DecodeImage made of a file with options().decode, for callers that want more of it (its
-  // format). `timings->decode_ms` is left alone.
+  // The first of the steps: options().decoder with options().decode.
+  DecodedImage Decode(Bytes encoded) const;
+
+  // Of what Decode made of a file, for callers that want more of it (its format).
+  // `timings->decode_ms` is left alone.
   Features Extract(const DecodedImage& decoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -31,12 +30,19 @@ class Stopwatch {
 
 FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
                                    ExtractionOptions options)
-    : descriptor_(std::move(descriptor)), options_(options) {
+    : descriptor_(std::move(descriptor)), options_(std::move(options)) {
   if (!descriptor_) {
     throw Error(ErrorCode::kInvalidArgument, "no_descriptor",
                 "FeatureExtractor needs a descriptor");
   }
+  if (!options_.decoder) {
+    throw Error(ErrorCode::kInvalidArgument, "no_decoder", "FeatureExtractor needs a decoder");
+  }
   options_.decode.colour = false;
+}
+
+DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
+  return options_.decoder(encoded, options_.decode);
 }
 
 Descriptors FeatureExtractor::Describe(const Image& grey, std::span<const Keypoint> keypoints,
@@ -55,15 +61,9 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
   decoded.original_width = picture.width;
   decoded.original_height = picture.height;
   decoded.image = ToGrey(picture);
-  const int longer = std::max(picture.width, picture.height);
-  const int most = options_.decode.max_side_px;
-  if (most > 0 && longer > most) {
-    decoded.scale = static_cast<double>(most) / longer;
-    const auto scaled = [&](int side) {
-      return std::max(1, static_cast<int>(std::lround(side * decoded.scale)));
-    };
-    decoded.image = ResizeImage(decoded.image, scaled(picture.width), scaled(picture.height));
-  }
+  const ScaledSize size = ScaleToFit(picture.width, picture.height, options_.decode.max_side_px);
+  decoded.scale = size.scale;
+  if (size.scale < 1) decoded.image = ResizeImage(decoded.image, size.width, size.height);
   if (timings != nullptr) timings->decode_ms = watch.Lap();
   return Extract(decoded, threads, timings, role);
 }
@@ -71,7 +71,7 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
 Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings,
                                    PictureRole role) const {
   Stopwatch watch;
-  const DecodedImage decoded = DecodeImage(encoded, options_.decode);
+  const DecodedImage decoded = Decode(encoded);
   if (timings != nullptr) timings->decode_ms = watch.Lap();
   return Extract(decoded, threads, timings, role);
 }
@@ -113,7 +113,7 @@ void FeatureExtractor::AddEnlarged(const Image& image, int threads, PictureRole 
 FeatureExtractor FeatureExtractor::WithEnlargeBelow(int keypoints) const {
   ExtractionOptions options = options_;
   options.enlarge_below = keypoints;
-  return {descriptor_, options};
+  return {descriptor_, std::move(options)};
 }
 
 }  // namespace pliant

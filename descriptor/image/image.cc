@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <utility>
 
 #include <opencv2/imgcodecs.hpp>
@@ -135,6 +136,7 @@ cv::Mat DecodePixels(Bytes bytes, int flags) {
     const DecoderSilence silence;  // what is wrong is said once, by the Error
     pixels = cv::imdecode(encoded, flags);
   } catch (const cv::Exception& e) {
+    if (e.code == cv::Error::StsNoMem) throw;
     detail = " (" + e.err + ")";
   }
   if (pixels.empty() || (pixels.depth() != CV_8U && pixels.depth() != CV_16U)) {
@@ -176,9 +178,7 @@ std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
   return encoded;
 }
 
-}  // namespace
-
-DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
+DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
                 "The picture file has " + std::to_string(bytes.size()) + " bytes; at most " +
@@ -203,20 +203,38 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
   const bool turned = header.exif_orientation >= 5;
   decoded.original_width = static_cast<int>(turned ? header.height : header.width);
   decoded.original_height = static_cast<int>(turned ? header.width : header.height);
-  const int longer = std::max(decoded.original_width, decoded.original_height);
-  if (options.max_side_px > 0 && longer > options.max_side_px) {
-    decoded.scale = static_cast<double>(options.max_side_px) / longer;
-    const auto scaled = [&](int side) {
-      return std::max(1, static_cast<int>(std::lround(side * decoded.scale)));
-    };
-    cv::resize(pixels, pixels, {scaled(decoded.original_width), scaled(decoded.original_height)}, 0,
-               0, cv::INTER_AREA);
+  const ScaledSize size =
+      ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px);
+  decoded.scale = size.scale;
+  if (size.scale < 1) {
+    cv::resize(pixels, pixels, {size.width, size.height}, 0, 0, cv::INTER_AREA);
   }
   if (options.colour) {
     cv::cvtColor(pixels, pixels, pixels.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
   }
   decoded.image = CopyFromMat(pixels);
   return decoded;
+}
+
+}  // namespace
+
+DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
+  try {
+    return Decode(bytes, options);
+  } catch (const cv::Exception& e) {
+    if (e.code == cv::Error::StsNoMem) throw std::bad_alloc();
+    throw;
+  }
+}
+
+ScaledSize ScaleToFit(int width, int height, int max_side_px) {
+  const int longer = std::max(width, height);
+  if (max_side_px <= 0 || longer <= max_side_px) return {width, height, 1.0};
+  const double scale = static_cast<double>(max_side_px) / longer;
+  const auto scaled = [&](int side) {
+    return std::max(1, static_cast<int>(std::lround(side * scale)));
+  };
+  return {scaled(width), scaled(height), scale};
 }
 
 std::string MediaType(ImageFormat format) {

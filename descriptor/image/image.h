@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -62,9 +63,21 @@ ImageHeader ReadImageHeader(Bytes bytes);
 
 // Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
 // "image_too_large" (bytes, pixels or memory), kUnprocessable "image_too_small", "image_corrupt",
-// "image_truncated" (an incomplete picture is refused, never padded with grey).
+// "image_truncated" (an incomplete picture is refused, never padded with grey); std::bad_alloc.
 // Thread-safe.
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
+
+// DecodeImage, or what does the same elsewhere, in a process of its own. Thread-safe, throws the
+// same.
+using ImageDecoder = std::function<DecodedImage(Bytes bytes, const DecodeOptions& options)>;
+
+// A size scaled down so that the longer side has at most so many pixels; 0 = not scaled.
+struct ScaledSize {
+  int width = 0;
+  int height = 0;
+  double scale = 1.0;
+};
+ScaledSize ScaleToFit(int width, int height, int max_side_px);
 
 // "image/jpeg" and so on; "application/octet-stream" for kUnknown.
 std::string MediaType(ImageFormat format);

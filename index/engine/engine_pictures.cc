@@ -74,7 +74,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
   } else {
     const FeatureExtractor& extract = request.as_query ? query_extractor() : extractor();
     const Stopwatch decoding;
-    const DecodedImage decoded = DecodeImage(request.bytes, extract.options().decode);
+    const DecodedImage decoded = extract.Decode(request.bytes);
     timings->extraction.decode_ms = decoding.Ms();
     Features features = extract.Extract(decoded, request.threads, &timings->extraction);
     CheckEnough(features.keypoints.size());

@@ -51,6 +51,8 @@ constexpr NumberFlag kNumbers[] = {
      "Largest picture in megapixels, checked before decoding"},
     {"--max-decode-mb", &ServerOptions::max_decode_mb, 16, 65536,
      "Memory for decoding one picture in MiB, checked before decoding"},
+    {"--decode-timeout", &ServerOptions::decode_timeout_s, 1, 3600,
+     "Seconds that decoding one picture may take (with --decoder process)"},
     {"--reserve-mb", &ServerOptions::reserve_mb, 0, 1'048'576,
      "Free space in MiB that uploads leave on the disk, so that pictures can be removed"},
     {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
@@ -120,6 +122,11 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
             "Train vocabularies automatically in the background");
   AddSwitch(app, "--check-database", options.check_database,
             "Read the whole database file at the start and refuse a damaged one");
+  AddText(
+      app, "--decoder", options.decoder,
+      "Where pictures are decoded: process (processes of their own, which may do nothing else), "
+      "or inside the server");
+  app.get_option("--decoder")->check(CLI::IsMember({"process", "inside"}));
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(cli::OneOf({"debug", "info", "warn", "error"}));
   AddText(app, "--log-format", options.log_format, "text, or json: one object per line");
@@ -227,7 +234,7 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
     app.parse(WithEnvironment(app, argc, argv));
     if (app.count("--print-config") > 0) {
       std::fputs(ConfigText(app).c_str(), stdout);
-      parsed.finished = true;
+      parsed.finished = parsed.printed_config = true;
     }
   } catch (const CLI::ParseError& error) {
     parsed.finished = true;

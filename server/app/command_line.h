@@ -11,7 +11,8 @@ namespace pliant::server {
 
 struct ParsedCommandLine {
   ServerOptions options;
-  bool finished = false;  // help, version or a usage error: the program ends with exit_status
+  bool finished = false;        // help, version or a usage error: the program ends with exit_status
+  bool printed_config = false;  // finished, by --print-config
   int exit_status = 0;
 };
 

@@ -141,8 +141,20 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   return http;
 }
 
+std::optional<DecoderOptions> MakeDecoderOptions(const ServerOptions& options) {
+  if (options.decoder != "process") return std::nullopt;
+  constexpr std::int64_t kLibrariesMb = 64;
+  DecoderOptions decoder;
+  // The file comes twice: as sent, and without its metadata.
+  decoder.memory_bytes =
+      (options.max_decode_mb + 2 * options.max_body_mb + kLibrariesMb) * std::int64_t{kMiB};
+  decoder.timeout = std::chrono::seconds(options.decode_timeout_s);
+  return decoder;
+}
+
 ServiceOptions MakeServiceOptions(const ServerOptions& options) {
   return {.engine = MakeEngineOptions(options),
+          .decoder = MakeDecoderOptions(options),
           .pool = {.cores = options.cores,
                    .queue_length = options.queue_length,
                    .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},

@@ -5,8 +5,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include "server/decoder/decoder_process.h"
 #include "server/http/http_server.h"
 #include "server/routes/service.h"
 
@@ -38,15 +40,18 @@ struct ServerOptions {
   int max_header_kb = 32;
   int max_megapixels = 100;
   int max_decode_mb = 256;  // of memory, a picture
-  int reserve_mb = 64;      // of the disk, which uploads may not take
-  int max_keypoints = 0;    // 0 = as the database was made
-  int max_side_px = 0;      // 0 = as the database was made
+  int decode_timeout_s = 30;
+  int reserve_mb = 64;    // of the disk, which uploads may not take
+  int max_keypoints = 0;  // 0 = as the database was made
+  int max_side_px = 0;    // 0 = as the database was made
 
   int idle_timeout_s = 5;
   int header_timeout_s = 10;
   int body_timeout_s = 60;
   int write_timeout_s = 10;
   int shutdown_timeout_s = 30;
+
+  std::string decoder = "process";  // where pictures are decoded: process, inside
 
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
@@ -65,6 +70,8 @@ void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);
+// Nothing where pictures are decoded inside the server's process.
+std::optional<DecoderOptions> MakeDecoderOptions(const ServerOptions& options);
 ServiceOptions MakeServiceOptions(const ServerOptions& options);
 
 // Whether all requests are allowed as long as there are no API keys: on loopback, or with

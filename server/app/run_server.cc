@@ -110,6 +110,20 @@ int StopServing(HttpServer& http, const ServerOptions& options, const sigset_t& 
 
 }  // namespace
 
+void PrintDecoderProtection(const ServerOptions& options) {
+  std::string text = "inside the server's process";
+  if (const auto decoder = MakeDecoderOptions(options)) {
+    try {
+      const DecoderPool pool(*decoder);
+      text = "in processes of their own; memory and time are limited, system calls ";
+      text += pool.missing().empty() ? "are, too" : "are not (" + pool.missing() + ")";
+    } catch (const Error& error) {
+      text = std::string("nowhere: ") + error.what();
+    }
+  }
+  std::printf("# Pictures are decoded %s.\n", text.c_str());
+}
+
 int RunServer(const ServerOptions& options) {
   // A file that may not grow any more (ulimit -f) is an error of the writing, as a full disk is.
   std::signal(SIGXFSZ, SIG_IGN);

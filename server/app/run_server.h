@@ -11,4 +11,8 @@ namespace pliant::server {
 // requests had to be cut off at the end).
 int RunServer(const ServerOptions& options);
 
+// One line on standard output, a comment of the configuration file: how decoders are held on this
+// machine.
+void PrintDecoderProtection(const ServerOptions& options);
+
 }  // namespace pliant::server

@@ -76,12 +76,12 @@ constexpr std::array kEngineCodes = std::to_array<ProblemCode>({
     {"no_pictures", 409, "there is nothing to train a vocabulary from (of a job)"},
     {"image_too_large", 413,
      "the picture has more pixels than --max-megapixels, or takes more memory than "
-     "--max-decode-mb"},
+     "--max-decode-mb or more time than --decode-timeout to decode"},
     {"image_type_unknown", 415, "the bytes are no picture of a type that Pliant reads"},
     {"image_empty", 422, "the picture has no pixels"},
     {"image_too_small", 422, "the picture is too small to be described"},
     {"image_truncated", 422, "the picture ends too early"},
-    {"image_corrupt", 422, "the picture is damaged"},
+    {"image_corrupt", 422, "the picture is damaged, or its decoder did not survive it"},
     {"too_few_features", 422, "the picture, or its region, is too plain to be recognised"},
 });
 

@@ -17,7 +17,10 @@ Response MetricsText(Service& service) {
   Response response;
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
   MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
-  if (service.ready()) now.jobs = service.jobs->Counts();
+  if (service.ready()) {
+    now.jobs = service.jobs->Counts();
+    if (service.decoders() != nullptr) now.decoders = service.decoders()->size();
+  }
   response.body = service.metrics.Text(now);
   return response;
 }

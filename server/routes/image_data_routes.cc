@@ -47,7 +47,7 @@ Response Thumbnail(Service& service, const Request& request) {
     const std::vector<std::uint8_t> original = service.engine().GetContent(collection, image.id);
     service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
       jpeg = std::make_shared<const std::string>(
-          MakeThumbnail(original, service.options.engine.extraction.decode.max_pixels));
+          MakeThumbnail(original, service.options.engine.extraction.decode, service.decode()));
     });
     service.thumbnails.Insert(image.sha256, jpeg);
   }

@@ -60,6 +60,12 @@ class Metrics::Impl {
   prometheus::Family<prometheus::Gauge>& jobs =
       Gauges("pliant_jobs", "Background jobs that are remembered, by state");
   prometheus::Gauge& busy_cores = Gauge("pliant_busy_cores", "Cores in use by tasks and jobs");
+  prometheus::Gauge& decoders = Gauge("pliant_decoders", "Processes that decode pictures");
+  prometheus::Family<prometheus::Counter>& decoders_ended =
+      prometheus::BuildCounter()
+          .Name("pliant_decoders_ended_total")
+          .Help("Decoders that ended, or had to be ended, by cause")
+          .Register(registry);
   prometheus::Gauge& images = Gauge("pliant_images", "Pictures in the index");
   prometheus::Gauge& objects = Gauge("pliant_objects", "Objects in the index");
   prometheus::Gauge& words =
@@ -101,7 +107,12 @@ class Metrics::Impl {
   }
 };
 
-Metrics::Metrics() : impl_(std::make_unique<Impl>()) {}
+// Every cause is counted from 0, so that the first one is seen as a change.
+Metrics::Metrics() : impl_(std::make_unique<Impl>()) {
+  for (std::size_t i = 0; i < kDecoderCauses; ++i) {
+    impl_->decoders_ended.Add({{"cause", DecoderCauseName(static_cast<DecoderEnded::Cause>(i))}});
+  }
+}
 Metrics::~Metrics() = default;
 
 void Metrics::OnRequest(const RequestRecord& record) {
@@ -133,12 +144,17 @@ void Metrics::OnAdd(const AddTimings& timings) {
   impl_->Observe("add", "database", timings.database_ms);
 }
 
+void Metrics::OnDecoderEnded(DecoderEnded::Cause cause) {
+  impl_->decoders_ended.Add({{"cause", DecoderCauseName(cause)}}).Increment();
+}
+
 std::string Metrics::Text(const MetricsNow& now) {
   Impl& m = *impl_;
   m.queue.Add({{"lane", "search"}}).Set(static_cast<double>(now.load.waiting_searches));
   m.queue.Add({{"lane", "upload"}}).Set(static_cast<double>(now.load.waiting_uploads));
   m.queue.Add({{"lane", "background"}}).Set(static_cast<double>(now.load.waiting_background));
   m.busy_cores.Set(now.load.busy_cores);
+  m.decoders.Set(static_cast<double>(now.decoders));
   m.resident_bytes.Set(ResidentBytes());
   m.cpu_seconds.Set(CpuSeconds());
   for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "index/engine/engine.h"
+#include "server/decoder/decoder_process.h"
 #include "server/http/http_server.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
@@ -19,6 +20,7 @@ struct MetricsNow {
   WorkerPool::Load load = {};
   const EngineStats* stats = nullptr;  // null = the index is still loading
   std::map<JobState, std::size_t> jobs = {};
+  std::size_t decoders = 0;  // processes
 };
 
 // Thread-safe.
@@ -30,6 +32,7 @@ class Metrics {
   void OnRequest(const RequestRecord& record);
   void OnSearch(const SearchTimings& timings);
   void OnAdd(const AddTimings& timings);
+  void OnDecoderEnded(DecoderEnded::Cause cause);
 
   std::string Text(const MetricsNow& now);  // the text exposition format
 

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/routes/service.h"
 
+#include <string>
 #include <utility>
 
 #include <spdlog/spdlog.h>
 
+#include "descriptor/base/error.h"
 #include "index/store/open_store.h"
 #include "server/jobs/import_job.h"
 #include "server/jobs/training_job.h"
@@ -24,8 +26,30 @@ Service::~Service() {
   auto_trainer_.reset();
 }
 
+void Service::StartDecoders() {
+  if (!options.decoder) {
+    spdlog::info("pictures are decoded inside the server's process (--decoder inside)");
+    return;
+  }
+  try {
+    decoders_ = std::make_unique<DecoderPool>(
+        *options.decoder, [this](DecoderEnded::Cause cause) { metrics.OnDecoderEnded(cause); });
+  } catch (const Error& error) {
+    throw Error(
+        error.code(), error.reason(),
+        std::string(error.what()) +
+            ". With --decoder inside the server decodes pictures itself, with less safety.");
+  }
+  decode_ = [this](Bytes bytes, const DecodeOptions& how) { return decoders_->Decode(bytes, how); };
+  if (!decoders_->missing().empty()) {
+    spdlog::warn("the system calls of decoders are not limited: {}", decoders_->missing());
+  }
+}
+
 void Service::Open() {
+  StartDecoders();
   EngineOptions engine_options = options.engine;
+  engine_options.extraction.decoder = decode_;
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_ = std::make_unique<Engine>(engine_options);
   if (IsSetAside(engine_options.database)) {

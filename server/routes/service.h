@@ -6,9 +6,11 @@
 #include <atomic>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "index/engine/engine.h"
 #include "index/store/service_store.h"
+#include "server/decoder/decoder_pool.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/demonstration.h"
@@ -21,6 +23,7 @@ namespace pliant::server {
 
 struct ServiceOptions {
   EngineOptions engine;
+  std::optional<DecoderOptions> decoder;  // of pictures; absent = inside this process
   WorkerPoolOptions pool;
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
   std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
@@ -33,10 +36,12 @@ class Service {
   explicit Service(ServiceOptions options);
   ~Service();
 
-  // Loads the index. Throws what Engine's constructor throws.
+  // Starts decoders and loads the index. Throws what DecoderPool's and Engine's constructors throw.
   void Open();
 
   Engine& engine() { return *engine_; }
+  const ImageDecoder& decode() const { return decode_; }
+  const DecoderPool* decoders() const { return decoders_.get(); }  // null when decoding inside
   bool ready() const { return ready_; }
   double loaded() const { return loaded_; }                    // which share of the index, 0..1
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
@@ -51,6 +56,10 @@ class Service {
   std::unique_ptr<JobQueue> jobs;
 
  private:
+  void StartDecoders();
+
+  std::unique_ptr<DecoderPool> decoders_;
+  ImageDecoder decode_ = DecodeImage;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServiceStore> store_;
   std::unique_ptr<AutoTrainer> auto_trainer_;

@@ -12,14 +12,11 @@ constexpr int kJpegQuality = 82;
 
 }  // namespace
 
-std::string MakeThumbnail(Bytes encoded, std::int64_t max_pixels) {
-  DecodeOptions options;
+std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode) {
   options.max_side_px = kThumbnailSidePx;
-  options.max_pixels = max_pixels;
-  options.max_bytes = static_cast<std::int64_t>(encoded.size());  // it was accepted once
+  options.max_bytes = static_cast<std::int64_t>(encoded.size());
   options.colour = true;
-  const std::vector<std::uint8_t> jpeg =
-      EncodeJpeg(DecodeImage(encoded, options).image, kJpegQuality);
+  const std::vector<std::uint8_t> jpeg = EncodeJpeg(decode(encoded, options).image, kJpegQuality);
   return {jpeg.begin(), jpeg.end()};
 }
 

@@ -14,9 +14,10 @@
 
 namespace pliant::server {
 
-// Decodes, scales to kThumbnailSidePx and encodes. Throws what DecodeImage throws.
+// Decodes, within the limits of `options` but for the file's length (it was accepted once), scales
+// to kThumbnailSidePx and encodes. Throws what `decode` throws.
 inline constexpr int kThumbnailSidePx = 320;
-std::string MakeThumbnail(Bytes encoded, std::int64_t max_pixels);
+std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode);
 
 // Least recently used out first. Thread-safe.
 class ThumbnailCache {

@@ -28,6 +28,7 @@ class ServerProcess {
                          const std::vector<std::string>& flags = {});
 
   int port() const { return port_; }
+  int id() const { return program_.id(); }
   httplib::Client Client() const;
 
   void Signal(int number) const { program_.Signal(number); }

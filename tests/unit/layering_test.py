@@ -16,7 +16,7 @@ ROOMS = {
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
-    "server": [("http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
+    "server": [("decoder", "http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
 }
 FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
                    for room in ((rooms,) if isinstance(rooms, str) else rooms)}

@@ -1,0 +1,136 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/decoder/decoder_main.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <new>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include "descriptor/base/error.h"
+#include "descriptor/image/image.h"
+#include "descriptor/image/prepare_decoders.h"
+#include "server/decoder/sandbox.h"
+#include "server/decoder/wire.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr int kArguments = 5;  // program, kDecoderArgument, server, memory, processor time
+
+// False at the end of the stream, when there is no server any more.
+bool Read(void* to, std::size_t bytes) {
+  auto* next = static_cast<char*>(to);
+  while (bytes > 0) {
+    const ssize_t n = read(kDecoderSocket, next, bytes);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    next += n;
+    bytes -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+bool Write(const void* from, std::size_t bytes) {
+  const auto* next = static_cast<const char*>(from);
+  while (bytes > 0) {
+    const ssize_t n = write(kDecoderSocket, next, bytes);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    next += n;
+    bytes -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+// Cut off where there is no room; the field ends with a zero.
+template <std::size_t kSize>
+void Copy(const std::string& text, char (&field)[kSize]) {
+  std::memcpy(field, text.data(), std::min(text.size(), kSize - 1));
+}
+
+DecodeAnswer Refusal(ErrorCode code, const std::string& reason, const std::string& message) {
+  DecodeAnswer answer;
+  answer.refused = 1;
+  answer.error_code = static_cast<std::int32_t>(code);
+  Copy(reason, answer.reason);
+  Copy(message, answer.message);
+  return answer;
+}
+
+DecodeAnswer Describe(const DecodedImage& decoded) {
+  DecodeAnswer answer;
+  answer.width = decoded.image.width;
+  answer.height = decoded.image.height;
+  answer.channels = decoded.image.channels;
+  answer.original_width = decoded.original_width;
+  answer.original_height = decoded.original_height;
+  answer.format = static_cast<std::int32_t>(decoded.format);
+  return answer;
+}
+
+DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, Image* image) {
+  try {
+    DecodedImage decoded = DecodeImage(bytes, options);
+    const DecodeAnswer answer = Describe(decoded);
+    *image = std::move(decoded.image);
+    return answer;
+  } catch (const Error& error) {
+    return Refusal(error.code(), error.reason(), error.what());
+  } catch (const std::bad_alloc&) {
+    return Refusal(ErrorCode::kTooLarge, "image_too_large",
+                   "Decoding the picture takes more memory than allowed. Scale it down, or save it "
+                   "as JPEG that is not progressive.");
+  } catch (const std::exception& error) {
+    return Refusal(ErrorCode::kUnprocessable, "image_corrupt",
+                   std::string("The picture cannot be decoded: ") + error.what());
+  }
+}
+
+// False when there is no server any more.
+bool DecodeNext() {
+  DecodeRequest request;
+  if (!Read(&request, sizeof(request))) return false;
+  const auto bytes = std::make_unique_for_overwrite<std::uint8_t[]>(request.bytes);
+  if (!Read(bytes.get(), request.bytes)) return false;
+  Image image;
+  const DecodeAnswer answer = Decode({bytes.get(), request.bytes}, request.options, &image);
+  return Write(&answer, sizeof(answer)) && Write(image.pixels.data(), image.pixels.size());
+}
+
+}  // namespace
+
+bool IsDecoder(int argc, const char* const* argv) {
+  return argc == kArguments && std::string_view(argv[1]) == kDecoderArgument;
+}
+
+int RunDecoder(int /*argc*/, const char* const* argv) {
+  // Ends with the thread that started it, whatever it is doing then.
+  if (prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0) != 0 || getppid() != std::atoi(argv[2])) return 1;
+  const SandboxLimits limits{.memory_bytes = std::atoll(argv[3]), .cpu_s = std::atoll(argv[4])};
+  DecoderGreeting greeting;
+  try {
+    PrepareDecoders();
+    Copy(EnterSandbox(kDecoderSocket, limits), greeting.text);
+    greeting.ready = 1;
+  } catch (const std::exception& error) {
+    Copy(error.what(), greeting.text);
+  }
+  if (!Write(&greeting, sizeof(greeting)) || greeting.ready == 0) return 1;
+  while (DecodeNext()) {
+  }
+  return 0;
+}
+
+}  // namespace pliant::server

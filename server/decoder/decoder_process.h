@@ -1,0 +1,87 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One decoder: this program again, as a child process that does nothing but decode pictures and may
+// do nothing else (sandbox.h). Nothing that it says is believed without a check.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <variant>
+
+#include <sys/types.h>
+
+#include "descriptor/base/error.h"
+#include "descriptor/image/image.h"
+
+namespace pliant::server {
+
+struct DecoderOptions {
+  std::filesystem::path program = "/proc/self/exe";  // that calls RunDecoder
+  // Of memory for one picture: what DecodeOptions allow, its file twice, some for the libraries.
+  std::int64_t memory_bytes = std::int64_t{384} * 1024 * 1024;
+  std::chrono::milliseconds timeout{30'000};  // for one picture
+  // Of processor time. One that has used more is replaced after its picture; a little later the
+  // system kills it, also while it has no picture to decode and should do nothing.
+  std::chrono::milliseconds worn_after{600'000};
+};
+
+// A decoder is no more, or was ended because it broke a rule.
+class DecoderEnded : public std::runtime_error {
+ public:
+  enum class Cause {
+    kCrashed,    // by a signal, or it left by itself
+    kForbidden,  // by a system call that decoding does not need
+    kKilled,     // SIGKILL: by the system for want of memory, or by somebody
+    kTimeout,    // ended here: it took too long
+    kBroken,     // ended here: it said what cannot be
+  };
+
+  DecoderEnded(Cause why, const std::string& what) : std::runtime_error(what), cause(why) {}
+
+  Cause cause;
+};
+inline constexpr std::size_t kDecoderCauses = 5;
+const char* DecoderCauseName(DecoderEnded::Cause cause);  // "crashed", "forbidden", ...
+
+// Not thread-safe: one picture at a time.
+class DecoderProcess {
+ public:
+  // Starts the program. It is killed when the calling thread ends, however that comes. Throws Error
+  // kUnavailable "decoder_not_started".
+  explicit DecoderProcess(const DecoderOptions& options);
+  ~DecoderProcess();  // kills it
+  DecoderProcess(const DecoderProcess&) = delete;
+  DecoderProcess& operator=(const DecoderProcess&) = delete;
+
+  // Once, before the first picture: waits until it is ready. Returns why its system calls are not
+  // limited, empty when they are. Throws Error kUnavailable "decoder_not_started".
+  std::string AwaitReady();
+
+  // While it waits for a picture: throws DecoderEnded if it is no more.
+  void CheckAlive();
+
+  // What DecodeImage gives, or throws. Throws DecoderEnded; do not use it after that.
+  std::variant<DecodedImage, Error> Decode(Bytes bytes, const DecodeOptions& options);
+
+  pid_t id() const { return pid_; }
+  bool worn() const;  // see DecoderOptions
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void Wait(short events, Clock::time_point deadline);
+  void Send(const void* from, std::size_t bytes, Clock::time_point deadline);
+  void Receive(void* to, std::size_t bytes, Clock::time_point deadline);
+  [[noreturn]] void ThrowEnded();
+  void Kill();
+
+  const DecoderOptions options_;
+  pid_t pid_ = -1;  // -1 = waited for
+  int socket_ = -1;
+};
+
+}  // namespace pliant::server
