@@ -1,5 +1,5 @@
-# `cpack -G DEB` in the build folder makes two Debian packages: pliant (programs, weights, service) and
-# pliant-dev (headers, static libraries, CMake package).
+# `cpack -G DEB` in the build folder makes the Debian packages pliant (programs, weights, service), pliant-dev
+# (headers, static libraries, CMake package) and, where it was built, python3-pliant.
 #
 # The service's files have fixed places, so they go into packages only, never along with `cmake --install`.
 install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
@@ -35,4 +35,14 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libopencv-dev, libdnnl-dev, libeigen3-dev, libsqlitecpp-dev, libsqlite3-dev, zlib1g-dev, libssl-dev"
 )
+if(PLIANT_PYTHON_FOUND)
+  math(EXPR next_minor "${Python3_VERSION_MINOR} + 1")
+  list(APPEND CPACK_COMPONENTS_ALL python)
+  set(CPACK_COMPONENT_PYTHON_GROUP python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-pliant)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+      "pliant (= ${PROJECT_VERSION}), python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${next_minor}), python3-numpy")
+endif()
 include(CPack)

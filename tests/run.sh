@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 step() { printf '\n== %s (%(%H:%M:%S)T)\n' "$1" -1; }
 
 step "Packages"
-bash docker/install-packages.sh build test
+bash docker/install-packages.sh build python test
 step "Configure"
 cmake --preset ci
 step "Build"

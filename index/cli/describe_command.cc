@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant describe IMAGE --out FILE
+// pliant describe IMAGE --out FILE.npz|FILE.safetensors
 #include <memory>
 
 #include "index/cli/command.h"
@@ -22,6 +22,7 @@ struct Options {
 };
 
 ExitStatus Run(const Options& options) {
+  CheckFeaturesName(options.out);
   const PictureInput picture =
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =
@@ -57,15 +58,17 @@ ExitStatus Run(const Options& options) {
 void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
-      "describe", "Write a picture's key points and descriptors to a safetensors file");
+      "describe", "Write a picture's key points and descriptors to a file for NumPy or PyTorch");
   app->add_option("IMAGE", options->image, "the picture; - = standard input")->required();
-  app->add_option("--out,-o", options->out, "the file to write")->required()->type_name("FILE");
+  app->add_option("--out,-o", options->out, "the file to write: .npz (NumPy) or .safetensors")
+      ->required()
+      ->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--jobs,-j", options->threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
-  app->footer("Example:  pliant describe PHOTO.jpg --out photo.safetensors");
+  app->footer("Example:  pliant describe PHOTO.jpg --out photo.npz");
   app->callback([options, &status] { status = Run(*options); });
 }
 

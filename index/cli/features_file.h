@@ -1,13 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Features as a safetensors file (descriptor/base/safetensors.h). Tensors: `keypoints` F32 N x 6
-// (x, y, size, angle, response, octave) and `descriptors` F32 or U8 N x D. Metadata: model_id,
-// width, height. In NumPy:
-//   import json, numpy as np
-//   raw = open("f.safetensors", "rb").read(); n = int.from_bytes(raw[:8], "little")
-//   header = json.loads(raw[8:8 + n]); t = header["descriptors"]; a, b = t["data_offsets"]
-//   d = np.frombuffer(raw[8 + n + a:8 + n + b], {"F32": "<f4", "U8":
-//   "u1"}[t["dtype"]]).reshape(t["shape"])
+// Features as a file, the format by its name:
+//   .npz          NumPy's archive: arrays `keypoints` float32 N x 6 (x, y, size, angle, response,
+//                 octave), `descriptors` float32 or uint8 N x D, and single values `width`,
+//                 `height` (int64) and `model_id` (text). numpy.load(file)["keypoints"]
+//   .safetensors  tensors `keypoints` and `descriptors` as above; metadata model_id, width, height
+//                 (descriptor/base/safetensors.h)
 #pragma once
 
 #include <filesystem>
@@ -16,7 +14,11 @@
 
 namespace pliant::cli {
 
-// Replaces the file in one step. Throws kNoSpace "write_failed".
+// Throws kInvalidArgument "bad_features_name" for another extension; to be called before the work
+// whose result is written.
+void CheckFeaturesName(const std::filesystem::path& path);
+
+// Replaces the file in one step. Throws what CheckFeaturesName throws, and kNoSpace "write_failed".
 void WriteFeatures(const std::filesystem::path& path, const Features& features);
 
 }  // namespace pliant::cli

@@ -204,7 +204,7 @@ TEST_F(CliTest, PicturesComeFromStandardInput) {
   const std::string file = (folder_ / "q.png").string();
   EXPECT_EQ(described(" < " + file, "-"), described("", file));
   const ProgramResult empty =
-      Program({"-c", PliantPath().string() + " describe - --out x --descriptor orb < /dev/null"},
+      Program({"-c", PliantPath().string() + " describe - --out x.npz --descriptor orb < /dev/null"},
               {}, "/bin/sh")
           .Wait();
   EXPECT_EQ(empty.status, 1);
@@ -217,7 +217,7 @@ TEST_F(CliTest, ErrorsOfPicturesNameThem) {
   const std::string good = (folder_ / "good.png").string();
   const std::string bad = (folder_ / "bad.jpg").string();
   for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {"describe", bad, "--descriptor", "orb", "--out", (folder_ / "x").string()},
+           {"describe", bad, "--descriptor", "orb", "--out", (folder_ / "x.npz").string()},
            {"match", good, bad, "--descriptor", "orb"}}) {
     const ProgramResult result = RunProgram(arguments);
     EXPECT_EQ(result.status, 1);
@@ -248,10 +248,30 @@ TEST_F(CliTest, DescribeWritesSafetensors) {
     EXPECT_EQ(bytes.size(), 8 + length + 50 * 6 * 4 + 50 * dim * width);
     EXPECT_THAT(header["__metadata__"]["model_id"].get<std::string>(), StartsWith(name));
   }
-  EXPECT_EQ(RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", "orb", "--out",
-                        "/nowhere/x.safetensors"})
-                .status,
-            1);
+  for (const char* file : {"/nowhere/x.safetensors", "/nowhere/x.npz"}) {
+    EXPECT_EQ(
+        RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", "orb", "--out", file})
+            .status,
+        1);
+  }
+}
+
+// That NumPy reads it is tests/python's.
+TEST_F(CliTest, DescribeWritesWhatTheNameSays) {
+  WriteBytes(folder_ / "q.png", RandomPng(1));
+  const auto describe = [&](const std::string& name) {
+    return RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", "orb", "--out",
+                       (folder_ / name).string()});
+  };
+  ASSERT_EQ(describe("q.npz").status, 0);
+  const std::vector<std::uint8_t> bytes = ReadBytes(folder_ / "q.npz");
+  EXPECT_EQ(std::string(bytes.begin(), bytes.begin() + 4), "PK\x03\x04");
+  for (const std::string name : {"q.npy", "q.txt", "q", "q.npz.bak"}) {
+    const ProgramResult result = describe(name);
+    EXPECT_EQ(result.status, 2);
+    EXPECT_THAT(result.err, HasSubstr(".npz (NumPy) or .safetensors")) << name;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / name));
+  }
 }
 
 }  // namespace

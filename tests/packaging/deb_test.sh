@@ -12,7 +12,7 @@ here=$source/tests/packaging
 root=$work/root
 port=18438
 
-(cd "$build" && rm -f ./pliant*.deb && cpack -G DEB >"$work/cpack.log") || { cat "$work/cpack.log"; exit 1; }
+(cd "$build" && rm -f ./pliant*.deb ./python3-pliant*.deb && cpack -G DEB >"$work/cpack.log") || { cat "$work/cpack.log"; exit 1; }
 ls -l "$build"/*.deb
 
 bash "$here/base_image.sh" "$work/debian.tar"
@@ -21,6 +21,10 @@ mkdir -p "$root"
 tar -C "$root" -xf "$work/debian.tar"
 cp /etc/resolv.conf "$root/etc/"
 cp "$build"/pliant_*.deb "$root/tmp/pliant.deb"
+packages=(/tmp/pliant.deb)
+for python in "$build"/python3-pliant_*.deb; do # where the package was built
+  [ -e "$python" ] && cp "$python" "$root/tmp/python3-pliant.deb" && packages+=(/tmp/python3-pliant.deb)
+done
 mount -t proc proc "$root/proc"
 mount --bind /dev "$root/dev"
 server=
@@ -34,9 +38,12 @@ finish() {
 trap finish EXIT
 in_root() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 "$@"; }
 
-in_root sh -c 'apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends /tmp/pliant.deb' \
+in_root sh -c 'apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$@"' sh "${packages[@]}" \
   >"$work/apt.log" 2>&1 || { tail -20 "$work/apt.log"; exit 1; }
 in_root pliant --version
+if [ "${#packages[@]}" -gt 1 ]; then
+  in_root python3 -c 'import pliant; print("python:", pliant.Extractor("deal").model_id)'
+fi
 in_root test -e /lib/systemd/system/pliant-server.service
 mkdir -p "$root/var/lib/pliant"
 

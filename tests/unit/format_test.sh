@@ -10,7 +10,7 @@ case $version in
   *"version 14."*) ;;
   *) echo "needs clang-format 14, not: $version"; exit 77 ;;
 esac
-mapfile -t files < <(find descriptor vocab index server tests -name '*.cc' -o -name '*.h' -o -name '*.inl')
+mapfile -t files < <(find descriptor vocab index server python tests -name '*.cc' -o -name '*.h' -o -name '*.inl')
 [ "${#files[@]}" -gt 0 ]
 clang-format --dry-run --Werror "${files[@]}"
 echo "${#files[@]} files"

@@ -8,7 +8,8 @@ import pathlib
 import re
 import sys
 
-LAYERS = ["descriptor", "vocab", "index", "server"]  # bottom to top
+LAYERS = ["descriptor", "vocab", "index", "server", "python"]  # bottom to top
+APART = ("server", "python")  # both stand on index, and know nothing of each other
 # The rooms of a folder, bottom to top; those of one floor (a tuple) do not know each other. A room
 # that is not named here is a problem, too.
 ROOMS = {
@@ -17,6 +18,7 @@ ROOMS = {
     "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
     "server": [("decoder", "http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
+    "python": ["native"],
 }
 FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
                    for room in ((rooms,) if isinstance(rooms, str) else rooms)}
@@ -24,7 +26,7 @@ FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
 # Rooms that nobody else includes: what is in them is made by a factory that stands below.
 CLOSED = {"index/store/sqlite"}
 # The word, in code and comments, and the one room that may say it.
-DATABASE = (re.compile(r"sqlite", re.IGNORECASE), {"index", "server"}, "index/store/sqlite")
+DATABASE = (re.compile(r"sqlite", re.IGNORECASE), {"index", "server", "python"}, "index/store/sqlite")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # Library header prefix -> folders that may include it.
 OWNERS = {
@@ -35,6 +37,7 @@ OWNERS = {
     "sqlite3": {"index/store/sqlite"},
     "httplib": {"server"},
     "prometheus/": {"server"},
+    "pybind11/": {"python"},
 }
 # Where flags may be named: the programs and what parses their command lines.
 PROGRAMS = re.compile(r"^(index/cli/|index/usage/|server/|descriptor/.*_main\.cc)")
@@ -91,6 +94,8 @@ def problems(root):
             target = header.split("/")[0]
             if target in LAYERS and LAYERS.index(target) > LAYERS.index(layer):
                 found.append(f"{relative} includes {header}: {target} stands above {layer}")
+            if target != layer and {target, layer} == set(APART):
+                found.append(f"{relative} includes {header}: {target} and {layer} stand side by side")
             for prefix, owners in OWNERS.items():
                 if header.startswith(prefix) and not {layer, f"{layer}/{room}"} & owners:
                     found.append(f"{relative} includes {header}, which belongs to {sorted(owners)}")

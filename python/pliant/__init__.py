@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Find the same object again, however it is bent, folded or crumpled.
+
+    features = pliant.describe("mug.jpg")                     # key points and descriptors, as NumPy arrays
+    matches = pliant.match(features, other)                   # nearest neighbours
+    inliers, warp = pliant.verify(features, other)            # those that agree on one smooth warp
+    with pliant.Index("shop.db") as index: ...                # a searchable collection in one file
+    client = pliant.Client("http://127.0.0.1:8080")           # the same, of a running pliant-server
+
+Every function and class may be used by several threads; the GIL is released while the library works.
+The library is loaded when it is first used: `pliant.Client` needs neither it nor NumPy.
+"""
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from pliant.client import Client
+from pliant.errors import (CancelledError, ConflictError, ConnectionFailedError, CorruptError, Error, ForbiddenError,
+                           InternalError, InvalidArgumentError, NoSpaceError, NotFoundError, ReadOnlyError,
+                           TooLargeError, UnauthorizedError, UnavailableError, UnprocessableError,
+                           UnsupportedMediaTypeError)
+
+if TYPE_CHECKING:
+    from pliant.features import Extractor, Features, describe, descriptor_names
+    from pliant.index import Index
+    from pliant.matching import Matches, Verification, Warp, match, verify
+    from pliant.records import FolderReport, Hit, Instance, Picture, SearchResult, Vocabulary
+    from pliant.simulation import SimulationReport, simulate
+    from pliant.tracking import TrackedFrame, Tracker, track
+
+_LAZY = {name: module for module, names in {
+    "features": ("Extractor", "Features", "describe", "descriptor_names"),
+    "index": ("Index",),
+    "matching": ("Matches", "Verification", "Warp", "match", "verify"),
+    "records": ("FolderReport", "Hit", "Instance", "Picture", "SearchResult", "Vocabulary"),
+    "simulation": ("SimulationReport", "simulate"),
+    "tracking": ("TrackedFrame", "Tracker", "track"),
+}.items() for name in names}
+
+__all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError", "CorruptError", "Error", "Extractor",
+           "Features", "FolderReport", "ForbiddenError", "Hit", "Index", "Instance", "InternalError",
+           "InvalidArgumentError", "Matches", "NoSpaceError", "NotFoundError", "Picture", "ReadOnlyError",
+           "SearchResult", "SimulationReport", "TooLargeError", "TrackedFrame", "Tracker", "UnauthorizedError",
+           "UnavailableError", "UnprocessableError", "UnsupportedMediaTypeError", "Verification", "Vocabulary", "Warp",
+           "describe", "descriptor_names", "match", "simulate", "track", "verify"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'pliant' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"pliant.{_LAZY[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Requests to a server over http.client: bodies, retries, errors. Private; see pliant.client."""
+from __future__ import annotations
+
+import http.client
+import json
+import random
+import ssl
+import struct
+import time
+import urllib.parse
+import zlib
+from typing import Any, NamedTuple
+
+from pliant import _problems
+from pliant.errors import ConnectionFailedError, InvalidArgumentError
+
+_BUSY = (429, 503)
+
+
+class Answer(NamedTuple):
+    """A success. `document` is the JSON it holds, or None."""
+
+    status: int
+    headers: http.client.HTTPMessage
+    body: bytes
+    document: Any
+
+
+class Transport:
+    """One request, one connection, so that any number of threads may share it. Redirects are not followed and proxies
+    not used: the key goes to the server named and nowhere else."""
+
+    def __init__(self, url: str, key: str | None, timeout: float, retries: int, max_wait: float,
+                 context: ssl.SSLContext | None) -> None:
+        parts = urllib.parse.urlsplit(url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise InvalidArgumentError(f"url must be http://HOST or https://HOST, not {url!r}", code="url_invalid")
+        if parts.query or parts.fragment or parts.username is not None:
+            raise InvalidArgumentError("url takes no user, query or fragment; pass the key as key", code="url_invalid")
+        if key is not None and not (key.isascii() and key.isprintable() and " " not in key and key):
+            raise InvalidArgumentError("key must be printable ASCII without spaces", code="key_invalid")
+        try:
+            self._port = parts.port
+        except ValueError:
+            raise InvalidArgumentError(f"url has no such port: {url!r}", code="url_invalid") from None
+        self._host = parts.hostname
+        self._prefix = parts.path.rstrip("/")
+        self._tls = (context or ssl.create_default_context()) if parts.scheme == "https" else None
+        self._headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._timeout, self._retries, self._max_wait = timeout, retries, max_wait
+        self.address = f"{parts.scheme}://{parts.netloc}{self._prefix}"
+
+    def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None, body: bytes | None = None,
+             content_type: str | None = None, again: bool | None = None) -> Answer:
+        """`again`: whether the request may be sent twice; by default all methods but POST. One that was refused as too
+        much (429, 503) was not begun, and is repeated in any case."""
+        if again is None:
+            again = method != "POST"
+        target = self._prefix + path
+        if parameters:
+            target += "?" + urllib.parse.urlencode(parameters)
+        headers = dict(self._headers)
+        if content_type:
+            headers["Content-Type"] = content_type
+        failed = 0
+        while True:
+            try:
+                answer = self._once(method, target, body, headers)
+            except (OSError, http.client.HTTPException) as error:
+                if isinstance(error, ssl.SSLCertVerificationError) or not again or failed >= self._retries:
+                    raise ConnectionFailedError(f"{method} {self.address}{path}: {error or type(error).__name__}",
+                                                code="connection_failed") from error
+                wait = None
+            else:
+                if answer.status < 300 or answer.status == 304:
+                    return answer
+                refused = _problems.error(answer.status, answer.headers, answer.body)
+                wait = refused.retry_after
+                if answer.status not in _BUSY or failed >= self._retries or (wait or 0) > self._max_wait:
+                    raise refused
+            time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
+            failed += 1
+
+    def _once(self, method: str, target: str, body: bytes | None, headers: dict[str, str]) -> Answer:
+        connection: http.client.HTTPConnection
+        if self._tls:
+            connection = http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout, context=self._tls)
+        else:
+            connection = http.client.HTTPConnection(self._host, self._port, timeout=self._timeout)
+        try:
+            connection.request(method, target, body, {**headers, "Connection": "close"})
+            response = connection.getresponse()
+            data = response.read()
+            document = None
+            if response.status < 300 and data and "json" in response.headers.get("Content-Type", ""):
+                document = json.loads(data)
+            return Answer(response.status, response.headers, data, document)
+        except ValueError as error:  # JSON that is none
+            raise http.client.HTTPException(f"the answer cannot be read: {error}") from error
+        finally:
+            connection.close()
+
+
+def segment(name: str, value: str) -> str:
+    """A name as one part of a path."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be str, not {type(value).__name__}")
+    if value in ("", ".", ".."):
+        raise InvalidArgumentError(f"{name} must not be {value!r}", code=f"{name}_invalid")
+    return urllib.parse.quote(value, safe="")
+
+
+def png(pixels: Any, channels: str) -> bytes:
+    """An array H x W or H x W x 3 of uint8 as a PNG, without the compiled library."""
+    if str(pixels.dtype) != "uint8":
+        raise TypeError(f"image must be an array of uint8, not {pixels.dtype}")
+    colour = pixels.ndim == 3 and pixels.shape[2] == 3
+    if (pixels.ndim != 2 and not colour) or 0 in pixels.shape:
+        raise InvalidArgumentError(f"image must be H x W or H x W x 3, not {' x '.join(map(str, pixels.shape))}",
+                                   code="array_shape")
+    if channels not in ("RGB", "BGR"):
+        raise InvalidArgumentError(f'channels must be "RGB" or "BGR", not {channels!r}', code="channels_invalid")
+    if colour and channels == "BGR":
+        pixels = pixels[:, :, ::-1]
+    height, width = pixels.shape[:2]
+    rows = b"".join(b"\0" + pixels[y].tobytes() for y in range(height))
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", width, height, 8, 2 if colour else 0, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))

@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""A client of pliant-server, of Python's standard library alone: `import pliant.client` needs neither the compiled
+library nor NumPy. The reference of routes, parameters and codes is server/README.md; answers are its JSON as they come.
+"""
+from __future__ import annotations
+
+import json
+import os
+import ssl
+import time
+from typing import Any, Callable, Iterator, Union
+
+from pliant import _problems
+from pliant._transport import Transport, png, segment
+from pliant.errors import UnavailableError
+
+#: A path, the bytes of a file, or an array of uint8, H x W or H x W x 3.
+ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
+Json = dict[str, Any]
+
+
+class Client:
+    """Talks to the server at `url` about one collection. Any number of threads may use it.
+
+    key: an API key. collection: the one that methods are about; `client.collection("shelf")` gives another.
+    timeout: seconds without a byte before a request fails. retries: how often a request is repeated that the server
+    refused as too much (429, 503), and one that can be sent twice (all but `add` without an id and `train`)
+    when the connection fails. It waits as long as `Retry-After` says, but no more than `max_wait` seconds: then
+    the error is raised. context: for https with a certificate of your own.
+    Failures raise the classes of `pliant.errors`, with the problem's code, title, detail and status.
+    """
+
+    def __init__(self, url: str = "http://127.0.0.1:8080", key: str | None = None, *, collection: str = "default",
+                 timeout: float = 120.0, retries: int = 4, max_wait: float = 60.0,
+                 context: ssl.SSLContext | None = None) -> None:
+        self._transport = Transport(url, key, timeout, retries, max_wait, context)
+        self._use(collection)
+
+    def _use(self, collection: str) -> None:
+        self.name = collection
+        self._base = f"/v1/collections/{segment('collection', collection)}"
+
+    def __repr__(self) -> str:
+        return f"<pliant.Client {self._transport.address} collection {self.name!r}>"
+
+    # Collections
+
+    def collection(self, name: str) -> Client:
+        """The same server and key, another collection."""
+        other = object.__new__(Client)
+        other._transport = self._transport
+        other._use(name)
+        return other
+
+    def collections(self) -> list[str]:
+        """The names of all."""
+        return list(self._get("/v1/collections")["collections"])
+
+    def create(self) -> Json:
+        """Makes this client's collection; one that is there stays as it is."""
+        return self._ask("PUT", self._base)
+
+    def info(self) -> Json:
+        """Its name, its numbers of pictures, objects and descriptors, and the vocabulary in use."""
+        return self._get(self._base)
+
+    def drop(self) -> None:
+        """Deletes this client's collection with all it holds."""
+        self._transport.call("DELETE", self._base)
+
+    # Pictures
+
+    def add(self, image: ImageLike, *, object: str = "", id: str | None = None, metadata: Json | None = None,
+            channels: str = "RGB") -> Json:
+        """Adds a picture and gives its record. With an id it replaces what is there, and can be repeated safely."""
+        parameters: Json = {"object": object} if object else {}
+        if metadata:
+            parameters["metadata"] = json.dumps(metadata, allow_nan=False)
+        path = f"{self._base}/images" + ("" if id is None else f"/{segment('id', id)}")
+        return self._ask("POST" if id is None else "PUT", path, parameters=parameters, body=encoded(image, channels),
+                         content_type="application/octet-stream")
+
+    def get(self, id: str) -> Json:
+        """A picture's record. NotFoundError "image_not_found"."""
+        return self._get(self._image(id))
+
+    def content(self, id: str) -> bytes:
+        """The bytes of a picture as it was added."""
+        return self._transport.call("GET", self._image(id) + "/content").body
+
+    def thumbnail(self, id: str) -> bytes:
+        """A JPEG, 320 pixels on the longer side."""
+        return self._transport.call("GET", self._image(id) + "/thumbnail").body
+
+    def features(self, id: str) -> Json:
+        """Key points, and descriptors as base64."""
+        return self._get(self._image(id) + "/features")
+
+    def delete(self, id: str) -> None:
+        """Deletes a picture for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""
+        self._transport.call("DELETE", self._image(id))
+
+    def delete_object(self, object: str) -> int:
+        """Deletes all pictures of an object, and says how many."""
+        return int(self._ask("DELETE", f"{self._base}/objects/{segment('object', object)}")["deleted"])
+
+    def images(self, object: str | None = None, page: int = 100) -> Iterator[Json]:
+        """All pictures (of an object), fetched `page` at a time, 1 to 500."""
+        return self._pages("/images", "images", page, {} if object is None else {"object": object})
+
+    def objects(self, page: int = 100) -> Iterator[Json]:
+        """All objects with their numbers of pictures."""
+        return self._pages("/objects", "objects", page, {})
+
+    # Searches
+
+    def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
+               filter: Json | None = None, channels: str = "RGB", **options: Any) -> Json:
+        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture or to the id of a stored one.
+
+        options: offset, group_by, rank, verify, verify_depth, expand, instances, region ("x,y,width,height" or four
+        numbers), min_score, object, explain.
+        """
+        if (image is None) == (image_id is None):
+            raise TypeError("search takes a picture or image_id")
+        parameters: Json = {name: _plain(value) for name, value in options.items() if value is not None}
+        parameters["limit"] = top
+        if filter is not None:
+            parameters["filter"] = json.dumps(filter, allow_nan=False)
+        if image is None:
+            body, kind = json.dumps({"image_id": image_id}).encode(), "application/json"
+        else:
+            body, kind = encoded(image, channels), "application/octet-stream"
+        return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
+
+    def locate(self, image: ImageLike, object: str, *, channels: str = "RGB") -> Json:
+        """Where a known object is in a picture."""
+        return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
+                         body=encoded(image, channels), content_type="application/octet-stream", again=True)
+
+    # Vocabularies and jobs
+
+    def train(self, *, wait: bool = True, timeout: float | None = None,
+              progress: Callable[[Json], object] | None = None, **options: Any) -> Json:
+        """Trains a vocabulary and uses it (options: words, sample, seed, activate). The job: when it is done, or, with
+        `wait=False`, as it begins."""
+        job = self._ask("POST", f"{self._base}/vocabularies", body=json.dumps(options).encode(),
+                        content_type="application/json")
+        return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
+
+    def vocabularies(self) -> list[Json]:
+        """All of the collection."""
+        return list(self._get(f"{self._base}/vocabularies")["vocabularies"])
+
+    def jobs(self) -> list[Json]:
+        """All jobs of the server, newest first."""
+        return list(self._get("/v1/jobs")["jobs"])
+
+    def job(self, id: str) -> Json:
+        """Its state (queued, running, done, failed, cancelled), done, total and failed."""
+        return self._get(f"/v1/jobs/{segment('id', id)}")
+
+    def cancel(self, id: str) -> Json:
+        """Asks a job to stop."""
+        return self._ask("DELETE", f"/v1/jobs/{segment('id', id)}")
+
+    def wait(self, id: str, *, timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
+        """The job when it is done; `progress(job)` hears how it goes on. Raises the job's error if it failed,
+        CancelledError, and UnavailableError "timeout" after `timeout` seconds (the job goes on)."""
+        end = None if timeout is None else time.monotonic() + timeout
+        pause = 0.05
+        while True:
+            job = self.job(id)
+            if progress is not None:
+                progress(job)
+            if job["state"] == "done":
+                return job
+            if job["state"] in ("failed", "cancelled"):
+                raise _problems.of_job(job)
+            if end is not None and time.monotonic() >= end:
+                raise UnavailableError(f"job {id} is still {job['state']} after {timeout} s", code="timeout", problem=job)
+            time.sleep(pause if end is None else min(pause, max(0.0, end - time.monotonic())))
+            pause = min(2.0, pause * 1.5)
+
+    # About the server
+
+    def ready(self) -> bool:
+        """Whether it answers searches; False while it starts. ConnectionFailedError where nobody listens."""
+        try:
+            self._transport.call("GET", "/readyz")
+        except UnavailableError:
+            return False
+        return True
+
+    def _get(self, path: str, **parameters: Any) -> Json:
+        return self._ask("GET", path, parameters=parameters)
+
+    def _ask(self, method: str, path: str, **request: Any) -> Json:
+        document: Json = self._transport.call(method, path, **request).document
+        return document
+
+    def _image(self, id: str) -> str:
+        return f"{self._base}/images/{segment('id', id)}"
+
+    def _pages(self, path: str, field: str, page: int, parameters: Json) -> Iterator[Json]:
+        while True:
+            answer = self._get(self._base + path, limit=page, **parameters)
+            yield from answer[field]
+            if answer["next"] is None:
+                return
+            parameters = {**parameters, "cursor": answer["next"]}
+
+
+def encoded(image: ImageLike, channels: str = "RGB") -> bytes:
+    """The bytes to send: of a file, as given, or an array as a PNG (RGB, unless `channels` is "BGR")."""
+    if isinstance(image, (bytes, bytearray, memoryview)):
+        return bytes(image)
+    if isinstance(image, (str, os.PathLike)):
+        with open(image, "rb") as file:
+            return file.read()
+    if hasattr(image, "dtype") and hasattr(image, "shape"):
+        return png(image, channels)
+    raise TypeError(f"image must be a path, bytes or an array of uint8, not {type(image).__name__}")
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (tuple, list)):
+        return ",".join(str(item) for item in value)
+    return str(value)

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Key points and descriptors of a picture."""
+from __future__ import annotations
+
+import collections
+import dataclasses
+import os
+import pathlib
+import threading
+from typing import Any, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from pliant import _checks, _native, images
+from pliant.errors import InvalidArgumentError
+
+COLUMNS = ("x", "y", "size", "angle", "response", "octave")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Features:
+    """The N key points of one picture and their descriptors. The arrays are C-contiguous copies and not writeable.
+
+    keypoints: N x 6 float32, the columns being
+        x, y: pixels of the original upright picture, pixel centres at integers: (0, 0) is the middle of the first pixel;
+        size: diameter of the described neighbourhood, in pixels (OpenCV's);
+        angle: degrees, 0 to 360, clockwise (y points down), as OpenCV's;
+        response: the detector's strength, without a unit;
+        octave: OpenCV's packed SIFT octave, a whole number.
+    descriptors: N x D; float32 (Euclidean distance; D = 128 for deal, sift and rootsift, 200 for daisy) or uint8
+        (Hamming distance over 8 D bits; D = 32 for orb, 64 for brisk).
+    width, height: of that picture, in pixels.
+    model_id: which model made the descriptors ("deal:" and 16 hex digits); those of two models cannot be compared.
+    """
+
+    keypoints: npt.NDArray[np.float32]
+    descriptors: npt.NDArray[Any]
+    width: int
+    height: int
+    model_id: str = ""
+
+    def __post_init__(self) -> None:
+        keypoints = np.asarray(self.keypoints)
+        if keypoints.dtype.kind not in "fiu":
+            raise TypeError(f"keypoints must be numbers, not {keypoints.dtype}")
+        if keypoints.ndim != 2 or keypoints.shape[1] != len(COLUMNS):
+            raise InvalidArgumentError(f"keypoints must be N x 6 ({', '.join(COLUMNS)}), not "
+                                       f"{' x '.join(map(str, keypoints.shape))}", code="array_shape")
+        descriptors = descriptor_rows("descriptors", self.descriptors)
+        if len(keypoints) != len(descriptors):
+            raise InvalidArgumentError(f"{len(keypoints)} key points, but {len(descriptors)} descriptors",
+                                       code="array_shape")
+        keypoints = np.array(keypoints, np.float32, order="C")
+        if not np.isfinite(keypoints).all():
+            raise InvalidArgumentError("keypoints hold NaN or infinity", code="not_finite")
+        descriptors = np.array(descriptors, order="C")
+        if descriptors.dtype == np.float32 and not np.isfinite(descriptors).all():
+            raise InvalidArgumentError("descriptors hold NaN or infinity", code="not_finite")
+        keypoints.setflags(write=False)
+        descriptors.setflags(write=False)
+        object.__setattr__(self, "keypoints", keypoints)
+        object.__setattr__(self, "descriptors", descriptors)
+        object.__setattr__(self, "width", _checks.whole("width", self.width))
+        object.__setattr__(self, "height", _checks.whole("height", self.height))
+        _checks.text("model_id", self.model_id)
+
+    def __len__(self) -> int:
+        """N, the number of key points."""
+        return len(self.keypoints)
+
+    @property
+    def xy(self) -> npt.NDArray[np.float64]:
+        """Positions of the key points in pixels, N x 2."""
+        return self.keypoints[:, :2].astype(np.float64)
+
+    def to_cv(self) -> list[Any]:
+        """The key points as a list of `cv2.KeyPoint`, in order (needs OpenCV's Python module)."""
+        import cv2  # type: ignore[import]
+        return [cv2.KeyPoint(float(x), float(y), float(size), float(angle), float(response), int(octave))
+                for x, y, size, angle, response, octave in self.keypoints]
+
+    @classmethod
+    def from_cv(cls, keypoints: Sequence[Any], descriptors: npt.ArrayLike, width: int, height: int,
+                model_id: str = "cv2") -> Features:
+        """Of a sequence of `cv2.KeyPoint` and what `detectAndCompute` gave for them, in a picture of width x height
+        pixels. `model_id` says how they were made; matching compares it."""
+        rows = np.array([[*k.pt, k.size, k.angle, k.response, k.octave] for k in keypoints], np.float32)
+        return cls(rows.reshape(-1, len(COLUMNS)), np.asarray(descriptors), width, height, model_id)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes an .npz file for `Features.load` and `numpy.load`, with the names of `pliant describe --out x.npz`."""
+        file = pathlib.Path(os.fsdecode(_checks.path("path", path)))
+        if file.suffix != ".npz":
+            raise InvalidArgumentError(f"{file.name!a} must end in .npz", code="bad_features_name")
+        np.savez(file, keypoints=self.keypoints, descriptors=self.descriptors, width=np.int64(self.width),
+                 height=np.int64(self.height), model_id=np.array(self.model_id))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Features:
+        """Of a file that `save` or `pliant describe --out x.npz` wrote."""
+        with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
+            return cls(file["keypoints"], file["descriptors"], int(file["width"]), int(file["height"]),
+                       str(file["model_id"]))
+
+
+def descriptor_rows(name: str, rows: npt.ArrayLike) -> npt.NDArray[Any]:
+    """N x D, C-contiguous, float32 or uint8. Raises TypeError for numbers of another kind."""
+    array = np.asarray(rows)
+    if array.dtype.kind == "f":
+        array = array.astype(np.float32, copy=False)
+    elif array.dtype != np.uint8:
+        raise TypeError(f"{name} must be an array of floats or uint8, not {array.dtype}")
+    if array.ndim != 2:
+        raise InvalidArgumentError(f"{name} must be N x D, not of {array.ndim} dimension(s)", code="array_shape")
+    return np.ascontiguousarray(array)
+
+
+def descriptor_names() -> list[str]:
+    """The descriptors that `describe` knows, best first."""
+    return _native.descriptor_names()
+
+
+def default_model() -> bytes:
+    """Path of DEAL's weights: $PLIANT_MODEL, else share/pliant below a folder that the package lies in (an installed
+    one, or a build tree); empty where neither is there, and the library then looks beside its programs."""
+    given = os.environb.get(b"PLIANT_MODEL", b"")
+    if given:
+        return given
+    for folder in pathlib.Path(__file__).absolute().parents[1:6]:
+        file = folder / "share" / "pliant" / "deal.safetensors"
+        if file.is_file():
+            return os.fsencode(file)
+    return b""
+
+
+class Extractor:
+    """Describes pictures, always in the same way. Making one loads the weights; it may be used by many threads.
+
+    descriptor: one of `descriptor_names()`.
+    model: weight file for deal and its variants; None: the installed one.
+    max_keypoints: the strongest so many are kept, 1 to 4096.
+    max_side: larger pictures are scaled down to this longer side in pixels; 0 = never.
+    enlarge_below: a picture with fewer key points than this is also described at twice its size; 0 = never.
+    """
+
+    def __init__(self, descriptor: str = "deal", *, model: str | os.PathLike[str] | None = None,
+                 max_keypoints: int = 1024, max_side: int = 1024, enlarge_below: int = 0) -> None:
+        file = default_model() if model is None else _checks.path("model", model)
+        self._native = _native.Extractor(_checks.text("descriptor", descriptor), file,
+                                         _checks.whole("max_keypoints", max_keypoints, 1, 4096),
+                                         _checks.whole("max_side", max_side),
+                                         _checks.whole("enlarge_below", enlarge_below))
+
+    @property
+    def descriptor(self) -> str:
+        """Its name."""
+        return self._native.descriptor
+
+    @property
+    def model_id(self) -> str:
+        """As in Features."""
+        return self._native.model_id
+
+    @property
+    def dim(self) -> int:
+        """D, columns of the descriptors."""
+        return self._native.dim
+
+    def describe(self, image: images.ImageLike, *, channels: str = "RGB", threads: int = 0) -> Features:
+        """Detects key points and describes them. `threads`: 0 = one per core; with several pictures in threads of your
+        own, 1 is faster. A picture without key points gives N = 0."""
+        count = _checks.whole("threads", threads, 0, 1024)
+        if isinstance(image, np.ndarray):
+            return Features(*self._native.describe_array(images.pixels(image, channels), count))
+        return Features(*self._native.describe_bytes(images.encoded(image), count))
+
+
+_extractors: collections.OrderedDict[tuple[Any, ...], Extractor] = collections.OrderedDict()
+_extractors_lock = threading.Lock()
+_KEPT = 4
+
+
+def describe(image: images.ImageLike, *, descriptor: str = "deal", model: str | os.PathLike[str] | None = None,
+             max_keypoints: int = 1024, max_side: int = 1024, enlarge_below: int = 0, channels: str = "RGB",
+             threads: int = 0) -> Features:
+    """Key points and descriptors of a picture, the same that `pliant describe` writes.
+
+    image, channels: see `pliant.images`. The other arguments are those of `Extractor`; the last few extractors are
+    kept, so that weights are loaded once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
+    pictures, OSError for files.
+    """
+    key = (_checks.text("descriptor", descriptor), default_model() if model is None else _checks.path("model", model),
+           _checks.whole("max_keypoints", max_keypoints, 1, 4096), _checks.whole("max_side", max_side),
+           _checks.whole("enlarge_below", enlarge_below))
+    stamp = _stamp(key[1])
+    with _extractors_lock:
+        known = _extractors.pop((key, stamp), None)
+        if known is not None:
+            _extractors[key, stamp] = known
+    if known is None:
+        known = Extractor(descriptor, model=model, max_keypoints=max_keypoints, max_side=max_side,
+                          enlarge_below=enlarge_below)
+        with _extractors_lock:
+            _extractors[key, stamp] = known
+            while len(_extractors) > _KEPT:
+                _extractors.popitem(last=False)
+    return known.describe(image, channels=channels, threads=threads)
+
+
+def _stamp(model: bytes) -> tuple[int, ...]:
+    """Changes when the weight file does."""
+    try:
+        status = os.stat(model)
+    except OSError:
+        return ()
+    return status.st_ino, status.st_mtime_ns, status.st_size

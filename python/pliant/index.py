@@ -1,0 +1,254 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""A searchable collection of pictures in one database file, the same that `pliant` and `pliant-server` use."""
+from __future__ import annotations
+
+import json
+import os
+from types import TracebackType
+from typing import Any, Callable, Iterator, Sequence
+
+from pliant import _checks, _native, images, records
+from pliant.errors import InvalidArgumentError, NotFoundError
+from pliant.features import Features, default_model
+
+_PAGE = 500
+
+
+class Index:
+    """One collection of one database, for any number of threads; other processes may use the file at the same time.
+
+    Writes are durable when a call returns. A `with` block closes it; calls on a closed one raise InvalidArgumentError
+    ("closed").
+
+    db: the file; made if it does not exist and `create`.
+    collection: made if it does not exist and `create`; "default" is always there.
+    descriptor: of a new database; empty: that of an existing one, deal for a new one. Another one than the database's
+        is ConflictError "model_mismatch".
+    model: weight file for deal; None: the installed one.
+    max_keypoints, max_side: how the pictures of a new database are described (1024 and 1024 pixels). Other values than
+        those of an existing one are ConflictError "extraction_mismatch".
+    keep_originals: also stores the pictures' bytes, for `content`; in `originals_dir` if that is given.
+    busy_timeout: seconds to wait for another process's write, before UnavailableError.
+    """
+
+    def __init__(self, db: str | os.PathLike[str], *, collection: str = "default", descriptor: str = "",
+                 model: str | os.PathLike[str] | None = None, create: bool = True, read_only: bool = False,
+                 max_keypoints: int | None = None, max_side: int | None = None, keep_originals: bool = True,
+                 originals_dir: str | os.PathLike[str] | None = None, busy_timeout: float = 10.0) -> None:
+        if not 0 <= busy_timeout <= 1e6:
+            raise InvalidArgumentError("busy_timeout must be 0 to 1000000 seconds", code="out_of_range")
+        self._native = _native.Index(
+            _checks.path("db", db), _checks.text("collection", collection), _checks.text("descriptor", descriptor),
+            default_model() if model is None else _checks.path("model", model), bool(create), bool(read_only),
+            None if max_keypoints is None else _checks.whole("max_keypoints", max_keypoints, 1, 4096),
+            None if max_side is None else _checks.whole("max_side", max_side, 16, 65536), bool(keep_originals),
+            b"" if originals_dir is None else _checks.path("originals_dir", originals_dir), float(busy_timeout))
+        self.collection = collection
+
+    def close(self) -> None:
+        """Closes the database once the calls that are running have ended. Closing twice is no error."""
+        self._native.close()
+
+    def __enter__(self) -> Index:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+    # Pictures
+
+    def add(self, image: images.ImageLike, *, object: str = "", id: str | None = None,
+            metadata: dict[str, Any] | None = None, source: str | None = None, channels: str = "RGB",
+            threads: int = 0) -> records.Picture:
+        """Adds a picture. An array is stored as a PNG.
+
+        object: what it shows; searches group by it. metadata: anything that JSON can hold, for filters.
+        id: an existing one is replaced. None: a new picture gets one made of its bytes; bytes that are stored already
+            are "unchanged", with another object or other metadata ConflictError "same_bytes".
+        Raises what `describe` raises, UnprocessableError "too_few_features" for pictures without texture.
+        """
+        if source is None:
+            source = ""
+            if isinstance(image, (str, os.PathLike)):
+                source = _checks.shown(os.fsencode(image))
+        outcome, record = self._native.add(
+            images.encoded(image, channels), _checks.text("object", object),
+            None if id is None else _checks.text("id", id), _json("metadata", metadata or {}),
+            _checks.text("source", source), _checks.whole("threads", threads, 0, 1024))
+        return records.picture(json.loads(record), outcome)
+
+    def add_folder(self, *folders: str | os.PathLike[str], object_from: str = "auto", threads: int = 0,
+                   progress: Callable[[int, int], object] | None = None) -> records.FolderReport:
+        """Adds all pictures below the folders, one thread each, as `pliant index` does, but trains no vocabulary.
+
+        object_from: "folder" (the folder's name), "stem" (the file's), "none", or "auto" for the likelier of the first
+        two. progress(done, total) is called from other threads; what it raises stops the work. Pictures that are
+        stored already are skipped, so it can be repeated. Ctrl-C raises KeyboardInterrupt; what was added stays.
+        """
+        report = json.loads(self._native.add_folders([_checks.path("folder", folder) for folder in folders],
+                                                     _checks.text("object_from", object_from),
+                                                     _checks.whole("threads", threads, 0, 1024), progress))
+        return records.FolderReport(report["indexed"], report["unchanged"],
+                                    [(file["file"], file["code"], file["reason"]) for file in report["skipped"]])
+
+    def get(self, id: str) -> records.Picture:
+        """Raises NotFoundError."""
+        return records.picture(json.loads(self._native.get(_checks.text("id", id))))
+
+    def features(self, id: str) -> Features:
+        """Key points and descriptors of a stored picture, the descriptors with 8 bits a value."""
+        return Features(*self._native.features(_checks.text("id", id)))
+
+    def content(self, id: str) -> bytes:
+        """The bytes of the picture as it was added."""
+        return self._native.content(_checks.text("id", id))
+
+    def remove(self, id: str) -> bool:
+        """Removes a picture from the file and from all searches that follow. False: it was not there."""
+        return self._native.remove(_checks.text("id", id))
+
+    def remove_object(self, object: str) -> int:
+        """Removes all pictures of an object, and says how many these were."""
+        return self._native.remove_object(_checks.text("object", object))
+
+    def __len__(self) -> int:
+        """The number of pictures."""
+        return int(json.loads(self._native.describe_collection())["images"])
+
+    def __contains__(self, id: str) -> bool:
+        try:
+            self.get(id)
+        except NotFoundError:
+            return False
+        return True
+
+    def __iter__(self) -> Iterator[records.Picture]:
+        return self.pictures()
+
+    def pictures(self, object: str | None = None) -> Iterator[records.Picture]:
+        """All pictures (of an object) in order of their ids, read in pages: others may add and remove meanwhile."""
+        wanted = None if object is None else _checks.text("object", object)
+        after = ""
+        while True:
+            page = json.loads(self._native.list(after, wanted, _PAGE))
+            yield from map(records.picture, page)
+            if len(page) < _PAGE:
+                return
+            after = page[-1]["id"]
+
+    def objects(self) -> Iterator[tuple[str, int]]:
+        """(name, number of pictures) of all objects, in order of their names."""
+        after = ""
+        while True:
+            page = self._native.objects(after, _PAGE)
+            yield from page
+            if len(page) < _PAGE:
+                return
+            after = page[-1][0]
+
+    # Vocabularies
+
+    def train(self, *, words: int = 0, sample: int = 0, seed: int = 1, threads: int = 0,
+              progress: Callable[[float], object] | None = None) -> records.Vocabulary:
+        """Trains a vocabulary from the stored pictures and uses it. The first search needs one; train again when the
+        collection has grown a few times larger.
+
+        words: 0 = a tenth of the sample. sample: descriptors drawn at random; 0 = chosen by the collection's size.
+        progress(share of 1) is called from another thread; what it raises stops the training. Ctrl-C does, too, and
+        leaves the vocabularies as they were.
+        """
+        return records.vocabulary(json.loads(self._native.train(
+            _checks.whole("words", words), _checks.whole("sample", sample), _checks.whole("seed", seed, 0, 2**64 - 1),
+            _checks.whole("threads", threads, 0, 1024), progress)))
+
+    def vocabularies(self) -> list[records.Vocabulary]:
+        """All of the collection."""
+        return [records.vocabulary(document) for document in json.loads(self._native.vocabularies())]
+
+    def use(self, vocabulary: int) -> None:
+        """Switches to another vocabulary, by its id."""
+        self._native.use(_checks.whole("vocabulary", vocabulary, 0, 2**63 - 1))
+
+    # Searches
+
+    def search(self, image: images.ImageLike | Features, top: int = 10, *, channels: str = "RGB",
+               **options: Any) -> records.SearchResult:
+        """Which objects does the picture show? The best `top` hits; 0 = all.
+
+        image: as everywhere, or Features of the index's own model.
+        options:
+            offset: hits to leave out before the first.
+            group_by: "object" (each once, by its best picture) or "image".
+            rank: "neighbours", "tfidf" or "histogram".
+            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 100
+                or more in large collections; expand: query expansion through so many verified pictures, None = 3 by
+                image, 0 by object; instances: of one object that are looked for, 4.
+            region: (x, y, width, height) in pixels of the query; only key points inside count.
+            min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
+                {"year": {"gte": 2020}, "colour": {"in": ["red"]}}.
+            explain: adds the matches and the warp to each hit.
+            threads: 0 = one per core.
+        Raises ConflictError "no_vocabulary" before the first `train`, UnprocessableError "too_few_features".
+        """
+        asked = _search_options(top, options)
+        if isinstance(image, Features):
+            return records.SearchResult(json.loads(self._native.search_features(image, asked)))
+        return records.SearchResult(json.loads(self._native.search(images.encoded(image, channels), asked)))
+
+    def search_stored(self, id: str, top: int = 10, **options: Any) -> records.SearchResult:
+        """As `search`, with a stored picture as the query."""
+        return records.SearchResult(json.loads(self._native.search_stored(_checks.text("id", id),
+                                                                          _search_options(top, options))))
+
+    # Upkeep
+
+    def check(self) -> list[str]:
+        """Every invariant of the database; empty = sound, else a sentence for each problem."""
+        return list(self._native.check())
+
+    def backup(self, path: str | os.PathLike[str]) -> None:
+        """Copies the database to a file that must not exist, also while it is in use."""
+        self._native.backup(_checks.path("path", path))
+
+
+def _json(name: str, value: Any) -> str:
+    if not isinstance(value, dict):
+        raise TypeError(f"{name} must be a dict, not {type(value).__name__}")
+    try:
+        return json.dumps(value, allow_nan=False)
+    except ValueError as error:
+        raise InvalidArgumentError(f"{name}: {error}", code=f"{name}_invalid") from None
+
+
+def _region(region: Sequence[float] | None) -> list[float] | None:
+    if region is None:
+        return None
+    values = [float(value) for value in region]
+    if len(values) != 4:
+        raise InvalidArgumentError("region must be (x, y, width, height)", code="region_invalid")
+    return values
+
+
+def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
+    known: dict[str, Any] = {"offset": 0, "group_by": "object", "rank": "neighbours", "verify": "auto",
+                             "verify_depth": 0, "expand": None, "instances": 4, "region": None, "min_score": 0.0,
+                             "object": None, "filter": None, "explain": False, "threads": 0}
+    for name in given:
+        if name not in known:
+            raise TypeError(f"search has no option {name!r}; it has {', '.join(known)}")
+    options: dict[str, Any] = {**known, **given, "top": _checks.whole("top", top)}
+    for name, most in (("offset", 2**31 - 1), ("verify_depth", 2**31 - 1), ("instances", 1000), ("threads", 1024)):
+        options[name] = _checks.whole(name, options[name], 0, most)
+    for name in ("group_by", "rank", "verify"):
+        options[name] = _checks.text(name, options[name])
+    if options["expand"] is not None:
+        options["expand"] = _checks.whole("expand", options["expand"])
+    if options["object"] is not None:
+        options["object"] = _checks.text("object", options["object"])
+    options["region"] = _region(options["region"])
+    options["min_score"] = float(options["min_score"])
+    options["filter"] = "" if options["filter"] is None else _json("filter", options["filter"])
+    options["explain"] = bool(options["explain"])
+    return options

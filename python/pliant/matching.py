@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Matching of descriptors, and verification by one smooth warp. All functions may be called from many threads."""
+from __future__ import annotations
+
+import dataclasses
+from typing import Iterator, NamedTuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from pliant import _checks, _native
+from pliant.errors import ConflictError, InvalidArgumentError
+from pliant.features import Features, descriptor_rows
+
+DescriptorsLike = Union[Features, npt.ArrayLike]
+
+
+class Matches(NamedTuple):
+    """pairs: M x 2 int64, rows of a and of b. distances: M float32, Euclidean, or Hamming in bits."""
+
+    pairs: npt.NDArray[np.int64]
+    distances: npt.NDArray[np.float32]
+
+
+class Warp:
+    """A thin-plate spline that maps points of picture a to points of picture b. Immutable; for many threads.
+
+    Points are N x 2 (or one of 2) in pixels, x before y, pixel centres at integers.
+    """
+
+    def __init__(self, native: _native.Warp) -> None:
+        self._native = native
+
+    @classmethod
+    def fit(cls, source: npt.ArrayLike, target: npt.ArrayLike, regularization: float = 1e-3) -> Warp:
+        """The warp of least bending that maps `source` near to `target`, both N x 2 with N of 3 or more.
+        `regularization`: 0 = as near as possible, large = affine; it does not depend on the pictures' sizes.
+        Raises UnprocessableError for points on one line."""
+        return cls(_native.Warp._fit(_points("source", source), _points("target", target), float(regularization)))
+
+    def __call__(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """The points of b, of the same shape."""
+        rows = _points("points", points)
+        return self._native._map(rows).reshape(np.shape(points))
+
+    def jacobians(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Derivatives at N points: N x 2 x 2, [[dx'/dx, dx'/dy], [dy'/dx, dy'/dy]]."""
+        return self._native._jacobians(_points("points", points))
+
+    @property
+    def bending_energy(self) -> float:
+        """0 for an affine map, more the more it bends; without a unit, whatever the pictures' sizes."""
+        return self._native.bending_energy
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Verification:
+    """What `verify` found; `inliers, warp = verify(a, b)` works, too.
+
+    inliers: K x 2 int64, the matches that agree with the warp (rows of a and of b); K = 0 where there is no warp.
+    warp: from picture a to picture b; None when the matches agree on none.
+    failure: why there is none: too few matches, no agreement, and so on; None when there is a warp.
+    matches: how many matches were tested.
+    """
+
+    inliers: npt.NDArray[np.int64]
+    warp: Warp | None
+    failure: str | None
+    matches: int
+
+    def __bool__(self) -> bool:
+        return self.warp is not None
+
+    def __iter__(self) -> Iterator[npt.NDArray[np.int64] | Warp | None]:
+        return iter((self.inliers, self.warp))
+
+
+def match(a: DescriptorsLike, b: DescriptorsLike, *, ratio: float = 1.0, mutual: bool = True,
+          threads: int = 0) -> Matches:
+    """The nearest descriptor of b for each one of a, as `pliant match` finds them, in order of a.
+
+    a, b: Features, or arrays N x D of float32 or uint8.
+    ratio: drops matches whose distance is more than this times that to the second nearest (Lowe), 0 to 1; 1 = keep all.
+    mutual: keeps only matches that are nearest in both directions.
+    Raises ConflictError for descriptors of two models or kinds, InvalidArgumentError for NaN and wrong shapes.
+    """
+    if isinstance(a, Features) and isinstance(b, Features) and a.model_id != b.model_id:
+        raise ConflictError(f"descriptors of {a.model_id} cannot be compared with those of {b.model_id}",
+                            code="model_mismatch")
+    rows = [descriptor_rows(name, given.descriptors if isinstance(given, Features) else given)
+            for name, given in (("a", a), ("b", b))]
+    return Matches(*_native.match(rows[0], rows[1], float(ratio), bool(mutual), _checks.whole("threads", threads, 0, 1024)))
+
+
+def verify(a: Features, b: Features, matches: Matches | npt.ArrayLike | None = None, *, ratio: float = 0.9,
+           tolerance: float = 0.01, seed: int = 1, threads: int = 0) -> Verification:
+    """Do a and b show the same object, however it is bent? Matches must agree with one smooth warp.
+
+    matches: Matches or M x 2 ints; None: mutual nearest neighbours that pass the ratio test with `ratio`, as searches
+        of an index verify.
+    tolerance: how far a match may lie from where the warp puts it, as a share of the longer side of b, 0 to 1.
+    Deterministic for a seed. Nothing found is no error.
+    """
+    for name, given in (("a", a), ("b", b)):
+        if not isinstance(given, Features):
+            raise TypeError(f"{name} must be Features, not {type(given).__name__}")
+    pairs = None if matches is None else _pairs(matches)
+    inliers, warp, failure, tested = _native.verify(a, b, pairs, float(ratio), float(tolerance),
+                                                    _checks.whole("seed", seed, 0, 2**64 - 1),
+                                                    _checks.whole("threads", threads, 0, 1024))
+    return Verification(inliers, None if warp is None else Warp(warp), None if warp is not None else failure, tested)
+
+
+def _pairs(matches: Matches | npt.ArrayLike) -> npt.NDArray[np.int64]:
+    array = np.asarray(matches.pairs if isinstance(matches, Matches) else matches)
+    if array.size == 0:
+        return np.empty((0, 2), np.int64)
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"matches must be whole numbers, not {array.dtype}")
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InvalidArgumentError(f"matches must be M x 2, not {' x '.join(map(str, array.shape))}", code="array_shape")
+    return np.ascontiguousarray(array, np.int64)
+
+
+def _points(name: str, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    array = np.asarray(points)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} must be numbers, not {array.dtype}")
+    if array.shape == (2,):
+        array = array.reshape(1, 2)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InvalidArgumentError(f"{name} must be N x 2, not {' x '.join(map(str, array.shape))}", code="array_shape")
+    return np.ascontiguousarray(array, np.float64)

@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an index answers. Plain values; coordinates are pixels of original upright pictures, centres at integers."""
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A stored picture. `outcome` is set by `Index.add` alone: "created", "replaced" or "unchanged"."""
+
+    id: str
+    object: str  # what it shows; may be empty
+    metadata: dict[str, Any]
+    source: str  # file name as given, for people; may be empty
+    width: int
+    height: int
+    keypoints: int
+    bytes: int
+    sha256: str
+    media_type: str
+    added_at: str  # ISO 8601, UTC
+    collection: str
+    outcome: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Vocabulary:
+    """The visual words that a collection is searched by."""
+
+    id: int
+    words: int
+    active: bool
+    model_id: str
+    method: str
+    seed: int
+    sampled: int  # descriptors it was trained from, of `available`
+    available: int
+    loss: float  # mean distance of a descriptor from its word
+    created_at: str
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Instance:
+    """One place in the query where the object is."""
+
+    inliers: int
+    polygon: npt.NDArray[np.float64] | None  # K x 2, outline in the query, not closed
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Hit:
+    """One result of a search, the best picture of its object."""
+
+    rank: int  # from 1
+    object: str | None
+    score: float  # 0 to 1
+    probability: float | None  # that the hit is right; None where it is not known
+    image_id: str
+    inliers: int  # matches that agree on one warp; 0 when not verified
+    polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
+    instances: list[Instance]
+    via: str | None  # id of the picture through which query expansion found it
+    metadata: dict[str, Any]
+    explain: dict[str, Any] | None  # as the HTTP interface gives it, with explain=True
+
+
+class SearchResult(list["Hit"]):
+    """The hits, best first, and about the search: `total` hits over all pages; `found`, how many of them have a
+    probability of 0.9 or more (None where hits have none); `document`, the whole answer as `pliant query --json`
+    prints it (took_ms, timings, vocabulary, ...)."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        super().__init__(_hit(hit) for hit in document["hits"])
+        self.document = document
+        self.total: int = document["total"]
+        self.found: int | None = document["found"]
+
+
+@dataclasses.dataclass(frozen=True)
+class FolderReport:
+    """What `Index.add_folder` did. skipped: (file, code, reason) of each picture that was refused."""
+
+    indexed: int
+    unchanged: int
+    skipped: list[tuple[str, str, str]]
+
+
+def _polygon(points: list[list[float]] | None) -> npt.NDArray[np.float64] | None:
+    return None if points is None else np.array(points, np.float64).reshape(-1, 2)
+
+
+def _hit(hit: dict[str, Any]) -> Hit:
+    return Hit(hit["rank"], hit["object"], hit["score"], hit["probability"], hit["image_id"], hit["inliers"],
+               _polygon(hit["polygon"]),
+               [Instance(place["inliers"], _polygon(place["polygon"])) for place in hit["instances"]],
+               hit.get("via"), hit["metadata"], hit.get("explain"))
+
+
+def picture(document: dict[str, Any], outcome: str | None = None) -> Picture:
+    """Of a record's JSON form."""
+    names = {field.name for field in dataclasses.fields(Picture)}
+    return Picture(outcome=outcome, **{name: value for name, value in document.items() if name in names})
+
+
+def vocabulary(document: dict[str, Any]) -> Vocabulary:
+    """Of a record's JSON form."""
+    names = {field.name for field in dataclasses.fields(Vocabulary)}
+    return Vocabulary(**{name: value for name, value in document.items() if name in names})

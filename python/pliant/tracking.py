@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tracking of one object through the frames of a video while it bends. Every frame is processed by itself, so an
+object that was lost is found again."""
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from typing import Any, Iterable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from pliant import _checks, _native, images
+from pliant.errors import InvalidArgumentError
+from pliant.features import Extractor, Features
+from pliant.matching import Warp
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """Where the object is in one frame. Coordinates are pixels, centres at integers.
+
+    number: of the frame, from 0. time_s: since the first frame; None where it is not known. file: its name in a folder.
+    found: whether the object is there; reason: a stable word that says why not, else None.
+    on_template, in_frame: K x 2 each, the matches that agree on a warp, also when the object counts as lost.
+    matches: how many there were to agree; keypoints: of the frame.
+    warp: from the template (the region of the reference) to the frame; outline: K x 2 in the frame, not closed;
+    mesh: as `pliant track --json` prints it. None when lost.
+    """
+
+    number: int
+    time_s: float | None
+    file: str
+    found: bool
+    reason: str | None
+    keypoints: int
+    matches: int
+    on_template: npt.NDArray[np.float64]
+    in_frame: npt.NDArray[np.float64]
+    warp: Warp | None
+    outline: npt.NDArray[np.float64] | None
+    mesh: dict[str, Any] | None
+
+    @property
+    def inlier_rate(self) -> float:
+        """Matches that agree, of all; 0 without matches."""
+        return len(self.on_template) / self.matches if self.matches else 0.0
+
+
+class Tracker:
+    """Looks for an object of a reference picture in frames. Immutable; for many threads.
+
+    reference: see `pliant.images`. region: (x, y, width, height) of the object in it, whole pixels; None: all of it, or
+    the bounding box of `mask`, H x W uint8 of the reference's size, 0 outside the object.
+    descriptor, model, max_keypoints, max_side: as of `Extractor`.
+    iterations: RANSAC samples a frame; min_inliers: with fewer the object counts as lost; max_ratio: of the ratio test;
+    tolerance: share of the frame's longer side; regularization: stiffness of the warp.
+    """
+
+    def __init__(self, reference: images.ImageLike, *, region: Sequence[int] | None = None,
+                 mask: npt.NDArray[np.uint8] | None = None, channels: str = "RGB", descriptor: str = "deal",
+                 model: str | os.PathLike[str] | None = None, max_keypoints: int = 1024, max_side: int = 1024,
+                 iterations: int = 1500, min_inliers: int = 8, max_ratio: float = 0.9, tolerance: float = 0.01,
+                 regularization: float = 3e-3, threads: int = 0) -> None:
+        extractor = Extractor(descriptor, model=model, max_keypoints=max_keypoints, max_side=max_side)
+        box = None
+        if region is not None:
+            box = [_checks.whole("region", value) for value in region]
+            if len(box) != 4:
+                raise InvalidArgumentError("region must be (x, y, width, height)", code="region_invalid")
+        for name, value in (("tolerance", tolerance), ("max_ratio", max_ratio)):
+            if not 0 < value <= 1:
+                raise InvalidArgumentError(f"{name} must be above 0 and at most 1", code="out_of_range")
+        self._native = _native.Tracker(
+            extractor._native, _decoded(reference, channels), box,
+            None if mask is None else images.pixels(mask, name="mask"), _checks.whole("iterations", iterations, 1, 10**6),
+            _checks.whole("min_inliers", min_inliers, 1), float(max_ratio), float(tolerance), float(regularization),
+            _checks.whole("threads", threads, 0, 1024))
+
+    @property
+    def region(self) -> tuple[int, int, int, int]:
+        """The template's box in the reference: x, y, width, height."""
+        return self._native.region
+
+    @property
+    def features(self) -> Features:
+        """Of the template, in its own pixels."""
+        return Features(*self._native.features)
+
+    def find(self, frame: images.ImageLike, *, channels: str = "RGB", number: int = 0, time_s: float | None = None,
+             file: str = "") -> TrackedFrame:
+        """Where the object is in a frame; not found is no error."""
+        text, on_template, in_frame, warp = self._native.find(_decoded(frame, channels))
+        said = json.loads(text)
+        outline = None if said["outline"] is None else np.array(said["outline"], np.float64)
+        return TrackedFrame(number, time_s, file, said["found"], said["reason"], said["keypoints"], said["matches"],
+                            on_template, in_frame, None if warp is None or not said["found"] else Warp(warp), outline,
+                            said["mesh"])
+
+
+def track(reference: images.ImageLike | Tracker, frames: str | os.PathLike[str] | Iterable[images.ImageLike], *,
+          every: int = 1, channels: str = "RGB", **options: Any) -> Iterator[TrackedFrame]:
+    """The object of `reference` in each frame, one after the other, as they are asked for.
+
+    frames: a video file, a folder of pictures (in natural order of their names), or any iterable of pictures.
+    every: only frames 0, every, 2 every, ... options: those of `Tracker`; or pass a Tracker as `reference`.
+    Raises what Tracker raises at once; what concerns a frame when that is reached.
+    """
+    step = _checks.whole("every", every, 1)
+    if isinstance(reference, Tracker):
+        if options:
+            raise TypeError("options are the Tracker's; it was given")
+        tracker = reference
+    else:
+        tracker = Tracker(reference, channels=channels, **options)
+    if isinstance(frames, (str, os.PathLike)):
+        return _of_source(tracker, _native.Frames(_checks.path("frames", frames), step))
+    if isinstance(frames, (bytes, bytearray, memoryview)):
+        raise TypeError("frames must be a path or an iterable of pictures, not the bytes of one")
+    return _of_pictures(tracker, frames, step, channels)
+
+
+def _of_source(tracker: Tracker, source: _native.Frames) -> Iterator[TrackedFrame]:
+    while (frame := source.next()) is not None:
+        number, time_s, file, picture = frame
+        yield tracker.find(picture, number=number, time_s=time_s, file=file)
+
+
+def _of_pictures(tracker: Tracker, frames: Iterable[images.ImageLike], every: int,
+                 channels: str) -> Iterator[TrackedFrame]:
+    for number, frame in enumerate(frames):
+        if number % every == 0:
+            yield tracker.find(frame, channels=channels, number=number)
+
+
+def _decoded(image: images.ImageLike, channels: str) -> npt.NDArray[np.uint8]:
+    if isinstance(image, np.ndarray):
+        return images.pixels(image, channels)
+    return _native.decode(images.encoded(image))

@@ -1,0 +1,162 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""The client against a real server."""
+import pathlib
+import shutil
+import subprocess
+import sys
+import unittest
+
+import cv2
+import numpy as np
+
+import pliant
+from support import BIN, FolderCase, other_view, picture, png, server
+
+
+class Served(FolderCase):
+    def setUp(self):
+        super().setUp()
+        running = server(self.folder)
+        self.address, self.database = running.__enter__()
+        self.addCleanup(running.__exit__, None, None, None)
+        self.client = pliant.Client(self.address)
+
+    def test_life(self):
+        client = self.client
+        self.assertTrue(client.ready())
+        self.assertEqual(client.collections(), ["default"])
+        shelf = client.collection("shelf")
+        self.assertEqual(shelf.create()["name"], "shelf")
+        self.assertEqual(shelf.create()["name"], "shelf")
+        path = self.write("a.png", picture(0))
+        record = shelf.add(path, object="mug", metadata={"year": 2024, "shop": "café"})
+        self.assertEqual((record["object"], record["metadata"]), ("mug", {"year": 2024, "shop": "café"}))
+        self.assertEqual(shelf.add(path.read_bytes(), object="mug", metadata={"shop": "café", "year": 2024})["id"],
+                         record["id"])
+        colour = cv2.merge([picture(1), picture(2), picture(3)])
+        shelf.add(colour, id="cup:1", object="cup é/?#", channels="BGR")
+        stored = cv2.imdecode(np.frombuffer(shelf.content("cup:1"), np.uint8), cv2.IMREAD_COLOR)
+        np.testing.assert_array_equal(stored, colour)
+        shelf.add(picture(4), id="grey")
+        stored = cv2.imdecode(np.frombuffer(shelf.content("grey"), np.uint8), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(stored, picture(4))
+
+        heard = []
+        job = shelf.train(words=50, progress=heard.append)
+        self.assertEqual(job["state"], "done")
+        self.assertEqual(heard[-1], job)
+        self.assertEqual(shelf.job(job["id"])["state"], "done")
+        self.assertIn(job["id"], [one["id"] for one in client.jobs()])
+        self.assertTrue(any(v["words"] == 50 and v["active"] for v in shelf.vocabularies()))
+
+        answer = shelf.search(other_view(0), top=2, explain=True, region=(0, 0, 160, 120))
+        self.assertEqual(answer["hits"][0]["object"], "mug")
+        self.assertEqual(len(answer["hits"]), 2)
+        self.assertIn("mesh", answer["hits"][0]["explain"])
+        self.assertEqual(shelf.search(image_id=record["id"])["hits"][0]["image_id"], record["id"])
+        self.assertEqual([hit["object"] for hit in shelf.search(path, filter={"year": {"gte": 2020}})["hits"]], ["mug"])
+        self.assertTrue(shelf.locate(other_view(0), "mug")["found"])
+
+        self.assertEqual(shelf.info()["images"], 3)
+        self.assertEqual([one["id"] for one in shelf.images(page=1)], sorted(["cup:1", "grey", record["id"]]))
+        self.assertEqual([one["id"] for one in shelf.images("cup é/?#")], ["cup:1"])
+        self.assertEqual([one["object"] for one in shelf.objects(page=1)], ["cup é/?#", "mug"])
+        self.assertEqual(shelf.get("grey")["id"], "grey")
+        self.assertEqual(shelf.thumbnail("grey")[:2], b"\xff\xd8")
+        self.assertEqual(shelf.features("grey")["descriptors"]["rows"], shelf.get("grey")["keypoints"])
+        shelf.delete("grey")
+        self.assertEqual(shelf.delete_object("cup é/?#"), 1)
+        self.assertEqual(shelf.info()["images"], 1)
+        shelf.drop()
+        self.assertEqual(client.collections(), ["default"])
+
+    def test_same_as_the_library(self):
+        for seed in range(3):
+            self.client.add(picture(seed), object=f"o{seed}")
+        self.client.train(words=50)
+        theirs = self.client.search(other_view(1), verify="tps")["hits"]
+        with pliant.Index(self.database, read_only=True) as index:
+            ours = index.search(other_view(1), verify="tps").document["hits"]
+        self.assertEqual(ours, theirs)
+
+    def test_errors(self):
+        client = self.client
+        with self.fails(pliant.NotFoundError, "image_not_found") as caught:
+            client.get("nothing")
+        error = caught.exception
+        self.assertEqual((error.status, error.title), (404, "Not Found"))
+        self.assertTrue(error.request_id)
+        self.assertEqual(error.problem["code"], error.code)
+        for work, kind, code in (
+                (lambda: client.delete("nothing"), pliant.NotFoundError, "image_not_found"),
+                (lambda: client.collection("none").info(), pliant.NotFoundError, "collection_not_found"),
+                (lambda: client.job("0"), pliant.NotFoundError, "job_not_found"),
+                (lambda: client.add(b"no picture"), pliant.UnsupportedMediaTypeError, "image_type_unknown"),
+                (lambda: client.add(b""), pliant.InvalidArgumentError, "missing_parameter"),
+                (lambda: client.add(png(picture(1))[:300]), pliant.UnprocessableError, "image_truncated"),
+                (lambda: client.add(np.full((64, 64), 9, np.uint8)), pliant.UnprocessableError, "too_few_features"),
+                (lambda: client.search(picture(1), colour="red"), pliant.InvalidArgumentError, "unknown_parameter"),
+                (lambda: client.search(picture(1), rank="best"), pliant.InvalidArgumentError, "invalid_parameter"),
+                (lambda: client.drop(), pliant.ConflictError, "collection_permanent"),
+                (lambda: client.train(), pliant.Error, "no_pictures")):
+            with self.subTest(code=code), self.fails(kind, code):
+                work()
+        with self.fails(pliant.InvalidArgumentError) as caught:
+            client.search(picture(1), min_score="x")
+        self.assertEqual(caught.exception.parameter, "min_score")
+        for work, kind in ((lambda: client.add(5), TypeError), (lambda: client.get(""), ValueError),
+                           (lambda: client.get(".."), ValueError), (lambda: client.get(5), TypeError),
+                           (lambda: client.search(), TypeError), (lambda: client.add(self.folder / "none"), OSError),
+                           (lambda: client.add(self.folder), IsADirectoryError),
+                           (lambda: client.add(picture(1).astype(float)), TypeError),
+                           (lambda: client.add(np.zeros((4, 4, 4), np.uint8)), ValueError),
+                           (lambda: client.add(picture(1), metadata={"a": float("inf")}), ValueError)):
+            with self.fails(kind):
+                work()
+
+    def test_keys(self):
+        keys = [subprocess.run([BIN / "pliant-server", "keys", "create", "--scope", scope, "--name", scope, "--db",
+                                self.database], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+                for scope in ("read", "write")]
+        with self.fails(pliant.UnauthorizedError, "unauthorized"):
+            self.client.collections()
+        reader, writer = (pliant.Client(self.address, key) for key in keys)
+        self.assertEqual(reader.collections(), ["default"])
+        with self.fails(pliant.ForbiddenError, "forbidden"):
+            reader.add(picture(1))
+        writer.add(picture(1))
+        self.assertNotIn(keys[0], repr(reader))
+        with self.fails(ValueError, "key_invalid"):
+            pliant.Client(self.address, "key\r\nX-Evil: 1")
+
+
+class WithoutTheLibrary(FolderCase):
+    def test_import(self):
+        """A copy of the Python files alone, where NumPy cannot be imported either."""
+        package = pathlib.Path(pliant.__file__).parent
+        copy = self.folder / "pliant"
+        copy.mkdir()
+        for file in package.glob("*.py"):
+            shutil.copyfile(file, copy / file.name)
+        (self.folder / "numpy.py").write_text("raise ImportError('no NumPy here')")
+        script = ("import pliant.client, sys\n"
+                  "assert pliant.Client is pliant.client.Client and issubclass(pliant.NotFoundError, pliant.Error)\n"
+                  "assert pliant.client.__file__.startswith(sys.argv[1]), pliant.client.__file__\n"
+                  "assert not [name for name in sys.modules if name.startswith(('numpy', 'pliant._native'))]\n"
+                  "try:\n"
+                  "    pliant.Client('http://127.0.0.1:9', retries=0).collections()\n"
+                  "except pliant.ConnectionFailedError as error:\n"
+                  "    print(error.code)\n"
+                  "try:\n"
+                  "    pliant.describe\n"
+                  "except ImportError as error:\n"
+                  "    print('no library')\n")
+        done = subprocess.run([sys.executable, "-c", script, str(self.folder)], env={"PYTHONPATH": str(self.folder)},
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
+        self.assertEqual((done.stdout, done.stderr), ("connection_failed\nno library\n", ""))
+
+
+if __name__ == "__main__":
+    unittest.main()
