@@ -134,7 +134,8 @@ void Exchange::AnswerPreflight(httplib::Response& answer) {
   response.status = 204;
   response.headers = {{"Access-Control-Allow-Methods", methods},
                       {"Access-Control-Allow-Headers",
-                       "Authorization, X-API-Key, Content-Type, If-None-Match, X-Request-Id"},
+                       "Authorization, X-API-Key, Content-Type, If-Match, If-None-Match, "
+                       "X-Request-Id"},
                       {"Access-Control-Max-Age", "600"}};
   Answer(response, answer);
 }

@@ -138,6 +138,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     };
     Post(kAnyPath, with_body);
     Put(kAnyPath, with_body);
+    Patch(kAnyPath, with_body);
     Delete(kAnyPath, with_body);
     set_expect_100_continue_handler([](const httplib::Request& request, httplib::Response& answer) {
       return current_exchange->BeforeBody(request, answer) ? answer.status : 100;
