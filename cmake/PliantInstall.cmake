@@ -56,6 +56,7 @@ set(PLIANT_PUBLIC_HEADERS
     index/records/explanation.h
     index/records/filter.h
     index/records/location.h
+    index/records/changes.h
     index/records/records.h
     index/records/search.h
     index/verify/explain.h

@@ -177,6 +177,16 @@ std::uint64_t Engine::RemoveObject(const std::string& collection, const std::str
   return impl_->writer().RemoveObject(collection, object);
 }
 
+ImageRecord Engine::Change(const std::string& collection, const std::string& id,
+                           const PictureChange& change) {
+  return impl_->Change(collection, id, change);
+}
+
+ObjectRecord Engine::ChangeObject(const std::string& collection, const std::string& object,
+                                  const ObjectChange& change) {
+  return impl_->ChangeObject(collection, object, change);
+}
+
 SearchResult Engine::Search(Bytes encoded, const SearchOptions& options) {
   return impl_->Search(encoded, options);
 }

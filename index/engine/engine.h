@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "descriptor/features/descriptor.h"
+#include "index/records/changes.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
 
@@ -102,11 +103,19 @@ class Engine {
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
   std::vector<ImageRecord> List(const ListOptions& options);
   bool Remove(const std::string& collection, const std::string& id);  // false = was not there
+  // Another object, other metadata, without describing anything anew; the record as it is then.
+  // kNotFound "image_not_found"; kInvalidArgument for what is not acceptable; what `check` throws.
+  ImageRecord Change(const std::string& collection, const std::string& id,
+                     const PictureChange& change);
 
   std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
                                         int limit);
   std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object);
+  // Another name, for all its pictures at once. kNotFound "object_not_found"; kConflict
+  // "object_exists"; kInvalidArgument; what `check` throws.
+  ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
+                            const ObjectChange& change);
 
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
   // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.

@@ -27,6 +27,10 @@ class Engine::Impl {
   AddResult Add(const AddRequest& request);
   ImageRecord Get(const std::string& collection, const std::string& id);
   Features GetFeatures(const std::string& collection, const std::string& id);
+  ImageRecord Change(const std::string& collection, const std::string& id,
+                     const PictureChange& change);
+  ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
+                            const ObjectChange& change);
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
 

@@ -111,6 +111,22 @@ ImageRecord Engine::Impl::Get(const std::string& collection, const std::string& 
   return *std::move(found);
 }
 
+ImageRecord Engine::Impl::Change(const std::string& collection, const std::string& id,
+                                 const PictureChange& change) {
+  if (change.object) CheckObject(*change.object);
+  if (change.source) CheckSource(*change.source);
+  return writer().ChangePicture(collection, id, change);
+}
+
+ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std::string& object,
+                                        const ObjectChange& change) {
+  CheckObject(change.name);
+  if (change.name.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "object_invalid", "an object needs a name");
+  }
+  return writer().ChangeObject(collection, object, change);
+}
+
 Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
   const PictureRef ref{catalogue().RequireCollection(collection).key, id};
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();

@@ -275,6 +275,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
     hit.via = found.via;
     if (!hit.instances.empty()) hit.polygon = hit.instances.front().polygon;
     hit.metadata = record->metadata;
+    hit.source = record->source;
     if (options_.explain) {
       hit.explanation = found.explanation ? std::move(found.explanation)
                                           : NotLookedAt(options_, found.picture.score);

@@ -68,6 +68,7 @@ Json HitJson(const Hit& hit) {
                {"score", hit.score},
                {"probability", NumberOrNull(hit.probability)},
                {"image_id", hit.image_id},
+               {"source", hit.source},
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
                {"instances", InstancesJson(hit.instances)},

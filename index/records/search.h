@@ -89,6 +89,7 @@ struct Hit {
   std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
   std::string object;
   std::string image_id;  // the best picture of the object
+  std::string source;    // its file's name as given; may be empty
   double score = 0;      // 0..1, see RankMethod; when verified, CombineScores
   // That the hit is right (index/verify/verification.h, Probability). Absent when the search does
   // not verify, and for other rankings than kNeighbours.

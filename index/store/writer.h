@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "index/records/changes.h"
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "vocab/quantizer.h"
@@ -47,6 +48,13 @@ class Writer {
   virtual PutOutcome Put(const PicturePut& put) = 0;
   // The bytes of a stored picture, where its file has been lost.
   virtual void RestoreContent(const ImageRecord& stored, Bytes bytes) = 0;
+  // The picture, or the object, as it is then. Features, words and bytes stay. kNotFound
+  // "image_not_found", "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict
+  // "object_exists"; what `check` throws.
+  virtual ImageRecord ChangePicture(const std::string& collection, const std::string& id,
+                                    const PictureChange& change) = 0;
+  virtual ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
+                                    const ObjectChange& change) = 0;
   virtual bool Remove(const std::string& collection, const std::string& id) = 0;
   virtual std::uint64_t RemoveObject(const std::string& collection, const std::string& object) = 0;
 

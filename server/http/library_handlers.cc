@@ -53,6 +53,7 @@ void SetLibraryHandlers(httplib::Server& server) {
   };
   server.Post(kAnyPath, with_body);
   server.Put(kAnyPath, with_body);
+  server.Patch(kAnyPath, with_body);
   server.Delete(kAnyPath, with_body);
   server.set_expect_100_continue_handler(
       [](const httplib::Request& request, httplib::Response& answer) {

@@ -25,7 +25,8 @@ Response OriginPolicy::PreflightAnswer(const std::string& methods) {
   response.status = 204;
   response.headers = {{"Access-Control-Allow-Methods", methods},
                       {"Access-Control-Allow-Headers",
-                       "Authorization, X-API-Key, Content-Type, If-None-Match, X-Request-Id"},
+                       "Authorization, X-API-Key, Content-Type, If-Match, If-None-Match, "
+                       "X-Request-Id"},
                       {"Access-Control-Max-Age", "600"}};
   return response;
 }

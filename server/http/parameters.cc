@@ -98,7 +98,10 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   for (const Part& part : request.parts) {
     if (part.name != kImagePart) Insert(part.name, part.content);
   }
-  if (request.content_type == "application/json" && !request.body.empty()) {
+  // A merge patch is the handler's: in it null means something, and types do.
+  const bool in_body = request.content_type == "application/json" && !request.body.empty() &&
+                       route.body != BodyKind::kMergePatch;
+  if (in_body) {
     const Json body = ParseJsonObject(request.body, "body");
     for (const auto& [name, value] : body.items()) {
       if (!value.is_null()) Insert(name, JsonText(FindSpec(route_, name), value));

@@ -48,6 +48,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"backups_off", 409, "the operator has named no directory for backups"},
     {"backup_exists", 409, "there is a backup of that name"},
     {"interrupted", 409, "the server ended while the job ran, and it cannot go on (of a job)"},
+    {"precondition_failed", 412, "what is stored is not what If-Match names: read it anew"},
     {"length_required", 411, "a body needs Content-Length or chunked transfer encoding"},
     {"body_too_large", 413, "the body is larger than --max-body-mb"},
     {"uri_too_long", 414, "the address is too long"},
@@ -72,6 +73,7 @@ constexpr std::array kEngineCodes = std::to_array<ProblemCode>({
     {"content_not_kept", 404, "the uploaded bytes were not stored (--keep-originals)"},
     {"collection_permanent", 409, "the collection `default` cannot be deleted"},
     {"same_bytes", 409, "the bytes are stored as a picture with another object or metadata"},
+    {"object_exists", 409, "another object has the name; `merge=true` makes one of the two"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
     {"no_pictures", 409, "there is nothing to train a vocabulary from (of a job)"},
     {"image_too_large", 413,
@@ -262,6 +264,10 @@ Response ProblemResponse(const Problem& problem, const std::string& request_id) 
                {"detail", problem.detail},
                {"request_id", request_id}};
   if (!problem.parameter.empty()) body["parameter"] = problem.parameter;
+  if (problem.stored) {
+    body["image_id"] = problem.stored->image_id;
+    body["object"] = problem.stored->object;
+  }
   if (problem.progress >= 0) body["progress"] = problem.progress;
   Response response;
   response.status = problem.status;
@@ -288,6 +294,7 @@ std::string StatusTitle(int status) {
       {408, "Request Timeout"},
       {409, "Conflict"},
       {411, "Length Required"},
+      {412, "Precondition Failed"},
       {413, "Content Too Large"},
       {414, "URI Too Long"},
       {415, "Unsupported Media Type"},

@@ -144,6 +144,10 @@ void CheckContentType(const Route& route, const Request& request) {
       throw ProblemError("unsupported_content_type",
                          "The body must be image/*, application/octet-stream, "
                          "multipart/form-data or application/json.");
+    case BodyKind::kMergePatch:
+      if (json || type == "application/merge-patch+json") return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be application/merge-patch+json or application/json.");
     case BodyKind::kImages:
       if (type == "multipart/form-data") return;
       throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");

@@ -27,6 +27,7 @@ enum class BodyKind {
   kImage,        // image/*, application/octet-stream or multipart/form-data
   kImageOrJson,  // either
   kImages,       // multipart/form-data with any number of pictures
+  kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
 };
 
 class Parameters;
@@ -34,11 +35,12 @@ using Handler = std::function<Response(const Request&, const Parameters&)>;
 
 struct Route {
   std::string name;          // "images.create"; stable, used in logs and metrics
-  std::string method;        // "GET" (answers HEAD too), "POST", "PUT", "DELETE"
+  std::string method;        // "GET" (answers HEAD too), "POST", "PUT", "PATCH", "DELETE"
   std::string pattern;       // "/v1/collections/{c}/images"; {x} captures one segment
   std::string summary = {};  // for the OpenAPI document
   Scope scope = Scope::kRead;
   BodyKind body = BodyKind::kNone;
+  std::string body_schema = {};  // of a merge patch: name of a component
   // What it understands in the query, as form fields, or as keys of a JSON body.
   std::vector<Parameter> parameters = {};
   std::vector<Answer> answers = {};

@@ -110,6 +110,11 @@ Json FormContent(const Route& route) {
 }
 
 Json RequestBody(const Route& route) {
+  if (route.body == BodyKind::kMergePatch) {
+    const Json patch = {{"schema", OpenApiSchemas().at(route.body_schema)}};
+    return {{"required", true},
+            {"content", {{"application/merge-patch+json", patch}, {"application/json", patch}}}};
+  }
   Json content = Json::object();
   if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {
     content["image/*"] = Json::object();
@@ -163,6 +168,13 @@ Json Operation(const Route& route) {
   }
   for (const Parameter& parameter : route.parameters) {
     parameters.push_back(QueryParameter(parameter));
+  }
+  if (route.body == BodyKind::kMergePatch) {
+    parameters.push_back({{"name", "If-Match"},
+                          {"in", "header"},
+                          {"required", false},
+                          {"description", "ETag of the state that is meant to change, or *"},
+                          {"schema", {{"type", "string"}}}});
   }
   if (!parameters.empty()) operation["parameters"] = parameters;
   if (route.body != BodyKind::kNone) operation["requestBody"] = RequestBody(route);

@@ -21,6 +21,10 @@ void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
     codes.insert("invalid_json");
   }
+  if (route.body == BodyKind::kMergePatch) {
+    codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter",
+                  "precondition_failed"});
+  }
   if (!TakesImage(route.body)) return;
   if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
   codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",

@@ -82,6 +82,15 @@ constexpr const char* kCatalogue = R"json({
 })json";
 
 constexpr const char* kSearch = R"json({
+  "ImagePatch": {"type": "object", "additionalProperties": false,
+    "description": "a JSON merge patch (RFC 7396): what is left out stays as it is",
+    "properties": {
+      "object": {"type": ["string", "null"], "description": "what the picture shows; null or empty: nothing in particular"},
+      "metadata": {"type": ["object", "null"], "additionalProperties": true,
+        "description": "keys to set; null removes a key, or in place of the object all of them"},
+      "source": {"type": ["string", "null"], "description": "its file's name, for people"}}},
+  "ObjectPatch": {"type": "object", "additionalProperties": false, "required": ["object"],
+    "properties": {"object": {"type": "string", "minLength": 1, "description": "its new name"}}},
   "SearchAnswer": {"type": "object",
     "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "query", "total", "found", "hits", "timings"],
     "properties": {
@@ -97,7 +106,7 @@ constexpr const char* kSearch = R"json({
       "hits": {"type": "array", "items": {"$ref": "#/components/schemas/Hit"}},
       "timings": {"type": "object", "additionalProperties": {"type": "number"}}}},
   "Hit": {"type": "object",
-    "required": ["rank", "object", "score", "probability", "image_id", "inliers", "polygon", "metadata"],
+    "required": ["rank", "object", "score", "probability", "image_id", "source", "inliers", "polygon", "metadata"],
     "properties": {
       "rank": {"type": "integer", "description": "from 1, over all pages"},
       "object": {"type": ["string", "null"], "description": "null: the picture has none"},
@@ -105,6 +114,7 @@ constexpr const char* kSearch = R"json({
       "probability": {"type": ["number", "null"], "minimum": 0, "maximum": 1,
         "description": "that the hit is right; null without verification and for other rankings than neighbours"},
       "image_id": {"type": "string", "description": "the object's best picture"},
+      "source": {"type": "string", "description": "its file's name as given; may be empty"},
       "inliers": {"type": "integer", "description": "matches that agree on one smooth warp"},
       "polygon": {"type": ["array", "null"],
         "description": "outline of the object in the query picture",
@@ -160,6 +170,8 @@ constexpr const char* kService = R"json({
       "detail": {"type": "string", "description": "for people"},
       "request_id": {"type": "string"},
       "parameter": {"type": "string", "description": "the parameter at fault"},
+      "image_id": {"type": "string", "description": "with `same_bytes`: the picture that has them"},
+      "object": {"type": "string", "description": "with `same_bytes`: what that picture shows"},
       "progress": {"type": "number", "description": "with `starting`: which share is loaded"}}},
   "BatchAnswer": {"type": "object",
     "required": ["created", "replaced", "unchanged", "failed", "results"],

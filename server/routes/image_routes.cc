@@ -1,14 +1,33 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Pictures: add, replace, show, list, delete.
+#include <utility>
+
+#include "descriptor/base/sha256.h"
 #include "server/http/problem.h"
 #include "server/routes/adding.h"
+#include "server/routes/changes.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 
 namespace {
+
+// As AddOnPool; "same_bytes" says which picture has the bytes, so that a client can change that
+// one.
+AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add) {
+  try {
+    return AddOnPool(service, add);
+  } catch (const Error& error) {
+    if (error.reason() != "same_bytes") throw;
+    Problem problem = CurrentProblem();
+    if (auto stored = service.engine().FindBySha256(add.collection, Sha256Hex(add.bytes))) {
+      problem.stored = {.image_id = stored->id, .object = stored->object};
+    }
+    throw ProblemError(std::move(problem));
+  }
+}
 
 Response Add(Service& service, const Request& request, const Parameters& parameters,
              std::optional<std::string> id) {
@@ -20,7 +39,7 @@ Response Add(Service& service, const Request& request, const Parameters& paramet
   add.metadata = parameters.JsonObject("metadata").value_or("{}");
   add.source = image.filename;
   add.bytes = image.bytes;
-  const AddResult result = AddOnPool(service, add);
+  const AddResult result = AddOrSayWhereItIs(service, add);
   const bool created = result.outcome == AddOutcome::kCreated;
   Response response = JsonResponse(ImageJson(result.image), created ? 201 : 200);
   response.headers.emplace_back(created ? "Location" : "Content-Location", ImagePath(result.image));
@@ -110,7 +129,7 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
                     .codes = {"image_not_found"},
                     .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE")",
                     .handler = [&service](const Request& request, const Parameters&) {
-                      return JsonResponse(ImageJson(
+                      return RecordResponse(ImageJson(
                           service.engine().Get(CollectionOf(request), request.captures.at("id"))));
                     }});
   routes.push_back({.name = "images.delete",

@@ -6,24 +6,29 @@
 #include "index/json/location_json.h"
 #include "index/verify/locate.h"
 #include "server/http/problem.h"
+#include "server/routes/changes.h"
 #include "server/routes/common.h"
+#include "server/routes/objects.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 
-namespace {
+Json ObjectJson(const ObjectRecord& object, const std::string& image_id) {
+  return {{"object", object.object},
+          {"images", object.images},
+          {"image_id", image_id.empty() ? Json(nullptr) : Json(image_id)}};
+}
 
-// `image_id`: one of its pictures, to show it by; null when the last one just went.
 Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object) {
   ListOptions first;
   first.collection = collection;
   first.object = object.object;
   first.limit = 1;
   const std::vector<ImageRecord> images = service.engine().List(first);
-  return {{"object", object.object},
-          {"images", object.images},
-          {"image_id", images.empty() ? Json(nullptr) : Json(images.front().id)}};
+  return ObjectJson(object, images.empty() ? std::string() : images.front().id);
 }
+
+namespace {
 
 [[noreturn]] void ThrowNoObject(const std::string& object) {
   throw ProblemError("object_not_found", "There is no picture of an object '" + object + "'.");
@@ -50,7 +55,7 @@ Response Get(Service& service, const Request& request) {
   const std::string& object = request.captures.at("o");
   const auto found = service.engine().GetObject(CollectionOf(request), object);
   if (!found) ThrowNoObject(object);
-  return JsonResponse(ObjectJson(service, CollectionOf(request), *found));
+  return RecordResponse(ObjectJson(service, CollectionOf(request), *found));
 }
 
 Response Remove(Service& service, const Request& request) {

@@ -11,6 +11,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddCollectionRoutes(service, routes);
   AddImageRoutes(service, routes);
   AddImageDataRoutes(service, routes);
+  AddChangeRoutes(service, routes);
   AddBatchRoutes(service, routes);
   AddObjectRoutes(service, routes);
   AddSearchRoutes(service, routes);

@@ -19,6 +19,7 @@ void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);
 void AddImageRoutes(Service& service, std::vector<Route>& routes);
 void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
+void AddChangeRoutes(Service& service, std::vector<Route>& routes);
 void AddBatchRoutes(Service& service, std::vector<Route>& routes);
 void AddBackupRoutes(Service& service, std::vector<Route>& routes);
 void AddObjectRoutes(Service& service, std::vector<Route>& routes);

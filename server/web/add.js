@@ -2,14 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view where pictures are added: many at once, each with its object's name.
 import * as api from "./api.js";
-import { acceptDrops, byId, count, fileSize, make, say, shorten } from "./dom.js";
+import { acceptDrops, byId, count, say } from "./dom.js";
+import { renameOffer } from "./edit.js";
 import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
 import { parseLabels } from "./labels.js";
+import { defaultName } from "./names.js";
+import { kDone, kFailed, kSending, kWaiting, makeItem, nameOf, setState } from "./upload_row.js";
 
 const kAtOnce = 2;  // the server describes them one after the other anyway
-
-const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
 
 let items = [];
 let stopper = null;  // AbortController while uploads run
@@ -21,47 +22,36 @@ function folderOf(file) {
   return parts.length > 2 ? parts[parts.length - 2] : parts.length === 2 ? parts[0] : "";
 }
 
+const commonName = () => byId("add-object").value.trim();
+
 // found: [{ file, folder }]
 function enqueue(found) {
   const pictures = found.filter(({ file }) => !file.name.startsWith("."));
   if (!pictures.length) return;
-  for (const { file, folder } of pictures) items.push(makeItem(file, folder || folderOf(file)));
+  const taken = items.map(nameOf);
+  for (const { file, folder } of pictures) {
+    const name = defaultName(file, folder || folderOf(file), taken);
+    taken.push(name);
+    items.push(makeItem(file, name, (gone) => {
+      items = items.filter((item) => item !== gone);
+      showTotal();
+    }));
+  }
+  giveCommonName();
   byId("add-form").hidden = false;
   say(byId("add-status"), "");
   showTotal();
 }
 
-function makeItem(file, folder) {
-  const name = make("input", { type: "text", maxlength: 200, autocomplete: "off", value: folder,
-                               placeholder: "as above", list: "object-names",
-                               "aria-label": `Object that ${file.name} shows` });
-  const bar = make("progress", { max: 1, value: 0, "aria-label": `Progress of ${file.name}` });
-  const note = make("span", { class: "note", text: fileSize(file.size) });
-  const remove = make("button", { type: "button", class: "small", text: "Remove",
-                                  "aria-label": `Remove ${file.name} from the list` });
-  const row = make("li", {}, make("span", { class: "file-name", text: shorten(file.name), title: file.name }),
-                   name, bar, note, remove);
-  const item = { file, name, bar, note, remove, row, state: kWaiting };
-  remove.addEventListener("click", () => {
-    const neighbour = row.nextElementSibling ?? row.previousElementSibling;
-    items = items.filter((other) => other !== item);
-    row.remove();
-    (neighbour?.querySelector("button:not([hidden])") ?? byId("add-clear")).focus();
-    showTotal();
-  });
-  byId("add-list").append(row);
-  return item;
+// One name for all, as it is typed; what was typed for one picture stays.
+function giveCommonName() {
+  for (const item of items) {
+    if (!item.typed && item.state !== kDone && item.state !== kSending) {
+      item.input.value = commonName() || item.proposed;
+    }
+  }
 }
-
-function setState(item, state, text) {
-  item.state = state;
-  item.row.dataset.state = state;
-  say(item.note, text, state === kFailed);
-  item.name.disabled = state === kSending || state === kDone;
-  item.remove.hidden = state === kSending;
-  if (state === kDone) item.bar.value = 1;
-  if (state === kFailed || state === kWaiting) item.bar.value = 0;
-}
+byId("add-object").addEventListener("input", giveCommonName);
 
 function showTotal() {
   const of = (state) => items.filter((item) => item.state === state).length;
@@ -83,13 +73,30 @@ function showTotal() {
 
 // --- sending
 
-async function send(item, common) {
-  const object = item.name.value.trim() || common.object;
-  item.name.value = object;
+// The picture is stored by another name than was typed.
+function offerRename(item, id, labels) {
+  const object = wasNamed(item) ? nameOf(item) : "";
+  const offer = renameOffer({
+    id, object, metadata: labels,
+    done() {
+      setState(item, kDone, object ? `is called ${object} now` : "has these labels now");
+      showTotal();
+      offerObjectNames();
+    },
+    failed(error) { setState(item, kFailed, error.message); },
+  });
+  item.note.append(" ", offer);
+}
+
+// Whether somebody has said what it is, rather than its file's name.
+const wasNamed = (item) => item.typed || Boolean(commonName());
+
+async function send(item, labels) {
+  const object = nameOf(item);
   setState(item, kSending, "sending…");
   try {
     const { created, image } = await api.addPicture(
-      { file: item.file, object, metadata: common.labels }, {
+      { file: item.file, object, metadata: labels }, {
         signal: stopper.signal,
         onProgress: (share) => {
           item.bar.value = Math.min(share, 0.99);
@@ -102,7 +109,12 @@ async function send(item, common) {
     setState(item, kDone, created ? `added: ${count(image.keypoints, "key point")}` : "was there already");
   } catch (error) {
     if (error.name === "AbortError") setState(item, kWaiting, "stopped");
-    else setState(item, kFailed, error.message);
+    else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
+      setState(item, kDone, "was there already, by another name");
+    } else {
+      setState(item, kFailed, error.message);
+      if (error.code === "same_bytes" && error.imageId) offerRename(item, error.imageId, labels);
+    }
     if (error.status === 401 || error.status === 403) stopper.abort();  // all would fail alike
   }
   showTotal();
@@ -117,7 +129,6 @@ async function sendAll() {
     byId("add-labels").focus();
     return;
   }
-  const common = { object: byId("add-object").value.trim(), labels };
   const queue = items.filter((item) => item.state === kWaiting);
   stopper = new AbortController();
   const { signal } = stopper;
@@ -125,7 +136,7 @@ async function sendAll() {
   say(byId("add-status"), `Adding ${count(queue.length, "picture")}…`);
   byId("add-stop").focus();
   const worker = async () => {
-    for (let item; !signal.aborted && (item = queue.shift());) await send(item, common);
+    for (let item; !signal.aborted && (item = queue.shift());) await send(item, labels);
   };
   await Promise.all(Array.from({ length: kAtOnce }, worker));
   const stopped = signal.aborted;

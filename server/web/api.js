@@ -9,9 +9,9 @@ const kAttempts = 5;
 const kLongestWaitS = 30;
 
 export class Problem extends Error {
-  constructor(message, { status = 0, code = "", retryAfterS = 0 } = {}) {
+  constructor(message, { status = 0, code = "", retryAfterS = 0, imageId = "" } = {}) {
     super(message);
-    Object.assign(this, { status, code, retryAfterS });
+    Object.assign(this, { status, code, retryAfterS, imageId });
   }
 }
 
@@ -33,7 +33,7 @@ function problemOf(status, body, retryAfter) {
   const retryAfterS = Math.max(0, Number(retryAfter) || 0);
   if (status === 401) document.dispatchEvent(new CustomEvent("pliant-key-wanted"));
   return new Problem(problemWords(status, body, retryAfterS),
-                     { status, code: body?.code ?? "", retryAfterS });
+                     { status, code: body?.code ?? "", retryAfterS, imageId: body?.image_id ?? "" });
 }
 
 const unreachable = () =>
@@ -77,6 +77,17 @@ export async function ask(path, options) {
 export const askJson = (path, method, body) =>
   ask(path, { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
 
+// A record with its ETag, for a change of what was read.
+export async function record(path) {
+  const answer = await patiently(() => answerOf(path));
+  return { value: await answer.json(), etag: answer.headers.get("ETag") };
+}
+
+// changes: a JSON merge patch. With an etag only what has it is changed.
+export const patch = (path, changes, etag = null) => ask(path, {
+  method: "PATCH", body: JSON.stringify(changes),
+  headers: { "Content-Type": "application/merge-patch+json", ...(etag && { "If-Match": etag }) } });
+
 // Bytes of a picture, for canvases.
 export async function pictureBlob(path) {
   const answer = await patiently(() => answerOf(path));
@@ -103,6 +114,7 @@ export function showPicture(image, path) {
 }
 
 export const imagePath = (id, what = "") => address(`/images/${encodeURIComponent(id)}${what}`);
+export const objectPath = (object) => address(`/objects/${encodeURIComponent(object)}`);
 export const collections = () => ask("/v1/collections");
 export const collection = () => ask(address());
 export const deletePath = (path, options) => ask(path, { method: "DELETE", ...options });

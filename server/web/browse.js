@@ -3,9 +3,11 @@
 // Objects and pictures, page by page; each can be deleted.
 import * as api from "./api.js";
 import { byId, count, make, say, shortTime, shorten } from "./dom.js";
+import { editButton, renameButton } from "./edit.js";
 import { refreshHeader } from "./header.js";
-import { labelList, objectName, thumbnail } from "./results.js";
-import { link } from "./router.js";
+import { objectName } from "./names.js";
+import { labelList, thumbnail } from "./results.js";
+import { link, showCurrent } from "./router.js";
 import { deleteLater, isLeaving } from "./undo.js";
 
 const kPage = 24;
@@ -85,29 +87,37 @@ function deleteButton({ card, path, label, text }) {
   });
 }
 
-const objectPath = (object) => api.address(`/objects/${encodeURIComponent(object)}`);
-
 function objectCard({ object, images, image_id: id }) {
-  if (isLeaving(objectPath(object))) return null;
-  const name = objectName(object);
+  if (isLeaving(api.objectPath(object))) return null;
+  const name = object || "Without a name";
   const card = make("li", { class: "card" });
   card.append(
     make("a", { href: link("pictures", { object }) }, thumbnail(id),
          make("span", { class: "name", text: name })),
-    make("span", { class: "quiet", text: count(images, "picture") }));
+    make("span", { class: "quiet", text: images ? count(images, "picture") : "pictures that nobody has named" }));
   if (object) {
-    card.append(deleteButton({
-      card, path: objectPath(object), label: `Delete ${name} with its pictures`,
-      text: `Deleted: ${name}, ${count(images, "picture")}.`,
-    }));
+    card.dataset.object = object;
+    card.append(make("div", { class: "row" },
+      renameButton({ card, object, onRenamed: showRenamed }),
+      deleteButton({
+        card, path: api.objectPath(object), label: `Delete ${name} with its pictures`,
+        text: `Deleted: ${name}, ${count(images, "picture")}.`,
+      })));
   }
   return card;
 }
 
+// The list anew, and the focus on what was renamed, if it is on this page.
+async function showRenamed(name) {
+  await showCurrent();
+  const card = [...byId("objects-list").children].find((one) => one.dataset.object === name);
+  (card?.querySelector("a") ?? byId("objects-title")).focus();
+}
+
 function pictureCard(image) {
   const path = api.imagePath(image.id);
-  if (isLeaving(path) || isLeaving(objectPath(image.object))) return null;
-  const name = objectName(image.object);
+  if (isLeaving(path) || isLeaving(api.objectPath(image.object))) return null;
+  const name = objectName(image.object, image.source);
   const file = image.source || image.id.slice(0, 12);
   const card = make("li", { class: "card" });
   card.append(...[
@@ -118,17 +128,31 @@ function pictureCard(image) {
     make("span", { class: "quiet", title: `Added ${shortTime(image.added_at)}`,
                    text: `${image.width} × ${image.height}, ${count(image.keypoints, "key point")}` }),
     labelList(image.metadata),
-    deleteButton({ card, path, label: `Delete the picture ${file} of ${name}`,
-                   text: `Deleted: ${file}.` }),
+    make("div", { class: "row" },
+         editButton({ card, image, onChanged(now) {
+           const fresh = pictureCard(now);
+           card.replaceWith(fresh);
+           fresh.querySelector("button").focus();
+         } }),
+         deleteButton({ card, path, label: `Delete the picture ${file} of ${name}`,
+                        text: `Deleted: ${file}.` })),
   ].filter(Boolean));
   return card;
+}
+
+// Pictures that nobody has named belong to no object, so they are no entry of the server's list: one
+// entry for all of them, if there are any.
+async function pictureWithoutName() {
+  const { images } = await api.ask(api.address("/images?object=&limit=1"));
+  return images.map(({ id }) => ({ object: "", image_id: id }));
 }
 
 const showObjects = makeList({
   view: "objects",
   async fetchPage(parameters, cursor) {
-    const { objects, next } = await api.ask(api.address(`/objects?${pageQuery(cursor)}`));
-    return { items: objects, next };
+    const [{ objects, next }, unnamed] = await Promise.all([
+      api.ask(api.address(`/objects?${pageQuery(cursor)}`)), cursor ? [] : pictureWithoutName()]);
+    return { items: [...unnamed, ...objects], next };
   },
   card: objectCard,
   none: () => "There are no objects yet. Add pictures with the name of what they show.",
@@ -167,7 +191,8 @@ export const picturesView = {
     markTabs("pictures");
     const wanted = plain(parameters, "object", "after");
     byId("pictures-title").textContent =
-      wanted.object === undefined ? "Pictures" : `Pictures of ${objectName(wanted.object)}`;
+      wanted.object === undefined ? "Pictures" :
+      wanted.object ? `Pictures of ${wanted.object}` : "Pictures without a name";
     return showPictures(wanted, isNew);
   },
 };

@@ -5,7 +5,7 @@
 import { imagePath } from "./api.js";
 import { byId } from "./dom.js";
 import { drawOutline, drawPoints, fitCanvas, storedPicture } from "./draw.js";
-import { objectName } from "./results.js";
+import { objectName } from "./names.js";
 import { convexHull, drawFlattened } from "./warp.js";
 
 let shown = 0;  // an earlier picture that arrives late is dropped
@@ -20,8 +20,8 @@ export function hideComparison() {
 export async function showComparison(hit, query) {
   const number = ++shown;
   byId("compare").hidden = false;
-  const name = objectName(hit.object);
-  byId("compare-title").textContent = `Side by side: ${name}`;
+  const name = objectName(hit.object, hit.source);
+  byId("compare-title").textContent = `Compare: ${name}`;
   const picture = await storedPicture(imagePath(hit.image_id)).catch(() => null);
   if (number !== shown) return;
   const mesh = hit.explain?.mesh ?? null;
@@ -30,6 +30,7 @@ export async function showComparison(hit, query) {
   if (picture) drawReference(hit, picture, name);
   const flat = Boolean(picture && mesh && query);
   byId("flat-figure").hidden = byId("blend-figure").hidden = !flat;
+  byId("trio").classList.toggle("blends", flat);
   blended = flat ? drawFlat(picture, mesh, query, name) : null;
   drawBlend();
 }

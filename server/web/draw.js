@@ -39,31 +39,33 @@ export function fitCanvas(canvas, width, height) {
   return scale;
 }
 
+export const kOutline = "#ffd84d";
+
 // An outline that shows on any picture: light on dark. Points in picture pixels, centres at
 // integers.
-export function drawOutline(context, polygon, scale) {
-  const thin = Math.max(1.5, context.canvas.width / 320);
+export function drawOutline(context, polygon, scale, colour = kOutline, weight = 1) {
+  const thin = weight * Math.max(1.5, context.canvas.width / 320);
   context.save();
   context.lineJoin = "round";
   context.beginPath();
   for (const [x, y] of polygon) context.lineTo((x + 0.5) * scale, (y + 0.5) * scale);
   context.closePath();
-  for (const [width, colour] of [[3 * thin, "#00201dcc"], [1.5 * thin, "#ffd84d"]]) {
+  for (const [width, stroke] of [[3 * thin, "#00201dcc"], [1.5 * thin, colour]]) {
     context.lineWidth = width;
-    context.strokeStyle = colour;
+    context.strokeStyle = stroke;
     context.stroke();
   }
   context.restore();
 }
 
 // Small dots where points agree; of very many only some, so that the picture stays visible.
-export function drawPoints(context, all, scale) {
+export function drawPoints(context, all, scale, colour = kOutline) {
   const step = Math.max(1, all.length / kMostPoints);
   const points = Array.from({ length: Math.min(all.length, kMostPoints) },
                             (_, i) => all[Math.floor(i * step)]);
   const radius = Math.max(1.5, context.canvas.width / 260);
   context.save();
-  context.fillStyle = "#ffd84d";
+  context.fillStyle = colour;
   context.strokeStyle = "#00201d";
   context.lineWidth = Math.max(0.75, radius / 3);
   for (const [x, y] of points) {

@@ -21,6 +21,10 @@ export function filterSettings() {
   return settings;
 }
 
+// Whether some of the collection is left out.
+export const isFiltered = () => ["filter-object", "filter-labels"].some((id) => byId(id).value.trim()) ||
+                                byId("filter-score").value !== "0";
+
 function showHowMany() {
   const set = [byId("filter-object").value.trim(), byId("filter-labels").value.trim(),
                byId("filter-score").value !== "0"].filter(Boolean).length;

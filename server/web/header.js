@@ -3,6 +3,7 @@
 // The top of the page: which collection, and the key where the server wants one.
 import * as api from "./api.js";
 import { byId, count, make } from "./dom.js";
+import { forgetQueries } from "./kept.js";
 import { go, showCurrent } from "./router.js";
 
 const choice = byId("collection-choice");
@@ -50,6 +51,7 @@ byId("key-button").addEventListener("click", openKeyDialog);
 byId("key-cancel").addEventListener("click", () => dialog.close());
 byId("key-forget").addEventListener("click", () => {
   api.setKey("");
+  forgetQueries().catch(() => {});
   showKeyState();
   dialog.close();
 });

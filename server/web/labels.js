@@ -20,6 +20,36 @@ export function parseLabels(text, conditions = false) {
   return Object.keys(labels).length ? labels : null;
 }
 
+// What can be written as "name=value" in a line of its own; the rest of the metadata is not people's.
+const isPlain = ([name, value]) =>
+  !/[=\n]/.test(name) && name === name.trim() && name !== "" &&
+  (typeof value === "string" ? !/\n/.test(value) && value === value.trim() : ["number", "boolean"].includes(typeof value));
+
+const plainLabels = (metadata) => new Map(Object.entries(metadata).filter(isPlain)
+  .map(([name, value]) => [name, String(value)]));
+
+// Metadata as lines to edit.
+export const labelLines = (metadata) =>
+  [...plainLabels(metadata)].map(([name, text]) => `${name}=${text}`).join("\n");
+
+// The JSON merge patch from `metadata` to what the lines say; null where they say the same. Values that
+// were not touched keep their types. Throws an Error in words for a line that cannot be read.
+export function labelsPatch(metadata, lines) {
+  const before = plainLabels(metadata);
+  const patch = {};
+  const left = new Set(before.keys());
+  for (const line of lines.split("\n").map((one) => one.trim()).filter(Boolean)) {
+    const at = line.indexOf("=");
+    const name = line.slice(0, at).trim();
+    if (at < 1 || !name) throw new Error(`"${line}" is no label: write name=value.`);
+    const text = line.slice(at + 1).trim();
+    left.delete(name);
+    if (before.get(name) !== text) patch[name] = valueOf(text);
+  }
+  for (const name of left) patch[name] = null;
+  return Object.keys(patch).length ? patch : null;
+}
+
 function valueOf(text) {
   if (text === "true" || text === "false") return text === "true";
   const number = Number(text);

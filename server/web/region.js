@@ -130,7 +130,7 @@ const between = ([x0, y0], [x1, y1]) => ({
 stage.addEventListener("pointerdown", (event) => {
   const finger = event.pointerType === "touch";
   const onBox = event.target === box || event.target.id === "region-grip";
-  if (!size || event.button !== 0) return;
+  if (!size || event.button !== 0 || event.target.closest(".tag")) return;
   if (finger && !onBox && !stage.classList.contains("drawing")) return;  // it scrolls
   event.preventDefault();
   const from = place(event);

@@ -1,12 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The list of hits.
+// The lists of hits: those that count, and the weak ones, folded away.
 import { imagePath, showPicture } from "./api.js";
-import { count, make } from "./dom.js";
+import { byId, count, make } from "./dom.js";
+import { objectName } from "./names.js";
 import { link } from "./router.js";
-import { scoreWords } from "./words.js";
+import { isWeak, scoreWords } from "./words.js";
 
-export const objectName = (object) => object || "(no name)";
+const strong = byId("results");
+const weak = byId("weaker");
+const toggle = byId("weaker-toggle");
 
 // A picture of the collection, or an empty frame where it cannot be shown.
 export function thumbnail(id, alt = "") {
@@ -17,32 +20,34 @@ export function thumbnail(id, alt = "") {
   return image;
 }
 
-function scoreBar(score, grade) {
+function scoreBar(share, grade) {
   const fill = make("span", { class: `fill ${grade}` });
-  fill.style.width = `${Math.round(100 * Math.max(0, Math.min(1, score)))}%`;
+  fill.style.width = `${Math.round(100 * Math.max(0, Math.min(1, share)))}%`;
   return make("span", { class: "bar", "aria-hidden": "true" }, fill);
 }
 
-// Never 100 %: objects that share most of their print are told apart by little.
-const percent = (probability) => (probability > 0.99 ? "> 99 %" : `${Math.round(100 * probability)} %`);
+// The colour that the object is outlined with.
+function swatch(colour) {
+  if (!colour) return null;
+  const mark = make("span", { class: "swatch", "aria-hidden": "true" });
+  mark.style.background = colour;
+  return mark;
+}
 
-// onChoose(hit) is called when the hit is picked for comparison.
-export function hitCard(hit, onChoose) {
-  const { words, grade } = scoreWords(hit);
-  const sureness = hit.probability ?? hit.score;
-  const facts = [hit.probability === null ? `score ${sureness.toFixed(2)}` : percent(sureness)];
-  if (hit.inliers) facts.push(`${count(hit.inliers, "point")} agree${hit.inliers === 1 ? "s" : ""}`);
+function hitCard(hit, colour, onChoose) {
+  const { words, grade, share, percent } = scoreWords(hit);
+  const name = objectName(hit.object, hit.source);
+  const facts = [percent, hit.inliers ? `${count(hit.inliers, "point")} agree${hit.inliers === 1 ? "s" : ""}` : ""];
   const button = make(
     "button", { type: "button", class: "hit-choose", "aria-pressed": "false",
                 onclick: () => onChoose(hit) },
     thumbnail(hit.image_id),
     make("span", { class: "hit-text" },
-         make("span", { class: "name", text: `${hit.rank}. ${objectName(hit.object)}` }),
-         make("span", { class: "grade", text: words }), scoreBar(sureness, grade),
-         make("span", { class: "quiet", text: facts.join(", ") }), labelList(hit.metadata)));
+         make("span", { class: "name" }, swatch(colour), `${hit.rank}. ${name}`),
+         make("span", { class: "grade", text: words }), scoreBar(share, grade),
+         make("span", { class: "quiet", text: facts.filter(Boolean).join(", ") }), labelList(hit.metadata)));
   const alike = make("a", { href: link("search", { image: hit.image_id }), class: "quiet",
-                            text: "Use this",
-                            "aria-label": `Use this picture to search: ${objectName(hit.object)}` });
+                            text: "Use this", "aria-label": `Use this picture to search: ${name}` });
   const card = make("li", { class: "hit" }, button, alike);
   card.dataset.id = hit.image_id;
   return card;
@@ -56,8 +61,53 @@ export function labelList(metadata) {
               ...entries.map(([key, value]) => make("span", { text: `${key}: ${text(value)}` })));
 }
 
-export function markChosen(list, id) {
-  for (const card of list.children) {
-    card.querySelector(".hit-choose").setAttribute("aria-pressed", String(card.dataset.id === id));
+const cards = () => [...strong.children, ...weak.children];
+
+export function clearHits() {
+  strong.replaceChildren();
+  weak.replaceChildren();
+  fold(true);
+}
+
+// Adds hits to the lists. colours: Map of image ids, for hits that are outlined.
+export function addHits(hits, colours, onChoose) {
+  for (const hit of hits) {
+    (isWeak(hit) ? weak : strong).append(hitCard(hit, colours.get(hit.image_id), onChoose));
   }
 }
+
+// `left`: hits of the server that have not been asked for yet.
+export function showRest(left) {
+  const weaker = weak.children.length ? weak.children.length + left : 0;
+  toggle.hidden = !weaker;
+  toggle.textContent = `${weaker.toLocaleString("en")} weaker result${weaker === 1 ? "" : "s"}`;
+  const folded = weaker > 0 && weak.hidden;
+  byId("results-more").hidden = left === 0 || folded;
+  byId("results-empty").hidden = strong.children.length > 0;
+  byId("results-empty").textContent =
+    weaker ? "Nothing is alike enough to be it." : "Nothing alike is in the collection, or the filters leave nothing over.";
+}
+
+function fold(on) {
+  weak.hidden = on;
+  toggle.setAttribute("aria-expanded", String(!on));
+}
+
+// onFold() is called after the weak hits were folded or unfolded.
+export function whenFolded(onFold) {
+  toggle.addEventListener("click", () => {
+    fold(!weak.hidden);
+    onFold();
+  });
+}
+
+export function markChosen(id, visibly = false) {
+  for (const card of cards()) {
+    const chosen = card.dataset.id === id;
+    card.querySelector(".hit-choose").setAttribute("aria-pressed", String(chosen));
+    if (chosen && visibly) card.scrollIntoView({ block: "nearest" });
+  }
+}
+
+// The hit that was added as number `i`, 0 being the first: hits come with the sure ones first.
+export const focusHit = (i) => cards()[i]?.querySelector("button").focus();

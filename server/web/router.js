@@ -44,6 +44,7 @@ function markNavigation(name) {
 let onCollection = () => {};
 export const whenCollectionChanges = (call) => { onCollection = call; };
 
+// A promise of the view's, where it has one: until its contents are there.
 export function showCurrent() {
   const { name, parameters } = parse();
   const wanted = parameters.get("in") ?? "default";
@@ -63,11 +64,12 @@ export function showCurrent() {
   markNavigation(name);
   const view = views.get(name);
   document.title = `${view.title} – Pliant`;
-  view.show(parameters, isNew);
+  const ready = view.show(parameters, isNew);
   if (isNew && !first) {
     scrollTo(0, 0);
     byId(`view-${name}`).querySelector("h1").focus({ preventScroll: true });
   }
+  return ready;
 }
 
 export function startRouter() {

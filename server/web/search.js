@@ -4,32 +4,34 @@
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
-import { acceptDrops, byId, count, say } from "./dom.js";
-import { decode, drawOutline, drawPoints, fitCanvas, storedPicture } from "./draw.js";
-import { filterSettings, whenFiltersChange } from "./filters.js";
+import { acceptDrops, byId, count, make, say } from "./dom.js";
+import { decode, storedPicture } from "./draw.js";
+import { filterSettings, isFiltered, whenFiltersChange } from "./filters.js";
+import { keepQuery, keptQuery } from "./kept.js";
+import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
-import { hitCard, markChosen, objectName } from "./results.js";
+import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "./results.js";
 import { link } from "./router.js";
+import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
+import { isWeak, verdictWords } from "./words.js";
 
 const status = byId("search-status");
-const list = byId("results");
 
 // What is asked with: { file } or { id }, and its decoded picture where the browser can show it.
 let query = null;
 let running = null;  // AbortController of the search on its way
 let asked = "";      // the collection that was asked
-let hits = [];
-let received = 0;  // hits of the server, those on their way out included
+let hits = [];       // each with its name
+let chosen = null;   // the hit that is compared
+let received = 0, total = 0;  // hits of the server, those on their way out included
 
 // --- the query picture
 
 async function setQuery(next) {
   running?.abort();
   query = next;
-  hits = [];
-  list.replaceChildren();
-  hideComparison();
+  forgetHits();
   say(status, "");
   asked = api.collectionName();
   byId("workspace").hidden = false;
@@ -49,29 +51,8 @@ async function setQuery(next) {
     resetRegion(next.width, next.height);
   }
   byId("stage").hidden = !picture;
-  drawStage(null);
+  drawStage(query, [], null);
   return true;
-}
-
-function drawStage(hit) {
-  const canvas = byId("stage-canvas");
-  const note = byId("stage-note");
-  if (!query?.picture) {
-    note.textContent = "This browser cannot show this kind of picture. Searching works all the same.";
-    return;
-  }
-  const scale = fitCanvas(canvas, query.width, query.height);
-  const context = canvas.getContext("2d");
-  context.drawImage(query.picture, 0, 0, canvas.width, canvas.height);
-  if (hit?.explain) drawPoints(context, hit.explain.pairs.map(([x, y]) => [x, y]), scale);
-  // An object may be in the picture more than once.
-  const outlines = hit ? [hit.polygon, ...(hit.instances ?? []).slice(1).map((one) => one.polygon)]
-    .filter(Boolean) : [];
-  for (const polygon of outlines) drawOutline(context, polygon, scale);
-  const often = outlines.length > 1 ? `, ${outlines.length} times` : "";
-  const found = outlines.length ? `Outlined: ${objectName(hit.object)}${often}` : "";
-  note.textContent = found;
-  canvas.setAttribute("aria-label", `Your picture${found && `. ${found}`}`);
 }
 
 // --- asking
@@ -98,52 +79,54 @@ async function run(offset = 0) {
 
 function showFailure(error) {
   say(status, error.message, true);
-  hits = [];
-  list.replaceChildren();
-  hideComparison();
-  drawStage(null);
+  forgetHits();
+  drawStage(query, [], null);
   byId("results-panel").hidden = true;
+}
+
+function forgetHits() {
+  hits = [];
+  chosen = null;
+  clearHits();
+  hideComparison();
 }
 
 const isGone = (hit) => isLeaving(api.imagePath(hit.image_id)) ||
                         isLeaving(api.address(`/objects/${encodeURIComponent(hit.object)}`));
 
-// What the answer comes to, in a sentence. `found` is null where the search does not verify.
-function verdict({ found }, where) {
-  if (!hits.length) return `Nothing found${where}. `;
-  if (found === 0) return `Not in the collection${where}, as far as Pliant can tell. `;
-  const best = objectName(hits[0].object);
-  return found > 1 ? `Found${where}: ${best} and ${found - 1} more. ` : `${found ? "Found" : "Best"}${where}: ${best}. `;
-}
+const named = (hit) => ({ ...hit, name: objectName(hit.object, hit.source) });
 
 function showAnswer(answer, offset, inPart) {
-  const fresh = answer.hits.filter((hit) => !isGone(hit));
-  if (!offset) {
-    hits = [];
-    list.replaceChildren();
-  }
-  const before = list.children.length;
+  const fresh = answer.hits.filter((hit) => !isGone(hit)).map(named);
+  if (!offset) forgetHits();
+  const before = hits.length;
   received = offset + answer.hits.length;
+  total = answer.hits.length ? answer.total : received;
   hits.push(...fresh);
-  list.append(...fresh.map((hit) => hitCard(hit, choose)));
+  addHits(fresh, coloursOf(hits), choose);
   byId("results-panel").hidden = false;
-  byId("results-more").hidden = received >= answer.total || !answer.hits.length;
-  const empty = byId("results-empty");
-  empty.hidden = hits.length > 0;
-  empty.textContent = "Nothing alike is in the collection, or the filters leave nothing over.";
-  const where = inPart ? " inside the part" : "";
-  say(status, `${verdict(answer, where)}${count(answer.total, "result")} in ${(answer.took_ms / 1000).toFixed(2)} s.`);
-  if (offset) list.children[before]?.querySelector("button").focus();
-  else if (hits.length) choose(hits[0]);
-  else {
-    hideComparison();
-    drawStage(null);
-  }
+  showRest(total - received);
+  const verdict = verdictWords({ hits, found: answer.found, inPart, filtered: isFiltered() });
+  const results = count(answer.total, hits.length && hits.every(isWeak) ? "weak result" : "result");
+  say(status, "");
+  status.append(make("strong", { class: "verdict", text: verdict }),
+                make("span", { class: "quiet", text: ` ${results} in ${(answer.took_ms / 1000).toFixed(2)} s` }));
+  if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);
+  else drawStage(query, hits, chosen);
+  if (offset) focusHit(before);
+  else showVerdict();
+}
+
+// Where the window is small, the answer must not stay below its edge.
+function showVerdict() {
+  const { top } = status.getBoundingClientRect();
+  if (top < 0 || top > innerHeight / 2) status.scrollIntoView({ block: "start" });
 }
 
 function choose(hit) {
-  markChosen(list, hit.image_id);
-  drawStage(hit);
+  chosen = hit;
+  markChosen(hit.image_id);
+  drawStage(query, hits, hit);
   showComparison(hit, query.picture ? query : null);
 }
 
@@ -151,6 +134,7 @@ function choose(hit) {
 function forget() {
   running?.abort();
   query = null;
+  forgetHits();
   byId("workspace").hidden = true;
   byId("view-search").classList.remove("has-query");
   say(status, "");
@@ -160,8 +144,9 @@ function forget() {
 
 async function searchFile(file) {
   if (!file) return;
-  if (location.hash.includes("image=")) history.pushState(null, "", link("search"));
-  if (await setQuery({ file })) run();
+  const key = await keepQuery(file);
+  history.pushState(null, "", link("search", { photo: key }));
+  if (await setQuery({ file, key })) run();
 }
 
 for (const id of ["search-file", "search-camera"]) {
@@ -177,6 +162,11 @@ document.addEventListener("paste", (event) => {
 });
 
 whenExampleIsChosen(searchFile);
+whenFolded(() => showRest(total - received));
+whenHitIsPicked((hit) => {
+  choose(hit);
+  markChosen(hit.image_id, true);
+});
 whenRegionIsWanted(() => run());
 whenFiltersChange(() => run());
 byId("results-more").addEventListener("click", () => run(received));
@@ -190,15 +180,30 @@ byId("share").addEventListener("click", async () => {
   }
 });
 
+// A search that was made in this browser before: Reload and Back lead here.
+async function showKept(key, greeted) {
+  const file = await keptQuery(key);
+  if (!file) {
+    forget();
+    await greeted;  // its words would take the place of these
+    say(status, "That picture is no longer kept in this browser. Choose it once more.", true);
+  } else if (await setQuery({ file, key })) {
+    run();
+  }
+}
+
 export const searchView = {
   title: "Search",
   async show(parameters) {
-    refreshDemonstration();
+    const greeted = refreshDemonstration();
     const id = parameters.get("image");
+    const key = parameters.get("photo");
     const elsewhere = asked !== api.collectionName();
     if (id) {
       if ((elsewhere || query?.id !== id) && await setQuery({ id })) run();
-    } else if (query?.id || (query && elsewhere)) {
+    } else if (key) {
+      if (elsewhere || query?.key !== key) await showKept(key, greeted);
+    } else if (query) {
       forget();
     }
   },

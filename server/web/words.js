@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What problem codes and scores mean, for people who have not read the manual.
+import { fileSize } from "./dom.js";
 
 const kProblems = {
   image_type_unknown: "This is not a picture that Pliant reads. It reads JPEG, PNG, WebP, BMP and TIFF.",
@@ -8,9 +9,12 @@ const kProblems = {
   image_empty: "The file is empty.",
   image_truncated: "The file ends too early, as a broken download or copy does.",
   image_corrupt: "The file is damaged and cannot be read as a picture.",
+  image_too_large: "The picture has more pixels than this server takes.",
   image_too_small: "The picture is too small to recognise anything in it.",
   too_few_features:
     "There is too little detail here to recognise anything by. Try a sharper picture that the object fills.",
+  precondition_failed:
+    "Somebody else has changed it meanwhile. Cancel, look at what it is now, and edit it again.",
   no_space: "The server's disk is full.",
   internal: "Something went wrong inside the server. Its log says what.",
   stopping: "The server is being stopped.",
@@ -24,26 +28,77 @@ const kStatuses = {
   503: "The server is busy.",
 };
 
+function tooLarge(detail) {
+  const bytes = /(\d{4,}) bytes/.exec(detail ?? "")?.[1];
+  return `The file is larger than ${bytes ? `the ${fileSize(Number(bytes))} that` : ""} this server takes.`;
+}
+
 // `body` is the problem document of the answer, or null.
 export function problemWords(status, body, retryAfterS) {
   const known = kProblems[body?.code] ?? kStatuses[status];
   const wait = retryAfterS && (status === 429 || status === 503) ?
     ` Try again in ${retryAfterS} s.` : "";
+  if (body?.code === "same_bytes" && body.image_id) {
+    return body.object ? `This picture is there already, as ${body.object}.` :
+                         "This picture is there already, without a name or with other labels.";
+  }
+  if (body?.code === "body_too_large") return tooLarge(body.detail);
   if (status === 401 && body?.code === "invalid_key") return `${body.detail} ${kStatuses[401]}`;
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 
-// How sure a hit is, by its probability. A search that does not verify has none: its scores only say
-// how many details the pictures have in common.
+// How sure a hit is: the one scale for words, bars, verdicts and what is shown without asking. From
+// kFound on the server counts a hit as found. "weak" hits are folded away.
+const kFound = 0.9;
 const kGrades = [
   { least: 0.99, words: "Almost certainly the same", grade: "sure" },
-  { least: 0.9, words: "Very likely the same", grade: "likely" },
+  { least: kFound, words: "Very likely the same", grade: "likely" },
   { least: 0.5, words: "Perhaps the same", grade: "perhaps" },
   { least: 0, words: "Hardly alike", grade: "weak" },
 ];
+// A search that does not verify, as one with a vocabulary of an older version, knows no
+// probabilities: its scores only say how many details the pictures have in common.
+const kMuchAlike = 0.5;
 
+// { words, grade, share: 0..1 for the bar, percent: the same in words, or "" }
 export function scoreWords({ score, probability }) {
-  if (probability !== null) return kGrades.find(({ least }) => probability >= least);
-  if (score >= 0.5) return { words: "Looks much alike", grade: "perhaps" };
-  return { words: score >= 0.1 ? "A little alike, not confirmed" : "Hardly alike", grade: "weak" };
+  if (probability === null) {
+    const alike = score >= kMuchAlike;
+    return { words: alike ? "Looks much alike" : "Hardly alike", grade: alike ? "perhaps" : "weak",
+             share: score, percent: "" };
+  }
+  const { words, grade } = kGrades.find(({ least }) => probability >= least);
+  // Never 100 %: objects that share most of their print are told apart by little.
+  const percent = probability > 0.99 ? "> 99 %" : probability < 0.01 ? "< 1 %" :
+                                                                         `${Math.round(100 * probability)} %`;
+  return { words, grade, share: probability, percent };
+}
+
+export const isFound = (hit) => ["sure", "likely"].includes(scoreWords(hit).grade);
+export const isWeak = (hit) => scoreWords(hit).grade === "weak";
+
+const kMostNames = 5;
+
+// "A", "A and B", "A, B and C"; of many the first few.
+function listed(names, many, word) {
+  const some = names.slice(0, many > kMostNames ? kMostNames - 1 : kMostNames);
+  if (many > some.length) return `${some.join(", ")} ${word} ${many - some.length} more`;
+  return some.length < 2 ? some.join() : `${some.slice(0, -1).join(", ")} ${word} ${some.at(-1)}`;
+}
+
+// What an answer comes to, in a sentence. hits: in the order of the answer, each with its `name`;
+// found: how many the server counts, over all pages, or null. inPart, filtered: what it was limited to.
+export function verdictWords({ hits, found, inPart = false, filtered = false }) {
+  const where = inPart ? " inside the part" : "";
+  const names = (list) => [...new Set(list.map(({ name }) => name))];
+  const sure = names(hits.filter(isFound));
+  const perhaps = names(hits.filter((hit) => !isFound(hit) && !isWeak(hit)));
+  if (sure.length) {
+    const all = hits.filter(isFound).length === sure.length ? Math.max(sure.length, found ?? 0) : sure.length;
+    return all === 1 ? `Found${where}: ${sure[0]}.` :
+                       `${all} objects found${where}: ${listed(sure, all, "and")}.`;
+  }
+  if (perhaps.length) return `Not sure${where}: perhaps ${listed(perhaps, perhaps.length, "or")}.`;
+  if (filtered) return `Not found${where} among what the filters leave.`;
+  return inPart ? "Nothing of your collection is inside the part." : "Not in your collection.";
 }

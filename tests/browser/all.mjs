@@ -3,9 +3,13 @@
 // Every case, one after the other: they share the machine's cores with the server.
 import "./cases/visit.mjs";
 import "./cases/search.mjs";
+import "./cases/answer.mjs";
+import "./cases/several.mjs";
+import "./cases/phone.mjs";
 import "./cases/region.mjs";
 import "./cases/add.mjs";
 import "./cases/browse.mjs";
+import "./cases/edit.mjs";
 import "./cases/collection.mjs";
 import "./cases/keys.mjs";
 import "./cases/looks.mjs";

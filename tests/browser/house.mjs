@@ -88,8 +88,20 @@ export async function openPage(url, { width = 1200, height = 900, ...more } = {}
       page.faults.push(`a request to elsewhere: ${request.url()}`);
     }
   });
+  await servePageFrom(page, process.env.PLIANT_WEB);
   await page.goto(url);
   return page;
+}
+
+// While the page is being written: its files from a folder, in place of those built into the server.
+async function servePageFrom(page, folder) {
+  if (!folder) return;
+  const types = { html: "text/html", css: "text/css", js: "text/javascript" };
+  await page.route(/\/(assets\/[^?]*)?$/, (route) => {
+    const name = new URL(route.request().url()).pathname.replace("/assets/", "").replace(/^\/$/, "index.html");
+    return route.fulfill({ body: readFileSync(join(folder, name)),
+                           contentType: `${types[name.split(".").pop()]}; charset=utf-8` });
+  });
 }
 
 export async function closePage(page) {

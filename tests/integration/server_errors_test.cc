@@ -27,7 +27,7 @@ TEST_F(ServerErrorsTest, AddressesAndUnknownNames) {
       {"PUT", images, p, kPng, 405, "method_not_allowed"},
       {"DELETE", images, "", "", 405, "method_not_allowed"},
       {"GET", search, "", "", 405, "method_not_allowed"},
-      {"PATCH", images + "/one", p, kPng, 405, "method_not_allowed"},
+      {"PATCH", images, p, kPng, 405, "method_not_allowed"},
       {"OPTIONS", images, "", "", 405, "method_not_allowed"},
       // Unknown names
       {"GET", "/v1/collections/other", "", "", 404, "collection_not_found"},

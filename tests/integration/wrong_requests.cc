@@ -145,7 +145,7 @@ void WrongRequests::AddParameterFaults() {
     Add("unknown parameter", "in JSON", path_, R"({"no_such": 1})", "application/json", 400,
         "unknown_parameter");
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
-    if (parameter["in"] == "path") continue;
+    if (parameter["in"] != "query") continue;
     const std::string name = parameter["name"];
     const auto with = [&](const std::string& value) { return path_ + "?" + name + "=" + value; };
     Add("bad parameter", name + " not UTF-8", with("%ff"), body_, type_, 400, "invalid_parameter");

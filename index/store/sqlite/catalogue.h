@@ -58,6 +58,7 @@ void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool au
 // objects (catalogue_collections.cc)
 Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 = none
 Key FindOrInsertObject(Connection& db, Key collection, const std::string& name);
+void RenameObject(Connection& db, Key object, const std::string& name);
 std::uint64_t CountPicturesOf(Connection& db, Key object);
 std::uint64_t CountPicturesIn(Connection& db, Key collection);
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
@@ -79,6 +80,12 @@ std::vector<ImageRecord> SelectPictures(Connection& db, Key collection, const Li
 Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);
 // `picture.record` with `picture.object` as its object; returns the new key.
 Key InsertPicture(Connection& db, Key collection, const PictureRow& picture);
+std::vector<PictureRow> PicturesOf(Connection& db, Key object);
+void DescribePicture(Connection& db, Key picture, const std::string& metadata,
+                     const std::string& source);
+// Makes it one of `object` (0 = none), by a new key, so that indexes in memory hear of it, with its
+// features, words and original. Also removes an object that has no picture left.
+void MovePicture(Connection& db, Key collection, const PictureRow& picture, Key object);
 // Also removes an object that has no picture left.
 void DeletePicture(Connection& db, const PictureRow& picture);
 // How many. Also removes the object.

@@ -94,6 +94,10 @@ Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) 
   return db.last_insert_key();
 }
 
+void RenameObject(Connection& db, Key object, const std::string& name) {
+  db.Prepare("UPDATE objects SET name = ? WHERE key = ?").Bind(name, object).Run();
+}
+
 std::uint64_t CountPicturesOf(Connection& db, Key object) {
   Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE object = ?");
   return static_cast<std::uint64_t>(images.Bind(object).One().Int(0));

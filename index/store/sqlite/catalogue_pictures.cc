@@ -140,6 +140,35 @@ Key InsertPicture(Connection& db, Key collection, const PictureRow& picture) {
   return db.last_insert_key();
 }
 
+std::vector<PictureRow> PicturesOf(Connection& db, Key object) {
+  Cursor row = db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.object = ? ORDER BY p.id");
+  row.Bind(object);
+  std::vector<PictureRow> pictures;
+  while (row.Next()) pictures.push_back(ToPicture(row));
+  return pictures;
+}
+
+void DescribePicture(Connection& db, Key picture, const std::string& metadata,
+                     const std::string& source) {
+  db.Prepare("UPDATE pictures SET metadata = ?, source = ? WHERE key = ?")
+      .Bind(metadata, source, picture)
+      .Run();
+}
+
+void MovePicture(Connection& db, Key collection, const PictureRow& picture, Key object) {
+  // Two rows may not have one id; no picture's is empty.
+  db.Prepare("UPDATE pictures SET id = '' WHERE key = ?").Bind(picture.key).Run();
+  PictureRow moved = picture;
+  moved.object = object;
+  const Key key = InsertPicture(db, collection, moved);
+  for (const char* table : {"features", "originals", "original_files", "picture_words"}) {
+    db.Prepare(std::string("UPDATE ") + table + " SET picture = ? WHERE picture = ?")
+        .Bind(key, picture.key)
+        .Run();
+  }
+  DeletePicture(db, picture);
+}
+
 void DeletePicture(Connection& db, const PictureRow& picture) {
   db.Prepare("DELETE FROM pictures WHERE key = ?").Bind(picture.key).Run();
   if (picture.object == 0) return;

@@ -19,6 +19,11 @@ class SqliteWriter : public Writer {
   void RestoreContent(const ImageRecord& stored, Bytes bytes) override {
     originals_.Restore(stored, bytes);
   }
+  // sqlite_changes.cc
+  ImageRecord ChangePicture(const std::string& collection, const std::string& id,
+                            const PictureChange& change) override;
+  ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
+                            const ObjectChange& change) override;
   bool Remove(const std::string& collection, const std::string& id) override;
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object) override;
   bool CreateCollection(const std::string& name) override;

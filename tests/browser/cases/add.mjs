@@ -67,6 +67,64 @@ test("a folder's name is the object's name", async () => {
   rmSync(folder, { recursive: true });
 });
 
+test("pictures are called what their files are called, unless somebody says otherwise", async () => {
+  const own = await house.startServer();
+  const page = await house.openPage(`${own.address}/#/add`);
+  const name = (of) => page.getByLabel(`Object that ${of} shows`);
+  const stored = async () => Object.fromEntries(
+    (await (await fetch(`${own.address}/v1/collections/default/images?limit=100`)).json()).images
+      .map(({ object, source }) => [source, object]));
+  await page.locator("#add-files").setInputFiles(
+    ["green tin.png", "v1.2 box.jpeg", "image.png", "IMG.PNG"].map((one, i) => file(one, blobs(40 + i))));
+  assert.equal(await name("green tin.png").inputValue(), "green tin");
+  assert.equal(await name("v1.2 box.jpeg").inputValue(), "v1.2 box");
+  const made = [await name("image.png").inputValue(), await name("IMG.PNG").inputValue()];
+  assert.match(made[0], /^Photo \d{4}-\d\d-\d\d \d\d\.\d\d\.\d\d$/);
+  assert.notEqual(made[0], made[1], "two of a name that says nothing are not one object");
+  await page.waitForFunction(() => [...document.querySelectorAll(".upload-thumb")]
+    .every((canvas) => canvas.height > 1));
+  await house.shoot(page, "names");
+
+  await page.locator("#add-object").fill("all of it");
+  assert.equal(await name("green tin.png").inputValue(), "all of it");
+  await name("v1.2 box.jpeg").fill("a box");
+  await page.locator("#add-object").fill("");
+  assert.equal(await name("green tin.png").inputValue(), "green tin", "the file's name comes back");
+  assert.equal(await name("v1.2 box.jpeg").inputValue(), "a box", "what was typed stays");
+  await page.getByRole("button", { name: "Add 4 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  assert.deepEqual(await stored(), { "green tin.png": "green tin", "v1.2 box.jpeg": "a box",
+                                     "image.png": made[0], "IMG.PNG": made[1] });
+
+  // The same picture by another file's name: nobody has said that it is something else.
+  await page.locator("#add-files").setInputFiles([file("copy.png", blobs(40))]);
+  await page.getByRole("button", { name: "Add 1 picture" }).click();
+  await house.waitForText(page, "#add-list li:last-child", /was there already, by another name/);
+  await house.closePage(page);
+  await own.stop();
+});
+
+test("pictures that others added without a name are shown by their files'", async () => {
+  const own = await house.startServer();
+  for (const [i, source] of ["teapot.png", "kettle.png"].entries()) {
+    const form = new FormData();
+    form.append("image", new Blob([blobs(50 + i)], { type: "image/png" }), source);
+    const answer = await fetch(`${own.address}/v1/collections/default/images`, { method: "POST", body: form });
+    assert.equal(answer.status, 201);
+  }
+  const page = await house.openPage(`${own.address}/#/objects`);
+  await house.waitForText(page, "#objects-list", /Without a name/);
+  await page.locator("#objects-list a").first().click();
+  await house.waitForText(page, "#pictures-title", /Pictures without a name/);
+  await house.waitForText(page, "#pictures-list", /teapot/);
+  await page.goto(`${own.address}/#/search`);
+  await page.locator("#search-file").setInputFiles([file("query.png", blobs(51))]);
+  assert.match((await house.hitNames(page))[0], /kettle/);
+  assert.match(await house.text(page, "#search-status"), /kettle/);
+  await house.closePage(page);
+  await own.stop();
+});
+
 test("uploads can be stopped and gone on with", async () => {
   const page = await house.openPage(`${server.address}/#/add`);
   const waiting = [];

@@ -7,7 +7,7 @@ import * as house from "../house.mjs";
 const kSizes = { wide: { width: 1200, height: 900 }, phone: { width: 390, height: 844, hasTouch: true, isMobile: true } };
 const kViews = {
   search: ["#/search", "#examples-list img"],
-  found: ["#/search?image=demo-town-map", "#flat-figure canvas"],
+  found: ["#/search?image=demo-town-map", "#blend-figure canvas"],
   add: ["#/add", "#add-drop"],
   objects: ["#/objects", "#objects-list .card img"],
   pictures: ["#/pictures", "#pictures-list .card img"],

@@ -101,6 +101,35 @@ test("labels and conditions are read as they are typed", () => withModules(async
   assert.match((await labels("year>3")).error, /no label/);
 }));
 
+test("an answer is said in a sentence", () => withModules(async (call) => {
+  const hits = (...list) => list.map(([name, probability]) => ({ name, probability, score: 0.1 }));
+  const words = async (given) => (await call("words.js", "verdictWords", { found: null, ...given })).value;
+  assert.equal(await words({ hits: hits(["mug", 0.95], ["tin", 0.2]), found: 1 }), "Found: mug.");
+  assert.equal(await words({ hits: hits(["mug", 0.95]), found: 1, inPart: true }), "Found inside the part: mug.");
+  assert.equal(await words({ hits: hits(["a", 1], ["b", 0.99], ["c", 0.9], ["d", 0.91], ["e", 0.4]), found: 4 }),
+               "4 objects found: a, b, c and d.");
+  assert.equal(await words({ hits: hits(["a", 1], ["b", 1], ["c", 1], ["d", 1], ["e", 1]), found: 9 }),
+               "9 objects found: a, b, c, d and 5 more.", "those on later pages count");
+  assert.equal(await words({ hits: hits(["a", 1], ["a", 0.95]), found: 2 }), "Found: a.", "pictures of one object");
+  assert.equal(await words({ hits: hits(["mug", 0.89], ["tin", 0.5]), found: 0 }), "Not sure: perhaps mug or tin.");
+  assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not in your collection.");
+  assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found among what the filters leave.");
+  const score = (value) => [{ name: "mug", probability: null, score: value }];
+  assert.equal(await words({ hits: score(0.5) }), "Not sure: perhaps mug.", "without probabilities nothing is sure");
+  assert.equal(await words({ hits: score(0.49) }), "Not in your collection.");
+}));
+
+test("names are made of folders and files, and of the time where those say nothing", () => withModules(async (call) => {
+  const name = async (...given) => (await call("names.js", "defaultName", ...given)).value;
+  const file = (own) => ({ name: own, lastModified: 0 });
+  assert.deepEqual([await name(file("red scarf.jpg")), await name(file("a.b.tiff")), await name(file(".jpg")),
+                    await name(file("x.jpg"), "lamp"), await name(file("caf\u0065\u0301\u202e.png"))],
+                   ["red scarf", "a.b", ".jpg", "lamp", "caf\u00e9"]);
+  const made = await name(file("image.png"));
+  assert.match(made, /^Photo (1969|1970)-/);
+  assert.equal(await name(file("1234.png"), "", [made]), `${made} (2)`);
+}));
+
 test("the recommendation follows the collection's growth", () => withModules(async (call) => {
   const advice = async (images, descriptors, available, sampled) => (await call(
     "collection.js", "recommendation",

@@ -141,6 +141,25 @@ void AddPictureScenarios(bool files, std::vector<Scenario>* all) {
   all->push_back(Simple("remove", files, [](Engine& e) { e.Remove("default", "p3"); }));
   all->push_back(
       Simple("remove_object", files, [](Engine& e) { e.RemoveObject("default", "o1"); }));
+  all->push_back(Simple("relabel", files, [](Engine& e) {
+    PictureChange change;
+    change.metadata = R"({"shelf": 4, "seed": null})";
+    e.Change("default", "p1", change);
+  }));
+  all->push_back(Simple("move", files, [](Engine& e) {
+    PictureChange change;
+    change.object = "o1";
+    e.Change("default", "p3", change);
+  }));
+  const auto rename = [](Engine& e, const std::string& name, bool merge) {
+    if (!e.GetObject("default", "o1")) return;  // done before
+    ObjectChange change;
+    change.name = name;
+    change.merge = merge;
+    e.ChangeObject("default", "o1", change);
+  };
+  all->push_back(Simple("rename_object", files, [=](Engine& e) { rename(e, "o9", false); }));
+  all->push_back(Simple("merge_objects", files, [=](Engine& e) { rename(e, "o2", true); }));
   all->push_back(
       Simple("remove_collection", files, [](Engine& e) { e.RemoveCollection("other"); }));
   Scenario import = Simple("import", files, {});

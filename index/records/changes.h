@@ -1,0 +1,33 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What can change about a stored picture or object without describing anything anew. Plain values.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "index/records/records.h"
+
+namespace pliant {
+
+// Absent = stays as it is.
+struct PictureChange {
+  std::optional<std::string> object;    // "" = none
+  std::optional<std::string> metadata;  // a JSON merge patch (RFC 7396); "null" = remove all of it
+  std::optional<std::string> source;
+  // Sees the picture as it is, in the transaction that changes it: what it throws refuses the
+  // change. May be called more than once.
+  std::function<void(const ImageRecord& now)> check;
+};
+
+struct ObjectChange {
+  std::string name;  // not empty
+  // Where another object has the name: its pictures and these become one object. Else kConflict
+  // "object_exists".
+  bool merge = false;
+  // As for pictures; `image_id`: the first of the object's pictures in order of their ids.
+  std::function<void(const ObjectRecord& now, const std::string& image_id)> check;
+};
+
+}  // namespace pliant

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// SqliteWriter: changing what is stored without describing it anew.
+#include "descriptor/base/error.h"
+#include "index/files/merge_patch.h"
+#include "index/files/text.h"
+#include "index/store/sqlite/sqlite_writer.h"
+
+namespace pliant {
+namespace {
+
+// The smaller of the two moves into the larger; the object that is left has the name.
+void Merge(Connection& db, Key collection, Key one, Key other, const std::string& name) {
+  const bool into_one = CountPicturesOf(db, one) >= CountPicturesOf(db, other);
+  const Key kept = into_one ? one : other;
+  const Key gone = into_one ? other : one;
+  // The last picture to go takes its object along, and with it the name.
+  for (const PictureRow& picture : PicturesOf(db, gone)) MovePicture(db, collection, picture, kept);
+  RenameObject(db, kept, name);
+}
+
+void Change(Connection& db, Key collection, PictureRow picture, const ImageRecord& changed) {
+  if (changed.metadata != picture.record.metadata || changed.source != picture.record.source) {
+    DescribePicture(db, picture.key, changed.metadata, changed.source);
+    picture.record = changed;
+  }
+  const Key object = FindOrInsertObject(db, collection, changed.object);
+  if (object != picture.object) MovePicture(db, collection, picture, object);
+}
+
+}  // namespace
+
+ImageRecord SqliteWriter::ChangePicture(const std::string& collection, const std::string& id,
+                                        const PictureChange& change) {
+  access_.RequireSpace(change.metadata ? change.metadata->size() : 0);
+  ImageRecord changed;
+  access_.Write([&](Connection& db) {
+    const PictureRow picture = RequirePicture(db, collection, id);
+    if (change.check) change.check(picture.record);
+    changed = picture.record;
+    if (change.object) changed.object = *change.object;
+    if (change.source) changed.source = *change.source;
+    if (change.metadata) changed.metadata = MergeMetadata(changed.metadata, *change.metadata);
+    Change(db, RequireCollection(db, collection).key, picture, changed);
+  });
+  return changed;
+}
+
+ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std::string& object,
+                                        const ObjectChange& change) {
+  access_.RequireSpace(0);
+  ObjectRecord changed;
+  access_.Write([&](Connection& db) {
+    const Key in = RequireCollection(db, collection).key;
+    const Key key = FindObject(db, in, object);
+    if (key == 0) {
+      throw Error(ErrorCode::kNotFound, "object_not_found",
+                  "there is no picture of an object \"" + ToDisplayText(object) + "\"");
+    }
+    changed = {object, CountPicturesOf(db, key)};
+    if (change.check) {
+      const ListOptions first{collection, object, /*after_id=*/{}, /*limit=*/1};
+      change.check(changed, SelectPictures(db, in, first).at(0).id);
+    }
+    if (change.name == object) return;
+    changed.object = change.name;
+    const Key taken = FindObject(db, in, change.name);
+    if (taken == 0) {
+      RenameObject(db, key, change.name);
+      return;
+    }
+    const std::uint64_t there = CountPicturesOf(db, taken);
+    if (!change.merge) {
+      throw Error(ErrorCode::kConflict, "object_exists",
+                  "there is an object \"" + ToDisplayText(change.name) + "\" already, of " +
+                      std::to_string(there) + (there == 1 ? " picture" : " pictures") +
+                      "; merge=true makes one object of the two");
+    }
+    Merge(db, in, key, taken, change.name);
+    changed.images += there;
+  });
+  return changed;
+}
+
+}  // namespace pliant

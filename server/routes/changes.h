@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Changing records in place: merge patches (RFC 7396), and the ETags that say which state is meant
+// (RFC 9110, sections 8.8.3 and 13.1.1).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "index/json/json.h"
+#include "server/http/message.h"
+
+namespace pliant::server {
+
+// Strong, with its quotes; differs when the record does.
+std::string EtagOf(const Json& record);
+
+// The record, with its ETag.
+Response RecordResponse(const Json& record);
+
+// Throws ProblemError "precondition_failed" when the request has an If-Match that is neither * nor
+// lists the record's ETag.
+void CheckIfMatch(const Request& request, const Json& record);
+
+// The body. Throws ProblemError "missing_parameter" without one, "invalid_json", and
+// "unknown_parameter" for a key that is none of `fields`.
+Json MergePatchOf(const Request& request, const std::vector<std::string>& fields);
+
+}  // namespace pliant::server

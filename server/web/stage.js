@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The query picture with everything that was found in it: each object outlined in a colour of its own,
+// with its name, which selects it.
+import { byId, make } from "./dom.js";
+import { drawOutline, drawPoints, fitCanvas, kOutline } from "./draw.js";
+import { objectName } from "./names.js";
+import { isWeak } from "./words.js";
+
+// Seen on any picture (outlines have dark edges), and told apart by people who see fewer colours.
+export const kColours = [kOutline, "#4dd2ff", "#ff8ad8", "#8dff7a", "#ff9d4d", "#c0a8ff"];
+const kSlipPx = 6;  // a pointer that moved further has drawn, not tapped
+
+const canvas = byId("stage-canvas");
+const tags = byId("stage-tags");
+const stage = byId("stage");
+
+let shown = [];  // [{ hit, polygon }] that can be tapped
+let pictureWidth = 1;
+let pick = () => {};
+
+export const whenHitIsPicked = (call) => { pick = call; };
+
+// An object may be in the picture more than once.
+const outlinesOf = (hit) =>
+  [hit.polygon, ...(hit.instances ?? []).slice(1).map((one) => one.polygon)].filter(Boolean);
+
+// Map from image ids to colours, of the hits that are outlined without being chosen.
+export function coloursOf(hits) {
+  const outlined = hits.filter((hit) => !isWeak(hit) && outlinesOf(hit).length);
+  return new Map(outlined.map((hit, i) => [hit.image_id, kColours[i % kColours.length]]));
+}
+
+// query: { picture, width, height }. All hits with a colour, and the chosen one with its points.
+export function drawStage(query, hits, chosen) {
+  const note = byId("stage-note");
+  tags.replaceChildren();
+  shown = [];
+  if (!query?.picture) {
+    note.textContent = "This browser cannot show this kind of picture. Searching works all the same.";
+    return;
+  }
+  pictureWidth = query.width;
+  const scale = fitCanvas(canvas, query.width, query.height);
+  const context = canvas.getContext("2d");
+  context.drawImage(query.picture, 0, 0, canvas.width, canvas.height);
+  const colours = coloursOf(hits);
+  if (chosen && !colours.has(chosen.image_id)) colours.set(chosen.image_id, kColours[0]);
+  const said = [];
+  for (const hit of [...hits].sort((a, b) => (a === chosen) - (b === chosen))) {  // the chosen one on top
+    const colour = colours.get(hit.image_id);
+    const outlines = colour ? outlinesOf(hit) : [];
+    for (const polygon of outlines) {
+      drawOutline(context, polygon, scale, colour, hit === chosen ? 1.5 : 1);
+      shown.push({ hit, polygon });
+      tags.append(tag(hit, polygon, colour, query, hit === chosen));
+    }
+    const often = outlines.length > 1 ? `, ${outlines.length} times` : "";
+    if (outlines.length) said.push(objectName(hit.object, hit.source) + often);
+  }
+  if (chosen?.explain) {
+    drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
+  }
+  note.textContent = said.length ? `Outlined: ${said.join("; ")}` : "";
+  canvas.setAttribute("aria-label", ["Your picture", note.textContent].filter(Boolean).join(". "));
+}
+
+// The name, at the top of the outline, inside the picture.
+function tag(hit, polygon, colour, query, isChosen) {
+  const name = objectName(hit.object, hit.source);
+  const [x, y] = polygon.reduce((best, point) => (point[1] < best[1] ? point : best));
+  const button = make("button", { type: "button", class: "tag", text: name, title: name,
+                                  "aria-pressed": String(isChosen), onclick: () => pick(hit) });
+  const within = (share, least) => `${100 * Math.min(1 - least, Math.max(least, share))}%`;
+  button.style.left = within(x / query.width, 0.12);
+  button.style.top = within(y / query.height, 0.06);
+  button.style.borderColor = colour;
+  return button;
+}
+
+const areaOf = (polygon) => Math.abs(polygon.reduce((sum, [x, y], i) => {
+  const [u, v] = polygon[(i + 1) % polygon.length];
+  return sum + x * v - u * y;
+}, 0)) / 2;
+
+// Even-odd rule.
+export function isInside([x, y], polygon) {
+  let inside = false;
+  for (const [i, [ax, ay]] of polygon.entries()) {
+    const [bx, by] = polygon[(i + 1) % polygon.length];
+    if ((ay > y) !== (by > y) && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
+  }
+  return inside;
+}
+
+let pressedAt = [0, 0];
+stage.addEventListener("pointerdown", ({ clientX, clientY }) => { pressedAt = [clientX, clientY]; });
+stage.addEventListener("click", (event) => {
+  const slipped = Math.hypot(event.clientX - pressedAt[0], event.clientY - pressedAt[1]) > kSlipPx;
+  if (event.target.closest(".tag") || slipped || !shown.length || !byId("region").hidden) return;
+  const frame = canvas.getBoundingClientRect();
+  const scale = pictureWidth / frame.width;
+  const at = [(event.clientX - frame.left) * scale, (event.clientY - frame.top) * scale];
+  const under = shown.filter(({ polygon }) => isInside(at, polygon))
+    .sort((a, b) => areaOf(a.polygon) - areaOf(b.polygon));
+  if (under.length) pick(under[0].hit);
+});

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What an answer says first, and what it keeps folded away.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import * as house from "../house.mjs";
+import { blobs } from "../pictures.mjs";
+
+const server = await house.server("demonstration");
+
+const unknown = { name: "unknown.png", mimeType: "image/png", buffer: blobs(77, 480, 360) };
+
+test("what is not in the collection is said to be so; nothing is chosen, nothing outlined", async () => {
+  await house.loadDemonstration(server.address);
+  const page = await house.openPage(server.address);
+  await page.locator("#search-file").setInputFiles(unknown);
+  await house.waitForText(page, "#search-status", /^Not in your collection\./);
+  assert.equal(await page.locator("#results .hit").count(), 0);
+  assert.equal(await page.locator(".hit:visible").count(), 0);
+  assert.equal(await page.locator("#compare").isVisible(), false);
+  assert.equal(await page.locator(".tag").count(), 0);
+  await house.shoot(page, "not-found");
+  await house.checkAccessibility(page, "not found");
+  await house.closePage(page);
+});
+
+// An answer of the server's form: `strong` hits that are found, the rest hardly alike.
+function answerOf(strong, total) {
+  return (route) => {
+    const form = route.request().postData();
+    const offset = Number(/name="offset"\r\n\r\n(\d+)/.exec(form)[1]);
+    const limit = Number(/name="limit"\r\n\r\n(\d+)/.exec(form)[1]);
+    const hits = Array.from({ length: Math.min(limit, total - offset) }, (_, i) => ({
+      rank: offset + i + 1, object: `thing ${offset + i + 1}`, image_id: `id-${offset + i}`, source: "",
+      score: offset + i < strong ? 0.9 : 0.001, probability: offset + i < strong ? 0.99 : 0.03, inliers: 0,
+      polygon: null, instances: [], via: null, metadata: {} }));
+    return route.fulfill({ json: { took_ms: 5, total, found: strong, hits } });
+  };
+}
+
+test("weak results are folded away and counted; a button opens them, and more can be asked for", async () => {
+  const page = await house.openPage(server.address);
+  await page.route("**/search", answerOf(1, 32));
+  await page.locator("#search-file").setInputFiles(unknown);
+  await house.waitForText(page, "#search-status", /^Found: thing 1\./);
+  const toggle = page.locator("#weaker-toggle");
+  assert.equal(await toggle.innerText(), "31 weaker results");
+  assert.equal(await toggle.getAttribute("aria-expanded"), "false");
+  assert.equal(await page.locator(".hit:visible").count(), 1);
+  assert.equal(await page.locator("#results-more").isVisible(), false);
+  await toggle.click();
+  assert.equal(await toggle.getAttribute("aria-expanded"), "true");
+  assert.equal(await page.locator(".hit:visible").count(), 12);
+  assert.doesNotMatch(await house.text(page, "#weaker"), /score|0\.00/);
+  await house.checkAccessibility(page, "weaker results");
+  await page.getByRole("button", { name: "Show more" }).click();
+  await page.waitForFunction(() => document.querySelectorAll(".hit").length === 24);
+  await toggle.click();
+  assert.equal(await page.locator(".hit:visible").count(), 1);
+  await house.closePage(page);
+});
+
+test("when all of a page are found, more can be asked for at once", async () => {
+  const page = await house.openPage(server.address);
+  await page.route("**/search", answerOf(14, 14));
+  await page.locator("#search-file").setInputFiles(unknown);
+  await house.waitForText(page, "#search-status", /^14 objects found: thing 1, thing 2, thing 3, thing 4 and 10 more\./);
+  assert.equal(await page.locator("#weaker-toggle").isVisible(), false);
+  await page.getByRole("button", { name: "Show more" }).click();
+  await page.waitForFunction(() => document.querySelectorAll("#results .hit").length === 14);
+  assert.match(await page.evaluate(() => document.activeElement.textContent), /^13\. thing 13/);
+  await house.closePage(page);
+});
