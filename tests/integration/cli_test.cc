@@ -204,8 +204,9 @@ TEST_F(CliTest, PicturesComeFromStandardInput) {
   const std::string file = (folder_ / "q.png").string();
   EXPECT_EQ(described(" < " + file, "-"), described("", file));
   const ProgramResult empty =
-      Program({"-c", PliantPath().string() + " describe - --out x.npz --descriptor orb < /dev/null"},
-              {}, "/bin/sh")
+      Program(
+          {"-c", PliantPath().string() + " describe - --out x.npz --descriptor orb < /dev/null"},
+          {}, "/bin/sh")
           .Wait();
   EXPECT_EQ(empty.status, 1);
   EXPECT_THAT(empty.err, StartsWith("pliant: standard input: "));
