@@ -22,6 +22,7 @@ SHARED = [f"shared {number}" for number in range(6)]  # textures that all client
 SHARED_HASHES = {sha256(texture(name)) for name in SHARED}
 HONEST = {"busy", "starting", "stopping"}
 BOUNDARY = "pliant-kill-test"
+MERGE_PATCH = "application/merge-patch+json"
 
 
 def image_path(key):
@@ -71,7 +72,7 @@ class Client(threading.Thread):
         self.connection.close()
 
     def act(self):
-        acts = {self.put_new: 30, self.put_shared: 12, self.relabel: 8, self.post: 8, self.batch: 6,
+        acts = {self.put_new: 30, self.put_shared: 12, self.relabel: 8, self.patch: 8, self.rename: 4, self.post: 8, self.batch: 6,
                 self.delete: 12, self.delete_object: 4, self.look: 8, self.search: 9, self.page: 3}
         self.dice.choices(list(acts), list(acts.values()))[0]()
 
@@ -110,18 +111,18 @@ class Client(threading.Thread):
             time.sleep(0.05)
         return status, data
 
-    def change(self, what, path, after, expected, body=None):
+    def change(self, what, path, after, expected, body=None, kind="application/octet-stream"):
         """True when it was acknowledged."""
         method = what.split()[0]
         with self.model.change(f"client {self.number} {what}", after) as change:
-            status, data = self.ask(method, path, body)
+            status, data = self.ask(method, path, body, kind)
             if status == 503:
                 self.model.settle(change, False)
                 return False
             if status not in expected:
                 raise Wrong(f"{method} {path} was answered {status} {data[:300]!r}, not {expected}; "
                             + " / ".join(line for key in after for line in self.model.history[key]))
-            if method in ("PUT", "POST") and len(after) == 1:
+            if what in ("PUT", "POST", "PATCH") and len(after) == 1:
                 (key, state), = after.items()
                 record = json.loads(data)
                 if (record["id"], state_of(record)) != (key[1], state):
@@ -159,6 +160,31 @@ class Client(threading.Thread):
             raise Wrong(f"content of {key} was answered {status}, {sha256(data)} instead of {state}")
         named = f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}"
         return self.put(key, data, State(state.sha256, named, self.own_metadata()))
+
+    def patch(self):
+        """Another name, other metadata, or both, in place."""
+        key = self.own_live_key()
+        before = self.model.known.get(key)
+        if before is None:
+            return
+        state, patch = before, {}
+        if self.dice.random() < 0.7:
+            state = state._replace(object=self.own_object())
+            patch["object"] = state.object or None
+        if not patch or self.dice.random() < 0.5:
+            state = state._replace(metadata=self.own_metadata())
+            patch["metadata"] = json.loads(state.metadata)
+        if self.change("PATCH", image_path(key), {key: state}, {200}, json.dumps(patch).encode(), MERGE_PATCH):
+            self.model.report.count("replaces")
+
+    def rename(self):
+        """All pictures of an object go to another one, or none."""
+        old, new = (f"o{self.number}-{number}" for number in self.dice.sample(range(OWN_OBJECTS), 2))
+        after = {key: state._replace(object=new) for key, state in self.own().items() if state.object == old}
+        path = f"/v1/collections/default/objects/{old}?merge=true"
+        body = json.dumps({"object": new}).encode()
+        if after and self.change("PATCH object", path, after, {200}, body, MERGE_PATCH):
+            self.model.report.count("replaces", len(after))
 
     def post(self):
         """Without an id: it is made from the bytes."""
