@@ -161,6 +161,9 @@ void CheckObject(std::string_view object) {
                  "object must not hold characters that are invisible or change the direction of "
                  "writing");
   }
+  if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
+    ThrowInvalid("object_invalid", "object must be more than dots");
+  }
 }
 
 void CheckSource(std::string_view source) { CheckText(source, 4096, "source"); }

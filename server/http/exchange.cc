@@ -133,6 +133,7 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     request_.segments = SplitPath(request_.path);
     route_ = &shared_.router.Resolve(request_);
     record_.route = route_->name;
+    CheckConditions(*route_, request_);
     shared_.admit(*route_, request_);
     record_.key_id = request_.key_id;
     if (route_->needs_index && shared_.stopping) {

@@ -122,6 +122,14 @@ std::vector<std::string> SplitPattern(const std::string& pattern) {
 
 std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
 
+void CheckConditions(const Route& route, const Request& request) {
+  if (request.method == "GET" || route.body == BodyKind::kMergePatch) return;
+  if (request.headers.contains("If-Match")) {
+    throw ProblemError("precondition_failed",
+                       "If-Match is understood by PATCH only: nothing was changed.");
+  }
+}
+
 void CheckContentType(const Route& route, const Request& request) {
   if (!request.has_body) return;
   const std::string& type = request.content_type;

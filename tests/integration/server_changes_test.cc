@@ -124,6 +124,10 @@ TEST_F(ChangesTest, IfMatchIsHonoured) {
   ExpectProblem(Patch(Picture("a"), R"({"object": "y"})", kPatchType, etag), 412,
                 "precondition_failed");
   EXPECT_EQ(Patch(Picture("a"), R"({"object": "mug"})", kPatchType, "*")->status, 200);
+  ExpectProblem(client_->Delete(Picture("a"), {{"If-Match", etag}}), 412, "precondition_failed");
+  ExpectProblem(client_->Put(Picture("a"), {{"If-Match", etag}}, TestPicture(9), "image/png"), 412,
+                "precondition_failed");
+  EXPECT_EQ(Read(Picture("a"))["object"], "mug") << "it is there, and the picture it was";
 
   const std::string object = client_->Get(Object("mug"))->get_header_value("ETag");
   client_->Delete(Picture("b"));

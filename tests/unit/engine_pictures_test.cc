@@ -94,7 +94,7 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
               [&] { Add(engine, png, "x", std::string(129, 'a')); });
   for (const std::string object :
        {"a\nb", "\xc3\x28", "\xed\xa0\x80", "\xf5\x80\x80\x80", "shirt\u202Egpj.exe", "shi\u200Drt",
-        "shi\u200Brt", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069"}) {
+        "shi\u200Brt", ".", "..", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069"}) {
     ExpectError(ErrorCode::kInvalidArgument, "object_invalid", [&] { Add(engine, png, object); });
   }
   for (const std::string metadata : {"", "[]", "1", "{", "{\"a\":\"\xff\"}", "nonsense"}) {

@@ -109,7 +109,8 @@ std::vector<ImageRecord> SelectPictures(Connection& db, Key collection,
   } else if (options.object->empty()) {
     Cursor row = db.Prepare(
         PLIANT_SELECT_PICTURE
-        "WHERE p.collection = ? AND p.object IS NULL AND p.id > ? ORDER BY p.id LIMIT ?");
+        // +: by the index of objects, else all pictures are read where each has one.
+        "WHERE +p.collection = ? AND p.object IS NULL AND p.id > ? ORDER BY p.id LIMIT ?");
     read(row.Bind(collection, options.after_id, options.limit));
   } else {
     Cursor row =

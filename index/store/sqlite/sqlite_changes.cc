@@ -9,23 +9,39 @@
 namespace pliant {
 namespace {
 
+// What a moved picture is written again with: MovePicture gives it a new key.
+std::uint64_t StoredBytes(Connection& db, const PictureRow& picture) {
+  Cursor row = db.Prepare(
+      "SELECT coalesce((SELECT length(data) FROM features WHERE picture = ?1), 0) + "
+      "coalesce((SELECT length(data) FROM originals WHERE picture = ?1), 0)");
+  return static_cast<std::uint64_t>(row.Bind(picture.key).One().Int(0));
+}
+
 // The smaller of the two moves into the larger; the object that is left has the name.
-void Merge(Connection& db, Key collection, Key one, Key other, const std::string& name) {
+void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
+           const std::string& name) {
   const bool into_one = CountPicturesOf(db, one) >= CountPicturesOf(db, other);
   const Key kept = into_one ? one : other;
   const Key gone = into_one ? other : one;
+  const std::vector<PictureRow> moved = PicturesOf(db, gone);
+  std::uint64_t bytes = 0;
+  for (const PictureRow& picture : moved) bytes += StoredBytes(db, picture);
+  access.RequireSpace(bytes);
   // The last picture to go takes its object along, and with it the name.
-  for (const PictureRow& picture : PicturesOf(db, gone)) MovePicture(db, collection, picture, kept);
+  for (const PictureRow& picture : moved) MovePicture(db, collection, picture, kept);
   RenameObject(db, kept, name);
 }
 
-void Change(Connection& db, Key collection, PictureRow picture, const ImageRecord& changed) {
+void Change(Access& access, Connection& db, Key collection, PictureRow picture,
+            const ImageRecord& changed) {
   if (changed.metadata != picture.record.metadata || changed.source != picture.record.source) {
     DescribePicture(db, picture.key, changed.metadata, changed.source);
     picture.record = changed;
   }
   const Key object = FindOrInsertObject(db, collection, changed.object);
-  if (object != picture.object) MovePicture(db, collection, picture, object);
+  if (object == picture.object) return;
+  access.RequireSpace(StoredBytes(db, picture));
+  MovePicture(db, collection, picture, object);
 }
 
 }  // namespace
@@ -41,7 +57,7 @@ ImageRecord SqliteWriter::ChangePicture(const std::string& collection, const std
     if (change.object) changed.object = *change.object;
     if (change.source) changed.source = *change.source;
     if (change.metadata) changed.metadata = MergeMetadata(changed.metadata, *change.metadata);
-    Change(db, RequireCollection(db, collection).key, picture, changed);
+    Change(access_, db, RequireCollection(db, collection).key, picture, changed);
   });
   return changed;
 }
@@ -50,7 +66,7 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
                                         const ObjectChange& change) {
   access_.RequireSpace(0);
   ObjectRecord changed;
-  access_.Write([&](Connection& db) {
+  const auto write = [&](Connection& db) {
     const Key in = RequireCollection(db, collection).key;
     const Key key = FindObject(db, in, object);
     if (key == 0) {
@@ -76,9 +92,14 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
                       std::to_string(there) + (there == 1 ? " picture" : " pictures") +
                       "; merge=true makes one object of the two");
     }
-    Merge(db, in, key, taken, change.name);
+    Merge(access_, db, in, key, taken, change.name);
     changed.images += there;
-  });
+  };
+  if (change.merge) {
+    access_.Write(write, {.alone = true, .reclaim = true});  // as much may move as there is
+  } else {
+    access_.Write(write);
+  }
   return changed;
 }
 
