@@ -82,10 +82,12 @@ std::string Bash(const CLI::App& program) {
   return "# bash completion for " + program.get_name() + "\n" + name + "_candidates() {\n" +
          Candidates(program) + "}\n" + name +
          "() {\n"
-         "  local cur=${COMP_WORDS[COMP_CWORD]} candidates\n"
+         "  local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} candidates\n"
+         "  if [ \"$cur\" = = ]; then cur=; elif [ \"$prev\" = = ]; then "
+         "prev=${COMP_WORDS[COMP_CWORD - 2]}; fi\n"  // --option=value is three words
          "  candidates=$(" +
          name +
-         "_candidates \"$cur\" \"${COMP_WORDS[COMP_CWORD - 1]}\" "
+         "_candidates \"$cur\" \"$prev\" "
          "\"${COMP_WORDS[@]:1:COMP_CWORD-1}\")\n"
          "  mapfile -t COMPREPLY < <(compgen -W \"$candidates\" -- \"$cur\")\n"
          "}\n"

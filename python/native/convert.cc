@@ -47,6 +47,11 @@ ByteArray FromImage(const Image& image) {
 
 Descriptors ToDescriptors(const py::array& rows, const char* what) {
   if (rows.ndim() != 2) ThrowShape(std::string(what) + " must be an array of N x D");
+  constexpr py::ssize_t kMostColumns = 65536;
+  if (rows.shape(1) > kMostColumns) {
+    ThrowShape(std::string(what) + " must have at most " + std::to_string(kMostColumns) +
+               " columns, not " + std::to_string(rows.shape(1)));
+  }
   const auto n = static_cast<std::size_t>(rows.shape(0));
   const auto dim = static_cast<int>(rows.shape(1));
   Descriptors descriptors;

@@ -25,7 +25,7 @@ def retry_after(headers: Message) -> float | None:
     if given is None:
         return None
     value = str(given)
-    if value.strip().isdigit():
+    if value.strip().isdecimal():
         return float(value)
     try:
         return max(0.0, email.utils.parsedate_to_datetime(value).timestamp() - time.time())

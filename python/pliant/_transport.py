@@ -42,7 +42,8 @@ class Transport:
         if key is not None and not (key.isascii() and key.isprintable() and " " not in key and key):
             raise InvalidArgumentError("key must be printable ASCII without spaces", code="key_invalid")
         try:
-            self._port = parts.port
+            # Always said: http.client would look for it in an IPv6 address.
+            self._port = parts.port or (443 if parts.scheme == "https" else 80)
         except ValueError:
             raise InvalidArgumentError(f"url has no such port: {url!r}", code="url_invalid") from None
         self._host = parts.hostname
@@ -53,9 +54,9 @@ class Transport:
         self.address = f"{parts.scheme}://{parts.netloc}{self._prefix}"
 
     def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None, body: bytes | None = None,
-             content_type: str | None = None, again: bool | None = None) -> Answer:
+             content_type: str | None = None, again: bool | None = None, patient: bool = True) -> Answer:
         """`again`: whether the request may be sent twice; by default all methods but POST. One that was refused as too
-        much (429, 503) was not begun, and is repeated in any case."""
+        much (429, 503) was not begun, and is repeated in any case, unless not `patient`: then nothing is."""
         if again is None:
             again = method != "POST"
         target = self._prefix + path
@@ -64,12 +65,13 @@ class Transport:
         headers = dict(self._headers)
         if content_type:
             headers["Content-Type"] = content_type
+        retries = self._retries if patient else 0
         failed = 0
         while True:
             try:
                 answer = self._once(method, target, body, headers)
             except (OSError, http.client.HTTPException) as error:
-                if isinstance(error, ssl.SSLCertVerificationError) or not again or failed >= self._retries:
+                if isinstance(error, ssl.SSLCertVerificationError) or not again or failed >= retries:
                     raise ConnectionFailedError(f"{method} {self.address}{path}: {error or type(error).__name__}",
                                                 code="connection_failed") from error
                 wait = None
@@ -78,7 +80,7 @@ class Transport:
                     return answer
                 refused = _problems.error(answer.status, answer.headers, answer.body)
                 wait = refused.retry_after
-                if answer.status not in _BUSY or failed >= self._retries or (wait or 0) > self._max_wait:
+                if answer.status not in _BUSY or failed >= retries or (wait or 0) > self._max_wait:
                     raise refused
             time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
             failed += 1

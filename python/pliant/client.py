@@ -188,7 +188,7 @@ class Client:
     def ready(self) -> bool:
         """Whether it answers searches; False while it starts. ConnectionFailedError where nobody listens."""
         try:
-            self._transport.call("GET", "/readyz")
+            self._transport.call("GET", "/readyz", patient=False)
         except UnavailableError:
             return False
         return True

@@ -11,6 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "descriptor/base/error.h"
 #include "index/usage/checks.h"
 #include "index/usage/completion.h"
 #include "index/usage/manual.h"
@@ -177,7 +178,9 @@ std::vector<std::string> WithEnvironment(const CLI::App& app, int argc, const ch
     const bool given = std::any_of(arguments.begin(), arguments.end(), [&](const auto& argument) {
       return argument == flag || argument.starts_with(flag + "=");
     });
-    if (value != nullptr && !given) from_environment.push_back(flag + "=" + value);
+    if (value == nullptr || given) continue;
+    from_environment.push_back(flag);  // apart from its value, which may be empty
+    from_environment.emplace_back(value);
   }
   arguments.insert(arguments.end(), from_environment.begin(), from_environment.end());
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants it
@@ -239,6 +242,10 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   } catch (const CLI::ParseError& error) {
     parsed.finished = true;
     parsed.exit_status = app.exit(error) == 0 ? 0 : 2;
+  } catch (const Error& error) {
+    std::fprintf(stderr, "pliant-server: %s\n", error.what());
+    parsed.finished = true;
+    parsed.exit_status = 2;
   }
   return parsed;
 }

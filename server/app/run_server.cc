@@ -127,6 +127,7 @@ void PrintDecoderProtection(const ServerOptions& options) {
 int RunServer(const ServerOptions& options) {
   // A file that may not grow any more (ulimit -f) is an error of the writing, as a full disk is.
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGCHLD, SIG_DFL);  // who starts us may ignore it; then decoders' ends would be lost
   const sigset_t signals = BlockStopSignals();
   StartLog(options);
   try {

@@ -8,12 +8,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <fstream>
 #include <memory>
 #include <new>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include <malloc.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -27,6 +29,10 @@ namespace pliant::server {
 
 namespace {
 
+constexpr const char* kTooMuchMemory =
+    "Decoding the picture takes more memory than allowed. Scale it down, or save it as JPEG that "
+    "is "
+    "not progressive.";
 constexpr int kArguments = 5;  // program, kDecoderArgument, server, memory, processor time
 
 // False at the end of the stream, when there is no server any more.
@@ -89,9 +95,7 @@ DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, Image* image) {
   } catch (const Error& error) {
     return Refusal(error.code(), error.reason(), error.what());
   } catch (const std::bad_alloc&) {
-    return Refusal(ErrorCode::kTooLarge, "image_too_large",
-                   "Decoding the picture takes more memory than allowed. Scale it down, or save it "
-                   "as JPEG that is not progressive.");
+    return Refusal(ErrorCode::kTooLarge, "image_too_large", kTooMuchMemory);
   } catch (const std::exception& error) {
     return Refusal(ErrorCode::kUnprocessable, "image_corrupt",
                    std::string("The picture cannot be decoded: ") + error.what());
@@ -102,7 +106,12 @@ DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, Image* image) {
 bool DecodeNext() {
   DecodeRequest request;
   if (!Read(&request, sizeof(request))) return false;
-  const auto bytes = std::make_unique_for_overwrite<std::uint8_t[]>(request.bytes);
+  const std::unique_ptr<std::uint8_t[]> bytes(new (std::nothrow) std::uint8_t[request.bytes]);
+  if (!bytes) {  // the file stays unread, so the next request cannot be found
+    const DecodeAnswer answer = Refusal(ErrorCode::kTooLarge, "image_too_large", kTooMuchMemory);
+    Write(&answer, sizeof(answer));
+    return false;
+  }
   if (!Read(bytes.get(), request.bytes)) return false;
   Image image;
   const DecodeAnswer answer = Decode({bytes.get(), request.bytes}, request.options, &image);
@@ -118,6 +127,12 @@ bool IsDecoder(int argc, const char* const* argv) {
 int RunDecoder(int /*argc*/, const char* const* argv) {
   // Ends with the thread that started it, whatever it is doing then.
   if (prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0) != 0 || getppid() != std::atoi(argv[2])) return 1;
+  // What one picture took is there for the next: no second arena, which reserves what the limit
+  // counts, and large blocks go back at once (mallopt(3)).
+  mallopt(M_ARENA_MAX, 1);
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  // If the machine is short of memory, rather this than the server (proc(5)). As far as allowed.
+  std::ofstream("/proc/self/oom_score_adj") << 1000;
   const SandboxLimits limits{.memory_bytes = std::atoll(argv[3]), .cpu_s = std::atoll(argv[4])};
   DecoderGreeting greeting;
   try {

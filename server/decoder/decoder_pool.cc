@@ -72,15 +72,18 @@ DecodedImage DecoderPool::Decode(Bytes bytes, const DecodeOptions& options) {
     DecoderPool& pool;
   };
   const Busy busy(*this);
-  Decoder decoder = Take();
-  try {
-    auto answer = decoder->Decode(bytes, options);
-    Return(std::move(decoder));
-    if (auto* error = std::get_if<Error>(&answer)) throw std::move(*error);
-    return std::get<DecodedImage>(std::move(answer));
-  } catch (const DecoderEnded& ended) {
-    Report(ended, "while it decoded a picture of " + std::to_string(bytes.size()) + " bytes");
-    throw RefusalOf(ended);
+  for (bool again = false;; again = true) {
+    Decoder decoder = Take();
+    try {
+      auto answer = decoder->Decode(bytes, options);
+      Return(std::move(decoder));
+      if (auto* error = std::get_if<Error>(&answer)) throw std::move(*error);
+      return std::get<DecodedImage>(std::move(answer));
+    } catch (const DecoderEnded& ended) {
+      Report(ended, "while it decoded a picture of " + std::to_string(bytes.size()) + " bytes");
+      // No picture has a decoder killed: its limits are others. Somebody else wanted its end.
+      if (ended.cause != Cause::kKilled || again) throw RefusalOf(ended);
+    }
   }
 }
 
@@ -113,7 +116,11 @@ DecoderPool::Decoder DecoderPool::Take() {
     }
   }
   Decoder started = Start();
-  started->AwaitReady();
+  const std::string missing = started->AwaitReady();
+  if (!missing.empty() && missing_.empty()) {  // the first one was held
+    throw Error(ErrorCode::kUnavailable, "decoder_not_started",
+                "a decoder could not be limited as the first one was: " + missing);
+  }
   return started;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fcntl.h>
@@ -96,12 +97,19 @@ std::int64_t CpuLimit(const DecoderOptions& options) {
 }  // namespace
 
 StartedDecoder StartDecoder(const DecoderOptions& options) {
-  int ends[2];
+  struct Ends {  // closed again, whatever is thrown
+    ~Ends() {
+      for (const int end : both) {
+        if (end >= 0) close(end);
+      }
+    }
+    int both[2] = {-1, -1};
+  } pair;
+  int* const ends = pair.both;
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
     ThrowNotStarted("socketpair", errno);
   }
   StartedDecoder started;
-  started.socket = ends[0];
   int error = 0;
   {
     const SpawnPlan plan(ends[1]);
@@ -115,11 +123,8 @@ StartedDecoder StartDecoder(const DecoderOptions& options) {
                           Pointers(arguments).data(), Pointers(environment).data());
     }
   }
-  close(ends[1]);
-  if (error != 0) {
-    close(ends[0]);
-    ThrowNotStarted(options.program.string(), error);
-  }
+  if (error != 0) ThrowNotStarted(options.program.string(), error);
+  started.socket = std::exchange(ends[0], -1);
   return started;
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/decoder/sandbox.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -23,9 +24,14 @@ namespace {
   throw Error(ErrorCode::kInternal, "sandbox_failed", what + ": " + std::strerror(errno));
 }
 
+// One that is stricter already stays: to raise it would take a privilege.
 void Limit(int resource, rlim_t value, const char* name) {
-  const rlimit limit{value, value};
-  if (setrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0) Fail(name);
+  const auto which = static_cast<__rlimit_resource_t>(resource);
+  rlimit limit{};
+  if (getrlimit(which, &limit) != 0) Fail(name);
+  limit.rlim_max = std::min(value, limit.rlim_max);
+  limit.rlim_cur = limit.rlim_max;
+  if (setrlimit(which, &limit) != 0) Fail(name);
 }
 
 // Of address space (proc(5), statm).

@@ -194,6 +194,11 @@ TEST(PrintConfig, SaysHowDecodersAreHeld) {
                                              : "system calls are, too."));
   EXPECT_THAT(said({}), HasSubstr("\ndecoder = \"process\"\n"));
   EXPECT_THAT(said({"--decoder", "inside"}), HasSubstr("# Pictures are decoded inside"));
+  // Limits that are stricter already may not be raised, and need not.
+  const std::string limited =
+      "ulimit -t 300; " + ServerPath().string() + " --db x.db --print-config";
+  EXPECT_THAT(Program({"-c", limited}, {.unprivileged = true}, "/bin/sh").Wait().out,
+              HasSubstr("# Pictures are decoded in processes of their own"));
   EXPECT_EQ(Program({"--db", "x.db", "--decoder", "nowhere"}, {}, ServerPath()).Wait().status, 2);
 }
 

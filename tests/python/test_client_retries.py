@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """What the client does when a server is busy, slow, broken or hostile: a server that says what the test wants."""
+import http.client
 import http.server
 import json
 import threading
@@ -162,6 +163,29 @@ class Scripted(unittest.TestCase):
         with self.assertRaises(pliant.UnavailableError) as caught:
             self.client.wait("7", timeout=0.2)
         self.assertEqual(caught.exception.code, "timeout")
+
+    def test_ready(self):
+        self.answers = [(503, {**BUSY[1], "Retry-After": "30"}, BUSY[2]), GOOD]
+        begin = time.monotonic()
+        self.assertEqual((self.client.ready(), self.client.ready()), (False, True))
+        self.assertLess(time.monotonic() - begin, 10, "it waits for nothing")
+
+    def test_addresses(self):
+        """The key goes to the host that was named."""
+        asked = []
+        connect = http.client.HTTPConnection.connect
+
+        def note(connection):
+            asked.append((connection.host, connection.port))
+            raise ConnectionRefusedError
+
+        http.client.HTTPConnection.connect = note
+        self.addCleanup(setattr, http.client.HTTPConnection, "connect", connect)
+        for url, wanted in (("http://[2001:db8::7:443]", ("2001:db8::7:443", 80)), ("http://[::1]", ("::1", 80)),
+                            ("http://[::1]:8080", ("::1", 8080)), ("http://shop.example", ("shop.example", 80))):
+            with self.assertRaises(pliant.ConnectionFailedError):
+                pliant.Client(url, "secret", retries=0).collections()
+            self.assertEqual(asked.pop(), wanted)
 
     def test_silence(self):
         with self.assertRaises(pliant.ConnectionFailedError):

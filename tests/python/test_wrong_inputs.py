@@ -89,6 +89,8 @@ class Pictures(FolderCase):
                 pliant.Features(*arguments, 10, 10)
         with self.fails(ValueError):
             pliant.Features(points, rows, -1, 10)
+        with self.fails(ValueError):  # more columns than fit an int
+            pliant.match(np.zeros((1, 2**32 + 32), np.uint8), np.zeros((1, 32), np.uint8))
         (self.folder / "x.npz").write_bytes(b"PK nothing")
         with self.assertRaises(Exception):
             pliant.Features.load(self.folder / "x.npz")

@@ -204,6 +204,29 @@ TEST(ServerOptions, ReadsFlagsEnvironmentAndFile) {
   EXPECT_EQ(MakeHttpOptions(parsed.options).limits.max_body_bytes, 5U << 20);
 }
 
+TEST(ServerOptions, AnEmptyVariableIsAnEmptyValue) {
+  setenv("PLIANT_IMPORT_DIR", "", 1);
+  setenv("PLIANT_MODEL", "", 1);
+  setenv("PLIANT_KEEP_ORIGINALS", "false", 1);
+  const char* argv[] = {"pliant-server", "--db", "x.db"};
+  const ParsedCommandLine parsed = ParseCommandLine(3, argv);
+  for (const char* name : {"PLIANT_IMPORT_DIR", "PLIANT_MODEL", "PLIANT_KEEP_ORIGINALS"}) {
+    unsetenv(name);
+  }
+  ASSERT_FALSE(parsed.finished);
+  EXPECT_EQ(parsed.options.import_dir, "");
+  EXPECT_EQ(parsed.options.model, "");
+  EXPECT_FALSE(parsed.options.keep_originals);
+}
+
+TEST(ServerOptions, CompletionNeedsAShellThatIsKnown) {
+  const char* argv[] = {"pliant-server", "--completion", "tcsh"};
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(ParseCommandLine(3, argv).exit_status, 2);
+  EXPECT_EQ(ParseCommandLine(2, argv).exit_status, 2) << "none is named";
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("not for tcsh"), std::string::npos);
+}
+
 TEST(ServerOptions, PrintsWhatIsInForceAndReadsItAgain) {
   const auto print = [](std::vector<const char*> arguments) {
     arguments.insert(arguments.begin(), "pliant-server");

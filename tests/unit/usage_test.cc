@@ -140,6 +140,8 @@ TEST(Usage, BashCompletes) {
   EXPECT_EQ(Offered("fruit \"\""), "eat box\n");
   EXPECT_EQ(Offered("fruit eat --s"), "--salad --share\n");
   EXPECT_EQ(Offered("fruit eat x --fruit p"), "pear\n");
+  EXPECT_EQ(Offered("fruit eat x --fruit = p"), "pear\n") << "as bash splits --fruit=p";
+  EXPECT_EQ(Offered("fruit eat x --fruit ="), "apple pear\n");
   EXPECT_EQ(Offered("fruit box o"), "open\n");
   EXPECT_EQ(Offered("fruit box open --d"), "--db\n")
       << "it may stand behind the inner command, too";

@@ -96,7 +96,7 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
     changed.images += there;
   };
   if (change.merge) {
-    access_.Write(write, {.alone = true, .reclaim = true});  // as much may move as there is
+    access_.Write(write, {.reclaim = true, .alone = true});  // as much may move as there is
   } else {
     access_.Write(write);
   }
