@@ -24,14 +24,6 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-std::vector<std::string> Commands(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
-    names.push_back(sub->get_name());
-  }
-  return names;
-}
-
 std::vector<std::string> Options(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::Option* option : DashedOptions(app)) {
@@ -58,7 +50,7 @@ std::string Candidates(const CLI::App& program) {
     }
     own += "    " + Quoted(command.path) + ")\n      case \"$cur\" in\n        -*) echo " +
            Quoted(Joined(Options(*command.app))) + " ;;\n        *) echo " +
-           Quoted(Joined(Commands(*command.app))) + " ;;\n      esac ;;\n";
+           Quoted(Joined(CommandNames(*command.app))) + " ;;\n      esac ;;\n";
   }
   std::string text =
       "  local cur=$1 prev=$2 path=" + Quoted(program.get_name()) + " word\n  shift 2\n";

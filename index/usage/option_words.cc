@@ -23,6 +23,14 @@ std::vector<NamedCommand> AllCommands(const CLI::App& program) {
   return all;
 }
 
+std::vector<std::string> CommandNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(sub->get_name());
+  }
+  return names;
+}
+
 std::vector<std::string> ValueWords(const CLI::Option& option) {
   const std::string& text = option.get_option_text();
   std::vector<std::string> words;

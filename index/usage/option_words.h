@@ -17,6 +17,9 @@ struct NamedCommand {
 };
 std::vector<NamedCommand> AllCommands(const CLI::App& program);
 
+// Of the commands directly below.
+std::vector<std::string> CommandNames(const CLI::App& app);
+
 // "object|image" -> object, image; empty when the values are not words.
 std::vector<std::string> ValueWords(const CLI::Option& option);
 

@@ -50,16 +50,22 @@ void AddShirts(Engine& engine, std::uint64_t last, std::uint64_t first = 1) {
   }
 }
 
+// A collection of six pictures, and how to train a small vocabulary for it.
+TrainOptions Shirts(Engine& engine) {
+  engine.CreateCollection("shirts");
+  AddShirts(engine, 6);
+  TrainOptions train;
+  train.collection = "shirts";
+  train.words = 10;
+  train.sample = 100;
+  return train;
+}
+
 TEST_F(EngineTest, ACollectionThatIsRemovedWhileItTrains) {
   for (const double moment : {0.1, 0.8, 0.9, 1.0}) {
     for (const bool made_again : {false, true}) {
       Engine engine(Options());
-      engine.CreateCollection("shirts");
-      AddShirts(engine, 6);
-      TrainOptions train;
-      train.collection = "shirts";
-      train.words = 10;
-      train.sample = 100;
+      TrainOptions train = Shirts(engine);
       bool removed = false;
       train.progress = [&](double done, double /*loss*/) {
         if (removed || done < moment) return;
@@ -78,12 +84,7 @@ TEST_F(EngineTest, ACollectionThatIsRemovedWhileItTrains) {
 
 TEST_F(EngineTest, ACollectionThatIsRemovedWhileItsVocabularyIsSwitched) {
   Engine engine(Options());
-  engine.CreateCollection("shirts");
-  AddShirts(engine, 6);
-  TrainOptions train;
-  train.collection = "shirts";
-  train.words = 10;
-  train.sample = 100;
+  TrainOptions train = Shirts(engine);
   engine.TrainVocabulary(train);
   train.seed = 2;
   const VocabularyRecord second = engine.TrainVocabulary(train);
