@@ -8,6 +8,7 @@ import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
 import { parseLabels } from "./labels.js";
 import { defaultName } from "./names.js";
+import { isLeaving, settle } from "./undo.js";
 import { kDone, kFailed, kSending, kWaiting, makeItem, nameOf, setState } from "./upload_row.js";
 
 const kAtOnce = 2;  // the server describes them one after the other anyway
@@ -74,10 +75,10 @@ function showTotal() {
 // --- sending
 
 // The picture is stored by another name than was typed.
-function offerRename(item, id, labels) {
+function offerRename(item, id, labels, collection) {
   const object = wasNamed(item) ? nameOf(item) : "";
   const offer = renameOffer({
-    id, object, metadata: labels,
+    id, collection, object, metadata: labels,
     done() {
       setState(item, kDone, object ? `is called ${object} now` : "has these labels now");
       showTotal();
@@ -91,12 +92,29 @@ function offerRename(item, id, labels) {
 // Whether somebody has said what it is, rather than its file's name.
 const wasNamed = (item) => item.typed || Boolean(commonName());
 
-async function send(item, labels) {
+// Uploads it. What was deleted a moment ago, the object or the very picture, does not take it along.
+async function upload(item, given, { collection, ...more }) {
+  await settle(api.objectPath(given.object, collection));
+  const add = () => api.addPicture({ file: item.file, collection, ...given }, more);
+  const leaving = (id) => id && isLeaving(api.imagePath(id, "", collection));
+  try {
+    const answer = await add();
+    if (answer.created || !leaving(answer.image.id)) return answer;
+    await settle(api.imagePath(answer.image.id, "", collection));
+  } catch (error) {
+    if (!leaving(error.imageId)) throw error;
+    await settle(api.imagePath(error.imageId, "", collection));
+  }
+  return add();
+}
+
+async function send(item, labels, collection) {
   const object = nameOf(item);
   setState(item, kSending, "sending…");
   try {
-    const { created, image } = await api.addPicture(
-      { file: item.file, object, metadata: labels }, {
+    const { created, image } = await upload(
+      item, { object, metadata: labels }, {
+        collection,
         signal: stopper.signal,
         onProgress: (share) => {
           item.bar.value = Math.min(share, 0.99);
@@ -113,7 +131,7 @@ async function send(item, labels) {
       setState(item, kDone, "was there already, by another name");
     } else {
       setState(item, kFailed, error.message);
-      if (error.code === "same_bytes" && error.imageId) offerRename(item, error.imageId, labels);
+      if (error.code === "same_bytes" && error.imageId) offerRename(item, error.imageId, labels, collection);
     }
     if (error.status === 401 || error.status === 403) stopper.abort();  // all would fail alike
   }
@@ -132,11 +150,12 @@ async function sendAll() {
   const queue = items.filter((item) => item.state === kWaiting);
   stopper = new AbortController();
   const { signal } = stopper;
+  const collection = api.collectionName();  // the choice above may change meanwhile
   showTotal();
   say(byId("add-status"), `Adding ${count(queue.length, "picture")}…`);
   byId("add-stop").focus();
   const worker = async () => {
-    for (let item; !signal.aborted && (item = queue.shift());) await send(item, labels);
+    for (let item; !signal.aborted && (item = queue.shift());) await send(item, labels, collection);
   };
   await Promise.all(Array.from({ length: kAtOnce }, worker));
   const stopped = signal.aborted;

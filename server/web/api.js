@@ -77,10 +77,11 @@ export async function ask(path, options) {
 export const askJson = (path, method, body) =>
   ask(path, { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
 
-// A record with its ETag, for a change of what was read.
+// A record with its ETag, for a change of what was read. A proxy that compresses makes the ETag a weak
+// one, which no If-Match would match.
 export async function record(path) {
   const answer = await patiently(() => answerOf(path));
-  return { value: await answer.json(), etag: answer.headers.get("ETag") };
+  return { value: await answer.json(), etag: answer.headers.get("ETag")?.replace(/^W\//, "") };
 }
 
 // changes: a JSON merge patch. With an etag only what has it is changed.
@@ -113,8 +114,10 @@ export function showPicture(image, path) {
   watcher.observe(image);
 }
 
-export const imagePath = (id, what = "") => address(`/images/${encodeURIComponent(id)}${what}`);
-export const objectPath = (object) => address(`/objects/${encodeURIComponent(object)}`);
+export const imagePath = (id, what = "", collection = current) =>
+  address(`/images/${encodeURIComponent(id)}${what}`, collection);
+export const objectPath = (object, collection = current) =>
+  address(`/objects/${encodeURIComponent(object)}`, collection);
 export const collections = () => ask("/v1/collections");
 export const collection = () => ask(address());
 export const deletePath = (path, options) => ask(path, { method: "DELETE", ...options });
@@ -159,12 +162,12 @@ function sendOnce(path, form, onProgress, signal) {
   });
 }
 
-// Uploads one picture. onProgress gets 0..1 of the bytes sent, onWait the seconds of a pause that
+// Uploads one picture into a collection. onProgress gets 0..1 of the bytes sent, onWait the seconds of a pause that
 // the server asked for.
-export function addPicture({ file, object, metadata }, { onProgress, onWait, signal }) {
+export function addPicture({ file, object, metadata, collection }, { onProgress, onWait, signal }) {
   const form = new FormData();
   form.append("object", object);
   if (metadata) form.append("metadata", JSON.stringify(metadata));
   form.append("image", file);
-  return patiently(() => sendOnce(address("/images"), form, onProgress, signal), onWait, signal);
+  return patiently(() => sendOnce(address("/images", collection), form, onProgress, signal), onWait, signal);
 }

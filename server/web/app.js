@@ -6,6 +6,7 @@ import { objectsView, picturesView } from "./browse.js";
 import { collectionView } from "./collection.js";
 import { byId } from "./dom.js";
 import { refreshHeader } from "./header.js";
+import { purgeQueries } from "./kept.js";
 import { addView, startRouter, whenCollectionChanges } from "./router.js";
 import { searchView } from "./search.js";
 
@@ -25,5 +26,6 @@ byId("skip").addEventListener("click", (event) => {
 });
 
 whenCollectionChanges(refreshHeader);
+purgeQueries().catch(() => {});  // where the browser keeps nothing there is nothing to purge
 startRouter();
 refreshHeader();

@@ -131,6 +131,11 @@ function pictureCard(image) {
     make("div", { class: "row" },
          editButton({ card, image, onChanged(now) {
            const fresh = pictureCard(now);
+           if (!fresh) {  // of an object that is being deleted
+             card.remove();
+             byId("pictures-title").focus();
+             return;
+           }
            card.replaceWith(fresh);
            fresh.querySelector("button").focus();
          } }),

@@ -7,13 +7,14 @@ import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
 import { labelLines, labelsPatch } from "./labels.js";
 import { kLongestName, objectName } from "./names.js";
-import { notify } from "./undo.js";
+import { notify, settle } from "./undo.js";
 
 let forms = 0;
 
 // A form at the end of the card, in place of its buttons. fields: elements; save(say): throws what is
-// wrong. Escape and "Cancel" close it.
+// wrong. Escape and "Cancel" close it. A card has at most one.
 function openForm(card, opener, title, fields, save) {
+  if (card.classList.contains("editing")) return;
   const status = make("p", { role: "status" });
   const offer = make("div", { class: "row" });
   const submit = make("button", { type: "submit", class: "primary small", text: "Save" });
@@ -44,6 +45,7 @@ function openForm(card, opener, title, fields, save) {
     event.preventDefault();
     run(() => save(close));
   });
+  form.addEventListener("input", () => offer.replaceChildren());  // it was for what stood there before
   form.addEventListener("keydown", (event) => { if (event.key === "Escape") close(); });
   cancel.addEventListener("click", close);
   card.classList.add("editing");
@@ -68,15 +70,15 @@ function button(label, open) {
 export function renameButton({ card, object, onRenamed }) {
   return button(`Rename ${object}`, (opener) => {
     const [field, input] = nameField("Name", object);
-    const rename = async (merge) => {
-      const name = input.value.trim();
+    const rename = async (merge, name = input.value.trim()) => {
       if (!name) throw new Error("An object needs a name.");
+      await settle(api.objectPath(name));
       try {
         await api.patch(`${api.objectPath(object)}${merge ? "?merge=true" : ""}`, { object: name });
       } catch (error) {
         if (error.code === "object_exists") {
           error.message = `There is an object called ${name} already.`;
-          error.offers = [[`Make one object of both`, () => rename(true)]];
+          error.offers = [[`Make one object of both`, () => rename(true, name)]];
         }
         throw error;
       }
@@ -114,6 +116,7 @@ export function editButton({ card, image, onChanged }) {
       if (input.value.trim() !== value.object) patch.object = input.value.trim();
       const changed = labelsPatch(value.metadata, labels.value);
       if (changed) patch.metadata = changed;
+      if (patch.object) await settle(api.objectPath(patch.object));
       const now = await api.patch(api.imagePath(image.id), patch, etag);
       refreshHeader();
       onChanged(now);
@@ -121,14 +124,15 @@ export function editButton({ card, image, onChanged }) {
   });
 }
 
-// A picture that is there already, by another name: a button to call it what was typed.
-export function renameOffer({ id, object, metadata, done, failed }) {
+// A picture that is there already in the collection, by another name: a button to call it what was typed.
+export function renameOffer({ id, collection, object, metadata, done, failed }) {
   return make("button", {
     type: "button", class: "small", text: object ? `Call it ${object}` : "Take these labels",
     onclick: async (event) => {
       event.target.disabled = true;
       try {
-        await api.patch(api.imagePath(id), { ...(object && { object }), ...(metadata && { metadata }) });
+        if (object) await settle(api.objectPath(object, collection));
+        await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
         done();
       } catch (error) {
         event.target.disabled = false;

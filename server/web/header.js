@@ -57,7 +57,9 @@ byId("key-forget").addEventListener("click", () => {
 });
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
+  const before = api.getKey();
   api.setKey(byId("key-input").value.trim());
+  if (before && before !== api.getKey()) forgetQueries().catch(() => {});
   showKeyState();
   dialog.close();
   refreshHeader();

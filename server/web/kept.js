@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The last pictures that were searched with, kept in this browser, so that a search survives Reload and
-// Back. They never leave it but to be searched with.
+// Back. They never leave it but to be searched with. Those of people with a key are their tab's alone.
+import { getKey } from "./api.js";
 
 const kDatabase = "pliant";
 const kStore = "queries";
 const kMost = 6;
 const kLongestMs = 24 * 3600 * 1000;
+const kTabName = "pliant-tab";
 
 const done = (request) => new Promise((good, bad) => {
   request.onsuccess = () => good(request.result);
@@ -19,32 +21,48 @@ async function store(mode) {
   return (await done(opening)).transaction(kStore, mode).objectStore(kStore);
 }
 
+const isOld = ({ at }) => Date.now() - at > kLongestMs;
+
+const thisTab = () => sessionStorage.getItem(kTabName);
+function nameTab() {
+  if (!thisTab()) sessionStorage.setItem(kTabName, crypto.getRandomValues(new Uint32Array(4)).join("-"));
+  return thisTab();
+}
+
+// Throws away what is too old or too much.
+async function purge(queries) {
+  const all = (await done(queries.getAll())).sort((a, b) => b.at - a.at);
+  for (const [i, entry] of all.entries()) if (i >= kMost || isOld(entry)) queries.delete(entry.key);
+}
+export const purgeQueries = async () => purge(await store("readwrite"));
+
 // Its key; null where the browser keeps nothing, as in some private windows.
 export async function keepQuery(file) {
   try {
     const queries = await store("readwrite");
     const now = Date.now();
     const key = `${now.toString(36)}-${Math.floor(Math.random() * 36 ** 4).toString(36)}`;
-    await done(queries.put({ key, file, name: file.name, at: now }));
-    const all = (await done(queries.getAll())).sort((a, b) => b.at - a.at);
-    for (const [i, { key: old, at }] of all.entries()) {
-      if (i >= kMost || now - at > kLongestMs) queries.delete(old);
-    }
+    const tab = getKey() ? nameTab() : null;
+    await done(queries.put({ key, file, name: file.name, at: now, tab }));
+    await purge(queries);
     return key;
   } catch {
     return null;
   }
 }
 
-// The file; null when it is no longer there.
+// The file; null when it is no longer there, too old or another tab's.
 export async function keptQuery(key) {
   try {
-    return (await done((await store("readonly")).get(key)))?.file ?? null;
+    const entry = await done((await store("readonly")).get(key));
+    const isOurs = entry && !isOld(entry) && (!entry.tab || entry.tab === thisTab());
+    return isOurs ? entry.file : null;
   } catch {
     return null;
   }
 }
 
 export async function forgetQueries() {
+  sessionStorage.removeItem(kTabName);
   await done((await store("readwrite")).clear()).catch(() => {});
 }

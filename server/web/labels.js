@@ -22,8 +22,8 @@ export function parseLabels(text, conditions = false) {
 
 // What can be written as "name=value" in a line of its own; the rest of the metadata is not people's.
 const isPlain = ([name, value]) =>
-  !/[=\n]/.test(name) && name === name.trim() && name !== "" &&
-  (typeof value === "string" ? !/\n/.test(value) && value === value.trim() : ["number", "boolean"].includes(typeof value));
+  !/[=\r\n]/.test(name) && name === name.trim() && name !== "" &&
+  (typeof value === "string" ? !/[\r\n]/.test(value) && value === value.trim() : ["number", "boolean"].includes(typeof value));
 
 const plainLabels = (metadata) => new Map(Object.entries(metadata).filter(isPlain)
   .map(([name, value]) => [name, String(value)]));
@@ -33,7 +33,8 @@ export const labelLines = (metadata) =>
   [...plainLabels(metadata)].map(([name, text]) => `${name}=${text}`).join("\n");
 
 // The JSON merge patch from `metadata` to what the lines say; null where they say the same. Values that
-// were not touched keep their types. Throws an Error in words for a line that cannot be read.
+// were not touched keep their types. Throws an Error in words for a line that cannot be read, or
+// that would take the place of metadata which the lines do not show.
 export function labelsPatch(metadata, lines) {
   const before = plainLabels(metadata);
   const patch = {};
@@ -42,6 +43,9 @@ export function labelsPatch(metadata, lines) {
     const at = line.indexOf("=");
     const name = line.slice(0, at).trim();
     if (at < 1 || !name) throw new Error(`"${line}" is no label: write name=value.`);
+    if (Object.hasOwn(metadata, name) && !before.has(name)) {
+      throw new Error(`"${name}" holds something that cannot be edited here.`);
+    }
     const text = line.slice(at + 1).trim();
     left.delete(name);
     if (before.get(name) !== text) patch[name] = valueOf(text);

@@ -7,9 +7,31 @@ export const kLongestName = 200;  // characters
 // Names that cameras, telephones and clipboards give to every picture.
 const kSaysNothing = /^(image|img|photo|picture|pasted|blob|capture|untitled|unnamed|\d+)?$/i;
 
+const kMostBytes = 512;  // in UTF-8, on the server
+
 // What the server takes no names with: control characters, and such that are invisible or turn the
-// direction of writing.
-const kInvisible = /[\u0000-\u001f\u007f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb]/g;
+// direction of writing; half characters, which some systems have in names of files, are no UTF-8.
+const kInvisible = /[\u0000-\u001f\u007f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\u{e0000}-\u{10ffff}\p{Cs}]/u;
+const kJoiner = /[\u200c\u200d]/;
+const kJoinedFrom = 0x600;  // joiners are part of some scripts and of emoji
+
+const bytesOf = (point) => (point < 0x80 ? 1 : point < 0x800 ? 2 : point < 0x10000 ? 3 : 4);
+
+// The name without what the server refuses, and no longer than it takes.
+export function acceptable(name) {
+  let text = "", before = 0, bytes = 0;
+  for (const letter of name.trim()) {
+    const point = letter.codePointAt(0);
+    const joiner = kJoiner.test(letter);
+    if (kInvisible.test(letter) && !(joiner && before >= kJoinedFrom)) continue;
+    if (!text && !letter.trim()) continue;
+    bytes += bytesOf(point);
+    if (bytes > kMostBytes || text.length + letter.length > kLongestName) break;
+    text += letter;
+    before = joiner ? 0 : point;
+  }
+  return text.replace(/[\s\u200c\u200d]+$/, "");
+}
 
 export const stem = (fileName) => fileName.replace(/(?!^)\.[^.]{1,5}$/, "").trim();
 
@@ -23,8 +45,8 @@ function pointInTime(ms) {
 // The name to begin with: the folder's, else the file's without extension. `taken`: names that are
 // in the list already; a name made up from the time is not given twice.
 export function defaultName(file, folder = "", taken = []) {
-  const given = (folder || stem(file.name)).normalize("NFC").replace(kInvisible, "").trim();
-  if (!kSaysNothing.test(given)) return given.slice(0, kLongestName);
+  const given = acceptable((folder || stem(file.name)).normalize("NFC"));
+  if (!kSaysNothing.test(given)) return given;
   const made = pointInTime(file.lastModified);
   let name = made;
   for (let i = 2; taken.includes(name); ++i) name = `${made} (${i})`;
@@ -32,4 +54,4 @@ export function defaultName(file, folder = "", taken = []) {
 }
 
 // Of a stored picture or a hit: its object's name, else its file's.
-export const objectName = (object, source = "") => object || stem(source ?? "") || "(no name)";
+export const objectName = (object, source = "") => object || acceptable(stem(source ?? "")) || "(no name)";

@@ -109,5 +109,10 @@ export function markChosen(id, visibly = false) {
   }
 }
 
-// The hit that was added as number `i`, 0 being the first: hits come with the sure ones first.
-export const focusHit = (i) => cards()[i]?.querySelector("button").focus();
+// The hit that was added as number `i`, 0 being the first: hits come with the sure ones first. Where it is
+// folded away, what unfolds it.
+export function focusHit(i) {
+  const card = cards()[i] ?? cards().at(-1);
+  const place = weak.hidden && card?.parentElement === weak ? toggle : card?.querySelector("button");
+  place?.focus();
+}

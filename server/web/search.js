@@ -68,7 +68,8 @@ async function run(offset = 0) {
     const region = regionParameter();
     if (region) settings.region = region;
     const answer = await api.search(query, settings, mine.signal);
-    if (mine === running) showAnswer(answer, offset, Boolean(region));
+    const grouped = settings.group_by === "object";
+    if (mine === running) showAnswer(answer, offset, { inPart: Boolean(region), grouped });
   } catch (error) {
     if (error.name === "AbortError" || mine !== running) return;
     showFailure(error);
@@ -96,7 +97,7 @@ const isGone = (hit) => isLeaving(api.imagePath(hit.image_id)) ||
 
 const named = (hit) => ({ ...hit, name: objectName(hit.object, hit.source) });
 
-function showAnswer(answer, offset, inPart) {
+function showAnswer(answer, offset, how) {
   const fresh = answer.hits.filter((hit) => !isGone(hit)).map(named);
   if (!offset) forgetHits();
   const before = hits.length;
@@ -106,7 +107,7 @@ function showAnswer(answer, offset, inPart) {
   addHits(fresh, coloursOf(hits), choose);
   byId("results-panel").hidden = false;
   showRest(total - received);
-  const verdict = verdictWords({ hits, found: answer.found, inPart, filtered: isFiltered() });
+  const verdict = verdictWords({ hits, found: answer.found, filtered: isFiltered(), ...how });
   const results = count(answer.total, hits.length && hits.every(isWeak) ? "weak result" : "result");
   say(status, "");
   status.append(make("strong", { class: "verdict", text: verdict }),

@@ -34,6 +34,7 @@ export function coloursOf(hits) {
 // query: { picture, width, height }. All hits with a colour, and the chosen one with its points.
 export function drawStage(query, hits, chosen) {
   const note = byId("stage-note");
+  const focused = shown[[...tags.children].indexOf(document.activeElement)]?.polygon;
   tags.replaceChildren();
   shown = [];
   if (!query?.picture) {
@@ -60,6 +61,9 @@ export function drawStage(query, hits, chosen) {
   }
   if (chosen?.explain) {
     drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
+  }
+  if (focused) {  // the same name's new tag
+    tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
   }
   note.textContent = said.length ? `Outlined: ${said.join("; ")}` : "";
   canvas.setAttribute("aria-label", ["Your picture", note.textContent].filter(Boolean).join(". "));

@@ -14,6 +14,10 @@ const pending = new Map();  // path -> what is to be deleted
 // Whether the picture is on its way out, by itself or with its object.
 export const isLeaving = (path) => pending.has(path);
 
+// Before something else takes that place: what is on its way out goes now, so that the newcomer does not
+// go with it. Where it cannot be deleted, it is back.
+export const settle = async (path) => { await pending.get(path)?.commit(); };
+
 // path: what DELETE is sent to. text: the notice. restore: called on undo, and when deleting failed
 // (with the error). done: called when it is really gone.
 export function deleteLater({ path, text, restore, done }) {
@@ -30,7 +34,9 @@ export function deleteLater({ path, text, restore, done }) {
     notice.remove();
     if (hadFocus) byId("main").focus();
   };
-  const commit = async () => {
+  let going = null;
+  const commit = () => (going ??= remove());
+  const remove = async () => {
     clearInterval(timer);
     undo.disabled = true;
     try {

@@ -87,16 +87,19 @@ function listed(names, many, word) {
 }
 
 // What an answer comes to, in a sentence. hits: in the order of the answer, each with its `name`;
-// found: how many the server counts, over all pages, or null. inPart, filtered: what it was limited to.
-export function verdictWords({ hits, found, inPart = false, filtered = false }) {
+// found: how many the server counts, over all pages, or null: objects where the hits are grouped by
+// object, else pictures. inPart, filtered: what it was limited to.
+export function verdictWords({ hits, found, grouped = true, inPart = false, filtered = false }) {
   const where = inPart ? " inside the part" : "";
   const names = (list) => [...new Set(list.map(({ name }) => name))];
   const sure = names(hits.filter(isFound));
   const perhaps = names(hits.filter((hit) => !isFound(hit) && !isWeak(hit)));
   if (sure.length) {
-    const all = hits.filter(isFound).length === sure.length ? Math.max(sure.length, found ?? 0) : sure.length;
+    const listedHits = hits.filter(isFound).length;
+    const all = grouped && listedHits === sure.length ? Math.max(sure.length, found ?? 0) : sure.length;
+    const orMore = !grouped && found > listedHits ? " or more" : "";
     return all === 1 ? `Found${where}: ${sure[0]}.` :
-                       `${all} objects found${where}: ${listed(sure, all, "and")}.`;
+                       `${all}${orMore} objects found${where}: ${listed(sure, all, "and")}.`;
   }
   if (perhaps.length) return `Not sure${where}: perhaps ${listed(perhaps, perhaps.length, "or")}.`;
   if (filtered) return `Not found${where} among what the filters leave.`;

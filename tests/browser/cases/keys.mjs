@@ -53,6 +53,56 @@ test("the page asks for a key, uses it for everything, and forgets it when told"
   await page.context().close();
 });
 
+// Photographs that were searched with are their owner's.
+test("a kept photograph goes with its day, its tab and its key", async () => {
+  const page = await house.openPage(server.address);
+  const kept = (...given) => page.evaluate(async ([step, key]) => {
+    const { forgetQueries, keepQuery, keptQuery, purgeQueries } = await import("/assets/kept.js");
+    const clock = Date.now;
+    if (step === "keep") return keepQuery(new File(["x"], "x.png"));
+    if (step === "use key") sessionStorage.setItem("pliant-key", "one");
+    if (step === "other tab") sessionStorage.removeItem("pliant-tab");
+    if (step === "next day") Date.now = () => clock() + 25 * 3600 * 1000;
+    if (step === "purge") {
+      Date.now = () => clock() + 25 * 3600 * 1000;
+      await purgeQueries();
+    }
+    if (step === "forget") await forgetQueries();
+    const file = await keptQuery(key);
+    Date.now = clock;
+    return file?.name ?? null;
+  }, given);
+  let key = await kept("keep");
+  assert.deepEqual([await kept("", key), await kept("next day", key), await kept("", key), await kept("other tab", key),
+                    await kept("purge", key), await kept("", key)],
+                   ["x.png", null, "x.png", "x.png", null, null]);
+  await kept("use key", key);
+  key = await kept("keep");
+  assert.deepEqual([await kept("", key), await kept("other tab", key)], ["x.png", null]);
+  key = await kept("keep");
+  assert.deepEqual([await kept("", key), await kept("forget", key)], ["x.png", null]);
+
+  key = await kept("keep");
+  await page.reload();
+  const enter = async (secret) => {
+    await page.getByRole("button", { name: "Key", exact: true }).click();
+    await page.locator("#key-input").fill(secret);
+    await page.getByRole("button", { name: "Use it" }).click();
+  };
+  await enter("one");
+  assert.equal(await kept("", key), "x.png", "the same key");
+  await enter("two");
+  await page.waitForFunction(() => sessionStorage.getItem("pliant-tab") === null);
+  assert.equal(await page.evaluate(() => new Promise((done) => {
+    const opening = indexedDB.open("pliant");
+    opening.onsuccess = () => {
+      const all = opening.result.transaction("queries").objectStore("queries").count();
+      all.onsuccess = () => done(all.result);
+    };
+  })), 0);
+  await page.context().close();
+});
+
 test("too many requests are said in words when waiting would take long", async () => {
   const page = await house.openPage(server.address);
   await page.route("**/search", (route) => route.fulfill({

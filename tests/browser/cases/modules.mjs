@@ -111,6 +111,11 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   assert.equal(await words({ hits: hits(["a", 1], ["b", 1], ["c", 1], ["d", 1], ["e", 1]), found: 9 }),
                "9 objects found: a, b, c, d and 5 more.", "those on later pages count");
   assert.equal(await words({ hits: hits(["a", 1], ["a", 0.95]), found: 2 }), "Found: a.", "pictures of one object");
+  const pictures = hits(["a", 1], ["a", 0.95], ["b", 0.95]);
+  assert.equal(await words({ hits: hits(["a", 1], ["b", 1]), found: 9, grouped: false }),
+               "2 or more objects found: a and b.", "nine pictures are of two objects at least");
+  assert.equal(await words({ hits: pictures, found: 3, grouped: false }), "2 objects found: a and b.");
+  assert.equal(await words({ hits: hits(["a", 1], ["a", 1]), found: 30, grouped: false }), "Found: a.");
   assert.equal(await words({ hits: hits(["mug", 0.89], ["tin", 0.5]), found: 0 }), "Not sure: perhaps mug or tin.");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not in your collection.");
   assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found among what the filters leave.");
@@ -129,6 +134,44 @@ test("names are made of folders and files, and of the time where those say nothi
   assert.match(made, /^Photo (1969|1970)-/);
   assert.equal(await name(file("1234.png"), "", [made]), `${made} (2)`);
 }));
+
+// Joiners stay where writing needs them: after a letter of Persian or Hindi, and in emoji.
+test("names that the page proposes are such that the server takes", () => withModules(async (call) => {
+  const proposed = async (stem) => (await call("names.js", "defaultName", { name: `${stem}.png`, lastModified: 0 })).value;
+  const statusOf = async (object) => (await fetch(`${server.address}/v1/collections/default/objects/none`, {
+    method: "PATCH", headers: { "Content-Type": "application/merge-patch+json" }, body: JSON.stringify({ object }) })).status;
+  const persian = "\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645";
+  const family = "\u{1f468}\u200d\u{1f469}";
+  for (const [stem, name] of [
+    ["tag\u{e0041}\u{10ffff}ged", "tagged"], ["la\u200cmp\u200d", "lamp"], ["half\ud800 one", "half one"],
+    [persian, persian], [`${persian}\u200c`, persian], [family, family], [`${family}\u200d\u200d `, family],
+    ["\u200d\u3000\u200dcup", "cup"], ["x".repeat(300), "x".repeat(200)],
+    ["\u6f22".repeat(190), "\u6f22".repeat(170)], ["\u{1f468}".repeat(128), "\u{1f468}".repeat(100)]]) {
+    assert.equal(await proposed(stem), name);
+    assert.equal(await statusOf(name), 404, `the server takes ${name}: there is only nothing to rename`);
+  }
+  assert.notEqual(await statusOf("la\u200cmp"), 404);
+  const shown = await call("names.js", "objectName", "", "gnp.\u202e\u{e0041}cat.png");
+  assert.equal(shown.value, "gnp.cat");
+}));
+
+test("the focus goes to what was added, or to what unfolds it", async () => {
+  const page = await house.openPage(server.address);
+  const focused = (probabilities) => page.evaluate(async (list) => {
+    const { addHits, clearHits, focusHit, showRest } = await import("/assets/results.js");
+    for (const id of ["workspace", "results-panel"]) document.getElementById(id).hidden = false;
+    clearHits();
+    addHits(list.map((probability, i) => ({ image_id: `none-${i}`, object: `hit ${i}`, rank: i + 1, score: 0, probability })),
+            new Map(), () => {});
+    showRest(0);
+    document.activeElement.blur();
+    focusHit(1);
+    return document.activeElement.id || document.activeElement.querySelector(".name")?.textContent;
+  }, probabilities);
+  assert.deepEqual([await focused([0.9, 0.8]), await focused([0.9, 0.1]), await focused([0.9])],
+                   ["2. hit 1", "weaker-toggle", "1. hit 0"]);
+  await house.closePage(page);
+});
 
 test("the recommendation follows the collection's growth", () => withModules(async (call) => {
   const advice = async (images, descriptors, available, sampled) => (await call(

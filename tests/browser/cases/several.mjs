@@ -65,6 +65,8 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await page.getByRole("button", { name: "newspaper", exact: true }).focus();
     await page.keyboard.press("Enter");
     await house.waitForText(page, "#compare-title", /Compare: newspaper/);
+    assert.equal(await page.evaluate(() => document.activeElement.className + document.activeElement.textContent),
+                 "tagnewspaper", "the keyboard stays where it was");
 
     // So does the place itself: each lies in its third of the photograph.
     for (const [i, name] of ["town map", "newspaper", "poster"].entries()) {
