@@ -87,8 +87,8 @@ std::string EncodeSegment(std::string_view text);
 // Throws ProblemError "unsupported_content_type" when the request's body is none that the route
 // takes.
 void CheckContentType(const Route& route, const Request& request);
-// Throws "precondition_failed" where If-Match would be ignored: the request must not be performed as
-// if it held (RFC 9110, section 13.1.1).
+// Throws "precondition_failed" where If-Match would be ignored: the request must not be performed
+// as if it held (RFC 9110, section 13.1.1).
 void CheckConditions(const Route& route, const Request& request);
 
 }  // namespace pliant::server
