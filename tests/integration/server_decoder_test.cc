@@ -137,9 +137,14 @@ TEST_F(ServerDecoderTest, GoesOnWhenOneCrashes) {
   auto client = server_->Client();
   const int id = OnlyDecoder();
   kill(id, SIGSTOP);
+  std::string
+      state;  // "ID (NAME) T ..." once it has stopped; before that, the next signal would overtake
+  while (state.find(") T ") == std::string::npos) {
+    std::getline(std::ifstream("/proc/" + std::to_string(id) + "/stat"), state);
+  }
   kill(id, SIGSEGV);  // comes when it goes on
   std::thread later([&] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    std::this_thread::sleep_for(std::chrono::seconds(3));  // the picture is at the decoder by then
     kill(id, SIGCONT);
   });
   const auto refused = client.Post(kImages, TestPicture(1), "image/png");
