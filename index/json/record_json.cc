@@ -4,6 +4,18 @@
 
 namespace pliant {
 
+const char* OutcomeName(AddOutcome outcome) {
+  switch (outcome) {
+    case AddOutcome::kCreated:
+      return "created";
+    case AddOutcome::kReplaced:
+      return "replaced";
+    case AddOutcome::kUnchanged:
+      return "unchanged";
+  }
+  return "unchanged";
+}
+
 Json ImageJson(const ImageRecord& image) {
   return {{"id", image.id},
           {"collection", image.collection},

@@ -10,6 +10,9 @@
 
 namespace pliant {
 
+// "created", "replaced" or "unchanged".
+const char* OutcomeName(AddOutcome outcome);
+
 // {"id", "collection", "object", "metadata", "source", "sha256", "media_type", "bytes", "width",
 // "height", "keypoints", "added_at"}
 Json ImageJson(const ImageRecord& image);

@@ -16,6 +16,21 @@ namespace {
   throw Error(ErrorCode::kInvalidArgument, "array_shape", message);
 }
 
+template <typename Array>
+void CheckRows(const Array& rows, py::ssize_t columns, const char* what) {
+  if (rows.ndim() != 2 || rows.shape(1) != columns) {
+    ThrowShape(std::string(what) + " must be an array of N x " + std::to_string(columns));
+  }
+  const auto at = rows.template unchecked<2>();
+  for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
+    for (py::ssize_t j = 0; j < columns; ++j) {
+      if (std::isfinite(at(i, j))) continue;
+      throw Error(ErrorCode::kInvalidArgument, "not_finite",
+                  std::string(what) + ": row " + std::to_string(i) + " is not finite");
+    }
+  }
+}
+
 }  // namespace
 
 Image ToImage(const ByteArray& pixels) {
@@ -76,18 +91,11 @@ py::array FromDescriptors(const Descriptors& descriptors) {
 }
 
 std::vector<Keypoint> ToKeypoints(const FloatArray& rows, const char* what) {
-  if (rows.ndim() != 2 || rows.shape(1) != 6) {
-    ThrowShape(std::string(what) + " must be an array of N x 6");
-  }
+  CheckRows(rows, 6, what);
   const auto at = rows.unchecked<2>();
   std::vector<Keypoint> keypoints;
   keypoints.reserve(static_cast<std::size_t>(rows.shape(0)));
   for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
-    for (py::ssize_t j = 0; j < 6; ++j) {
-      if (std::isfinite(at(i, j))) continue;
-      throw Error(ErrorCode::kInvalidArgument, "not_finite",
-                  std::string(what) + ": row " + std::to_string(i) + " is not finite");
-    }
     const float octave = std::clamp(at(i, 5), -2147483648.0F, 2147483520.0F);
     keypoints.push_back(
         {at(i, 0), at(i, 1), at(i, 2), at(i, 3), at(i, 4), static_cast<std::int32_t>(octave)});
@@ -136,17 +144,11 @@ py::tuple FromFeatures(const Features& features) {
 }
 
 std::vector<Vec2> ToPoints(const DoubleArray& points, const char* what) {
-  if (points.ndim() != 2 || points.shape(1) != 2) {
-    ThrowShape(std::string(what) + " must be an array of N x 2");
-  }
+  CheckRows(points, 2, what);
   const auto at = points.unchecked<2>();
   std::vector<Vec2> result;
   result.reserve(static_cast<std::size_t>(points.shape(0)));
   for (py::ssize_t i = 0; i < points.shape(0); ++i) {
-    if (!std::isfinite(at(i, 0)) || !std::isfinite(at(i, 1))) {
-      throw Error(ErrorCode::kInvalidArgument, "not_finite",
-                  std::string(what) + ": row " + std::to_string(i) + " is not finite");
-    }
     result.push_back({at(i, 0), at(i, 1)});
   }
   return result;

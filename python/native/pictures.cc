@@ -10,18 +10,6 @@
 namespace pliant::python {
 namespace {
 
-const char* ToString(AddOutcome outcome) {
-  switch (outcome) {
-    case AddOutcome::kCreated:
-      return "created";
-    case AddOutcome::kReplaced:
-      return "replaced";
-    case AddOutcome::kUnchanged:
-      break;
-  }
-  return "unchanged";
-}
-
 // (outcome, the JSON text of the record)
 std::pair<std::string, std::string> Add(const OpenIndex& index, const py::bytes& data,
                                         const std::string& object,
@@ -38,7 +26,7 @@ std::pair<std::string, std::string> Add(const OpenIndex& index, const py::bytes&
   request.threads = threads;
   return index.Call([&request](Engine& engine, const std::string&) {
     const AddResult result = engine.Add(request);
-    return std::pair<std::string, std::string>(ToString(result.outcome),
+    return std::pair<std::string, std::string>(OutcomeName(result.outcome),
                                                ToText(ImageJson(result.image)));
   });
 }

@@ -18,18 +18,6 @@ AddResult AddOnPool(Service& service, const AddRequest& request) {
   return result;
 }
 
-const char* OutcomeName(AddOutcome outcome) {
-  switch (outcome) {
-    case AddOutcome::kCreated:
-      return "created";
-    case AddOutcome::kReplaced:
-      return "replaced";
-    case AddOutcome::kUnchanged:
-      return "unchanged";
-  }
-  return "unchanged";
-}
-
 Parameter ObjectParameter() { return {"object", "what the picture shows"}; }
 
 Parameter MetadataParameter() {

@@ -10,9 +10,6 @@ namespace pliant::server {
 // Runs on the pool, updates the metrics, and notifies the automatic training.
 AddResult AddOnPool(Service& service, const AddRequest& request);
 
-// "created", "replaced", "unchanged"
-const char* OutcomeName(AddOutcome outcome);
-
 Parameter ObjectParameter();
 Parameter MetadataParameter();
 

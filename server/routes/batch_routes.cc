@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "descriptor/base/parallel.h"
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
