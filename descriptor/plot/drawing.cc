@@ -10,7 +10,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/utf8.h"
 #include "descriptor/image/cv_image.h"
+#include "descriptor/plot/lettering.h"
 
 namespace pliant {
 namespace {
@@ -48,6 +50,33 @@ std::vector<cv::Point> ToFixed(std::span<const Vec2> points) {
 double FontScale(int height_px) { return cv::getFontScaleFromHeight(kFont, height_px); }
 
 int Stroke(int height_px) { return std::max(1, height_px / 10); }
+
+// What OpenCV's own letters can show.
+std::string ToAscii(const std::string& text) {
+  std::string ascii;
+  for (const char32_t point : DecodeUtf8(text)) {
+    ascii += point >= 0x20 && point < 0x7F ? static_cast<char>(point) : '?';
+  }
+  return ascii;
+}
+
+void Blend(Image& on, const Lettering& letters, int left, int baseline, Colour colour) {
+  const std::int64_t x0 = std::int64_t{left} + letters.left;
+  const std::int64_t y0 = std::int64_t{baseline} + letters.top;
+  const std::uint8_t rgb[] = {colour.red, colour.green, colour.blue};
+  for (int row = 0; row < letters.height; ++row) {
+    if (y0 + row < 0 || y0 + row >= on.height) continue;
+    for (int column = 0; column < letters.width; ++column) {
+      if (x0 + column < 0 || x0 + column >= on.width) continue;
+      const int ink = letters.ink[static_cast<std::size_t>(row) * letters.width + column];
+      std::uint8_t* pixel =
+          &on.pixels[static_cast<std::size_t>(3 * ((y0 + row) * on.width + x0 + column))];
+      for (int c = 0; c < 3; ++c) {
+        pixel[c] = static_cast<std::uint8_t>((pixel[c] * (255 - ink) + rgb[c] * ink + 127) / 255);
+      }
+    }
+  }
+}
 
 }  // namespace
 
@@ -109,13 +138,19 @@ void FillBox(Image& on, int x, int y, int width, int height, Colour colour) {
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px) {
   cv::Mat canvas = Canvas(on);
-  cv::putText(canvas, text, {left, baseline}, kFont, FontScale(height_px), ToScalar(colour),
-              Stroke(height_px), cv::LINE_AA);
+  if (HasFonts()) {
+    Blend(on, DrawLetters(text, height_px), left, baseline, colour);
+    return;
+  }
+  cv::putText(canvas, ToAscii(text), {left, baseline}, kFont, FontScale(height_px),
+              ToScalar(colour), Stroke(height_px), cv::LINE_AA);
 }
 
 int TextWidth(const std::string& text, int height_px) {
+  if (HasFonts()) return LetteringAdvance(text, height_px);
   int below = 0;
-  return cv::getTextSize(text, kFont, FontScale(height_px), Stroke(height_px), &below).width;
+  return cv::getTextSize(ToAscii(text), kFont, FontScale(height_px), Stroke(height_px), &below)
+      .width;
 }
 
 void PastePicture(Image& onto, const Image& what, int x, int y) {

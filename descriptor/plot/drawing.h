@@ -46,7 +46,9 @@ void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour);
 void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour);
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 
-// The text starts at (`left`, `baseline`). ASCII; other characters are drawn as '?'.
+// One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts (see lettering.h).
+// `height_px`: of a capital letter. On a system without fonts the letters are OpenCV's: what is not
+// ASCII is then drawn as '?', one a character.
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px = 12);
 // Width of one line in pixels.

@@ -67,7 +67,11 @@ double Sheet::TextWidth(const std::string& text, int height) {
 std::string Sheet::Shortened(const std::string& text, double width, int height) {
   if (TextWidth(text, height) <= width) return text;
   std::string cut = text;
-  while (!cut.empty() && TextWidth(cut + "...", height) > width) cut.pop_back();
+  const auto continues = [](char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; };
+  while (!cut.empty() && TextWidth(cut + "...", height) > width) {
+    while (cut.size() > 1 && continues(cut.back())) cut.pop_back();  // whole characters
+    cut.pop_back();
+  }
   return cut + "...";
 }
 

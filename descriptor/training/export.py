@@ -7,6 +7,10 @@
 
 The comparison (SIFT, RootSIFT, the weights with and without warp, and those of --against) is made
 on the development scenes with shared key points and written to comparison.csv and to the card.
+
+    python3 -m descriptor.training.export --onnx deal.onnx
+
+writes the shipped weights, or those of --weights, as an ONNX graph (see onnx_model.py), and nothing else.
 """
 
 from __future__ import annotations
@@ -24,7 +28,10 @@ import torch
 from . import runtime, tensor_file
 from .goldens import write_goldens
 from .model import load_model, save_model
+from .onnx_model import OPSET, OnnxError, write_onnx
 from .validation import MatchingPair, deal_describer, development_pairs, evaluate, sift_describer
+
+_SHIPPED = Path(__file__).resolve().parent.parent / "model" / "deal.safetensors"
 
 _LIMITS = """## Limits
 
@@ -142,10 +149,11 @@ def export(arguments: argparse.Namespace, device: torch.device) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--weights", type=Path, required=True)
-    parser.add_argument("--dev", type=Path, required=True, help="folder of development scenes")
-    parser.add_argument("--model", type=Path, required=True, help="folder for weights and card")
-    parser.add_argument("--goldens", type=Path, required=True, help="folder for the goldens")
+    parser.add_argument("--onnx", type=Path, help="write the network to this file as ONNX")
+    parser.add_argument("--weights", type=Path, help="weights of a run (with --onnx: default the shipped ones)")
+    parser.add_argument("--dev", type=Path, help="folder of development scenes")
+    parser.add_argument("--model", type=Path, help="folder for weights and card")
+    parser.add_argument("--goldens", type=Path, help="folder for the goldens")
     parser.add_argument("--against", type=Path, help="earlier weights for the comparison")
     parser.add_argument("--pairs", type=int, default=120)
     parser.add_argument("--keypoints", type=int, default=1024)
@@ -153,6 +161,16 @@ def main() -> None:
     parser.add_argument("--fact", action="append", default=[], help="key=value for metadata and card")
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
+    if arguments.onnx is not None:
+        try:
+            write_onnx(arguments.weights or _SHIPPED, arguments.onnx)
+        except (OnnxError, tensor_file.TensorFileError, OSError) as error:
+            parser.exit(1, f"export: {error}\n")
+        print(f"wrote {arguments.onnx}: {arguments.onnx.stat().st_size} bytes, ONNX opset {OPSET}")
+        return
+    missing = [name for name in ("weights", "dev", "model", "goldens") if getattr(arguments, name) is None]
+    if missing:
+        parser.error("the following arguments are required: " + ", ".join(f"--{name}" for name in missing))
     export(arguments, runtime.configure(arguments.threads))
 
 

@@ -212,27 +212,33 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
          "directory of the originals (default: the one that the database records)")
       ->type_name("DIR");
   app->add_flag("--json", options->json, "print one JSON document");
-  const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&)) {
+  const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
+                       const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
     sub->fallthrough();
+    sub->footer("Example:  pliant db " + example);
     sub->callback([options, run, &status] { status = run(*options); });
     return sub;
   };
-  add("stats", "Show the number of images, sizes and the vocabulary", Stats);
-  add("check", "Verify the integrity of the database", Check)
+  add("stats", "Show the number of images, sizes and the vocabulary", Stats, "stats --db my.db");
+  add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
                  "also remove files from the originals' directory that no picture refers to");
-  add("backup", "Copy the database to a new file, also while it is in use", Backup)
+  add("backup", "Copy the database to a new file, also while it is in use", Backup,
+      "backup monday.db --db my.db")
       ->add_option("FILE", options->backup, "the new file")
       ->required();
-  CLI::App* restore = add("restore", "Put a backup in place of the database", Restore);
+  CLI::App* restore = add("restore", "Put a backup in place of the database", Restore,
+                          "restore monday.db --db my.db --replace");
   restore->add_option("FILE", options->backup, "the backup; it stays as it is")->required();
   restore->add_flag("--replace", options->replace,
                     "also over an existing database, which is kept under another name");
-  add("originals", "Move the uploaded files into a directory, or back", MoveOriginals)
+  add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
+      "originals pictures/ --db my.db")
       ->add_option("DIR|database", options->place, "the new location of the files")
       ->required();
-  CLI::App* remove = add("rm", "Remove images permanently", Remove);
+  CLI::App* remove =
+      add("rm", "Remove images permanently", Remove, "rm --object 'red shirt' --db my.db");
   remove->add_option("ID", options->ids, "image ids");
   remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");
 }

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant describe IMAGE --out FILE.npz|FILE.safetensors
+// pliant describe IMAGE|DIR --out FILE.npz|FILE.safetensors
 #include <memory>
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/features_file.h"
+#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
 #include "index/files/text.h"
@@ -21,8 +22,46 @@ struct Options {
   bool json = false;
 };
 
+ExitStatus DescribeAll(const Options& options) {
+  const Interrupt interrupt;
+  FolderFeatures folder = FindFolderPictures({options.image});
+  DescribeFolder(folder, options.engine, options.threads, interrupt);
+  if (interrupt.requested()) {
+    Message("stopped on request; nothing was written");
+    return ExitStatus::kFailed;
+  }
+  const std::string root = ToDisplayText(folder.root.string());
+  if (folder.pictures.empty()) {
+    ReportSkipped(folder.skipped);
+    throw Error(ErrorCode::kUnprocessable, "no_pictures",
+                root + " holds no picture that can be described");
+  }
+  WriteFolderFeatures(options.out, folder.pictures);
+  std::size_t keypoints = 0;
+  for (const FolderPicture& picture : folder.pictures)
+    keypoints += picture.features.keypoints.size();
+  const std::string file = ToDisplayText(options.out.string());
+  const Features& any = folder.pictures[0].features;
+  if (options.json) {
+    PrintJson({{"file", file},
+               {"folder", root},
+               {"images", folder.pictures.size()},
+               {"keypoints", keypoints},
+               {"dim", any.descriptors.dim},
+               {"model_id", any.model_id},
+               {"skipped", SkippedJson(folder.skipped)}});
+  } else {
+    ReportSkipped(folder.skipped);
+    Print("wrote " + file + ": " + std::to_string(keypoints) + " key points of " +
+          std::to_string(folder.pictures.size()) + " pictures below " + root + ", " + any.model_id);
+  }
+  return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+}
+
 ExitStatus Run(const Options& options) {
   CheckFeaturesName(options.out);
+  std::error_code error;  // reading it says what is wrong
+  if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
   const PictureInput picture =
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =
@@ -58,8 +97,13 @@ ExitStatus Run(const Options& options) {
 void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
-      "describe", "Write a picture's key points and descriptors to a file for NumPy or PyTorch");
-  app->add_option("IMAGE", options->image, "the picture; - = standard input")->required();
+      "describe",
+      "Write the key points and descriptors of a picture, or of a folder's, to a file for NumPy or "
+      "PyTorch");
+  app->add_option("IMAGE|DIR", options->image,
+                  "the picture; - = standard input; or a folder, of which all pictures are "
+                  "described")
+      ->required();
   app->add_option("--out,-o", options->out, "the file to write: .npz (NumPy) or .safetensors")
       ->required()
       ->type_name("FILE");
@@ -68,7 +112,9 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
       ->capture_default_str()
       ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
-  app->footer("Example:  pliant describe PHOTO.jpg --out photo.npz");
+  app->footer(
+      "Example:  pliant describe PHOTO.jpg --out photo.npz\n"
+      "          pliant describe photos/ --out photos.npz");
   app->callback([options, &status] { status = Run(*options); });
 }
 

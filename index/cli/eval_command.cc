@@ -8,6 +8,7 @@ namespace pliant::cli {
 void AddEvalCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("eval", "Evaluate descriptors on a data set");
   app->require_subcommand(1);
+  app->footer("Example:  pliant eval matching scenes/");
   AddEvalMatching(*app, status);
   AddEvalRetrieval(*app, status);
   AddEvalTracking(*app, status);

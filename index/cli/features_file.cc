@@ -5,15 +5,17 @@
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <map>
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <tuple>
 #include <vector>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/safetensors.h"
-#include "index/cli/npz_archive.h"
 #include "index/cli/write_file.h"
+#include "index/files/features_npz.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {
@@ -31,68 +33,102 @@ std::string_view ViewOf(const std::vector<Value>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
 }
 
-std::vector<float> KeypointRows(const Features& features) {
-  std::vector<float> rows;
-  for (const Keypoint& k : features.keypoints) {
-    rows.insert(rows.end(), {k.x, k.y, k.size, k.angle, k.response, static_cast<float>(k.octave)});
-  }
-  return rows;
-}
-
-void WriteNpz(const std::filesystem::path& path, const Features& features) {
-  const Descriptors& d = features.descriptors;
-  const bool is_float = d.kind == DescriptorKind::kFloat;
-  const std::array<std::int64_t, 2> points = {static_cast<std::int64_t>(features.keypoints.size()),
-                                              6};
-  const std::array<std::int64_t, 2> rows = {static_cast<std::int64_t>(d.rows), d.dim};
-  NpzArchive archive;
-  archive.Add("keypoints", "<f4", points, ViewOf(KeypointRows(features)));
-  archive.Add("descriptors", is_float ? "<f4" : "|u1", rows,
-              is_float ? ViewOf(d.floats) : ViewOf(d.bytes));
-  archive.Add("width", "<i8", {}, ViewOf(std::vector<std::int64_t>{features.width}));
-  archive.Add("height", "<i8", {}, ViewOf(std::vector<std::int64_t>{features.height}));
-  archive.AddText("model_id", features.model_id);
-  WriteFile(path, archive.Finish());
-}
-
-void WriteTensors(const std::filesystem::path& path, const Features& features) {
+std::vector<Tensor> TensorsOf(const Features& features) {
   const Descriptors& d = features.descriptors;
   const bool is_float = d.kind == DescriptorKind::kFloat;
   const auto points = static_cast<std::int64_t>(features.keypoints.size());
   const auto rows = static_cast<std::int64_t>(d.rows);
-  const std::error_code error =
-      WriteSafetensors(path,
-                       {{"keypoints", "F32", {points, 6}, BytesOf(KeypointRows(features))},
-                        {"descriptors",
-                         is_float ? "F32" : "U8",
-                         {rows, d.dim},
-                         is_float ? BytesOf(d.floats) : BytesOf(d.bytes)}},
-                       {{"model_id", features.model_id},
-                        {"width", std::to_string(features.width)},
-                        {"height", std::to_string(features.height)}});
-  if (error) {
+  return {{"keypoints", "F32", {points, 6}, BytesOf(KeypointRows(features))},
+          {"descriptors",
+           is_float ? "F32" : "U8",
+           {rows, d.dim},
+           is_float ? BytesOf(d.floats) : BytesOf(d.bytes)}};
+}
+
+void WriteTensors(const std::filesystem::path& path, const std::vector<Tensor>& tensors,
+                  const std::map<std::string, std::string>& metadata) {
+  if (const std::error_code error = WriteSafetensors(path, tensors, metadata)) {
     throw Error(ErrorCode::kNoSpace, "write_failed",
                 path.string() + " could not be written: " + error.message());
   }
 }
 
+bool IsNpz(const std::filesystem::path& path) { return path.extension() == ".npz"; }
+
+// The rows of all pictures, and which are whose.
+struct Joined {
+  Features all;
+  std::vector<std::string> names;
+  std::vector<std::int64_t> starts = {0}, widths, heights;
+};
+
+Joined Join(std::span<const FolderPicture> pictures) {
+  Joined joined;
+  for (const FolderPicture& picture : pictures) {
+    const Features& f = picture.features;
+    Features& all = joined.all;
+    if (joined.names.empty()) {
+      all.model_id = f.model_id;
+      all.descriptors.kind = f.descriptors.kind;
+      all.descriptors.dim = f.descriptors.dim;
+    }
+    all.keypoints.insert(all.keypoints.end(), f.keypoints.begin(), f.keypoints.end());
+    all.descriptors.Append(f.descriptors);
+    joined.names.push_back(ToDisplayText(picture.name));
+    joined.starts.push_back(static_cast<std::int64_t>(all.keypoints.size()));
+    joined.widths.push_back(f.width);
+    joined.heights.push_back(f.height);
+  }
+  return joined;
+}
+
 }  // namespace
 
 void CheckFeaturesName(const std::filesystem::path& path) {
-  if (path.extension() == ".npz" || path.extension() == ".safetensors") return;
+  const std::string extension = path.extension().string();
+  if (IsNpz(path) || extension == ".safetensors") return;
+  const bool hdf5 = extension == ".h5" || extension == ".hdf5";
   throw Error(
       ErrorCode::kInvalidArgument, "bad_features_name",
       ToDisplayText(path.string()) +
-          ": features are written as .npz (NumPy) or .safetensors; the name must say which");
+          ": features are written as .npz (NumPy) or .safetensors; the name must say which" +
+          (hdf5 ? ". HDF5 is not written: in Python, h5py makes it from the arrays of a .npz"
+                : ""));
 }
 
 void WriteFeatures(const std::filesystem::path& path, const Features& features) {
   CheckFeaturesName(path);
-  if (path.extension() == ".npz") {
-    WriteNpz(path, features);
-  } else {
-    WriteTensors(path, features);
+  if (!IsNpz(path)) {
+    return WriteTensors(path, TensorsOf(features),
+                        {{"model_id", features.model_id},
+                         {"width", std::to_string(features.width)},
+                         {"height", std::to_string(features.height)}});
   }
+  WriteFile(path, FeaturesNpz(features));
+}
+
+void WriteFolderFeatures(const std::filesystem::path& path,
+                         std::span<const FolderPicture> pictures) {
+  CheckFeaturesName(path);
+  const Joined joined = Join(pictures);
+  const std::tuple<const char*, const std::vector<std::int64_t>&> lists[] = {
+      {"starts", joined.starts}, {"width", joined.widths}, {"height", joined.heights}};
+  if (IsNpz(path)) {
+    NpzArchive archive;
+    AddFeatures(archive, joined.all);
+    archive.AddTexts("names", joined.names);
+    for (const auto& [name, values] : lists) {
+      const auto count = static_cast<std::int64_t>(values.size());
+      archive.Add(name, "<i8", {&count, 1}, ViewOf(values));
+    }
+    return WriteFile(path, archive.Finish());
+  }
+  std::vector<Tensor> tensors = TensorsOf(joined.all);
+  for (const auto& [name, values] : lists) {
+    tensors.push_back({name, "I64", {static_cast<std::int64_t>(values.size())}, BytesOf(values)});
+  }
+  WriteTensors(path, tensors,
+               {{"model_id", joined.all.model_id}, {"names", Json(joined.names).dump()}});
 }
 
 }  // namespace pliant::cli

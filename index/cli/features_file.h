@@ -6,11 +6,16 @@
 //                 `height` (int64) and `model_id` (text). numpy.load(file)["keypoints"]
 //   .safetensors  tensors `keypoints` and `descriptors` as above; metadata model_id, width, height
 //                 (descriptor/base/safetensors.h)
+// Of a folder: the rows of all pictures one after the other; `starts` int64 P + 1, where picture i
+// has the rows starts[i] .. starts[i + 1]; `width` and `height` int64 P; `names` (text) P, which as
+// metadata of .safetensors is a JSON list.
 #pragma once
 
 #include <filesystem>
+#include <span>
 
 #include "descriptor/features/features.h"
+#include "index/cli/folder_features.h"
 
 namespace pliant::cli {
 
@@ -20,5 +25,10 @@ void CheckFeaturesName(const std::filesystem::path& path);
 
 // Replaces the file in one step. Throws what CheckFeaturesName throws, and kNoSpace "write_failed".
 void WriteFeatures(const std::filesystem::path& path, const Features& features);
+
+// The same of several pictures, all described alike. Throws kTooLarge "archive_too_large" for a
+// .npz above 2 GiB.
+void WriteFolderFeatures(const std::filesystem::path& path,
+                         std::span<const FolderPicture> pictures);
 
 }  // namespace pliant::cli

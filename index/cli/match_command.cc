@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant match A B
+// pliant match A B; pliant match DIR --colmap FILE
 #include <algorithm>
 #include <memory>
 #include <optional>
@@ -8,6 +8,7 @@
 #include "descriptor/evaluation/dataset.h"
 #include "descriptor/evaluation/match_drawing.h"
 #include "descriptor/evaluation/metrics.h"
+#include "index/cli/colmap_export.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
@@ -26,6 +27,7 @@ struct Options {
   std::filesystem::path first, second;
   std::filesystem::path homography;
   std::filesystem::path draw;
+  ColmapExportOptions colmap;
   MatchOptions match{.max_ratio = 1, .mutual_only = true, .threads = 0};
   double tolerance_px = 3;
   bool verify = false;
@@ -147,7 +149,7 @@ std::string Summary(const Result& result) {
 
 Image DecodeForDrawing(const std::filesystem::path& file, DecodeOptions decode, double& scale) {
   decode.colour = true;
-  DecodedImage decoded = DecodeImage(ReadFile(file, decode.max_bytes), decode);
+  DecodedImage decoded = DecodeImage(ReadPicture(file, decode.max_bytes).bytes, decode);
   scale = decoded.scale;
   return std::move(decoded.image);
 }
@@ -187,7 +189,19 @@ void Draw(const Options& options, const Result& result) {
                evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
 }
 
-ExitStatus Run(const Options& options) {
+ExitStatus Export(Options& options) {
+  ColmapExportOptions& colmap = options.colmap;
+  colmap.inputs = {options.first};
+  if (!options.second.empty()) colmap.inputs.push_back(options.second);
+  colmap.match = options.match;
+  colmap.verify = options.verify;
+  colmap.json = options.json;
+  return ExportToColmap(options.engine, colmap);
+}
+
+ExitStatus Run(Options& options) {
+  if (!options.colmap.database.empty()) return Export(options);
+  if (options.second.empty()) throw CLI::RequiredError("B");
   if (!options.draw.empty()) CheckPictureName(options.draw);
   const Result result = MatchPictures(options);
   if (!options.draw.empty()) Draw(options, result);
@@ -204,31 +218,52 @@ ExitStatus Run(const Options& options) {
 void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("match", "Match the key points of two pictures");
-  app->add_option("A", options->first, "a picture")->required();
-  app->add_option("B", options->second, "another picture of the same object")->required();
+  app->add_option("A", options->first, "a picture; with --colmap also a folder")->required();
+  app->add_option("B", options->second, "another picture of the same object");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
                   "ratio test: drop matches whose distance is more than this times that of the "
                   "second nearest")
       ->capture_default_str();
-  app->add_option("--homography", options->homography,
-                  "file with nine numbers that map pixels of A to pixels of B: shows which matches "
-                  "are correct "
-                  "(pictures of a simulated scene or of the non-rigid benchmark need none)")
-      ->type_name("FILE");
+  CLI::Option* homography =
+      app->add_option(
+             "--homography", options->homography,
+             "file with nine numbers that map pixels of A to pixels of B: shows which matches "
+             "are correct "
+             "(pictures of a simulated scene or of the non-rigid benchmark need none)")
+          ->type_name("FILE");
   app->add_option("--tolerance", options->tolerance_px,
                   "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str()
       ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
-  app->add_option("--draw", options->draw,
-                  "draw both pictures with the matches: green correct, red wrong, blue unknown")
-      ->type_name("PNG");
+  CLI::Option* draw =
+      app->add_option("--draw", options->draw,
+                      "draw both pictures with the matches: green correct, red wrong, blue unknown")
+          ->type_name("PNG");
+  CLI::Option* colmap =
+      app->add_option("--colmap", options->colmap.database,
+                      "write the key points and matches of the folder's pictures, every two of "
+                      "them, to this new database of COLMAP")
+          ->type_name("FILE")
+          ->excludes(draw)
+          ->excludes(homography);
+  app->add_option("--pairs", options->colmap.pairs,
+                  "file with two names a line: match only these pictures with each other")
+      ->type_name("FILE")
+      ->needs(colmap);
+  app->add_flag("--one-camera", options->colmap.one_camera,
+                "all pictures were taken by one camera, with one focal length")
+      ->needs(colmap);
   app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one per core")
       ->capture_default_str()
       ->check(Between(0, 1024));
   app->add_flag("--json", options->json, "print one JSON document");
-  app->footer("Example:  pliant match A.jpg B.jpg --verify --draw matches.png");
+  app->footer(
+      "Example:  pliant match A.jpg B.jpg --verify --draw matches.png\n"
+      "          pliant match views/ --colmap views.db\n"
+      "          colmap exhaustive_matcher --database_path views.db --SiftMatching.use_gpu 0\n"
+      "          colmap mapper --database_path views.db --image_path views --output_path model");
   app->callback([options, &status] { status = Run(*options); });
 }
 

@@ -3,10 +3,13 @@
 #include "index/cli/picture_input.h"
 
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <system_error>
 
+#include "descriptor/image/image.h"
+#include "descriptor/simulation/texture_source.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {
@@ -31,11 +34,22 @@ std::vector<std::uint8_t> ReadStandardInput(std::int64_t max_bytes) {
   return bytes;
 }
 
+// Binary PGM and PPM, the formats of HPatches and other data sets, become PNG: the library reads
+// what cameras and web sites make.
+std::vector<std::uint8_t> AsPng(std::vector<std::uint8_t> bytes) {
+  const bool pnm = bytes.size() > 2 && bytes[0] == 'P' && (bytes[1] == '5' || bytes[1] == '6') &&
+                   (std::isspace(bytes[2]) != 0 || bytes[2] == '#');
+  return pnm ? EncodePng(simulation::DecodePnm(bytes)) : bytes;
+}
+
 }  // namespace
 
 PictureInput ReadPicture(const std::filesystem::path& path, std::int64_t max_bytes) {
-  if (path == "-") return {"standard input", ReadStandardInput(max_bytes)};
-  return {ToDisplayText(path.string()), ReadFile(path, max_bytes)};
+  const bool standard_input = path == "-";
+  PictureInput picture{standard_input ? "standard input" : ToDisplayText(path.string()),
+                       standard_input ? ReadStandardInput(max_bytes) : ReadFile(path, max_bytes)};
+  picture.bytes = Naming(picture, [&] { return AsPng(std::move(picture.bytes)); });
+  return picture;
 }
 
 }  // namespace pliant::cli

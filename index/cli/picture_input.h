@@ -19,7 +19,9 @@ struct PictureInput {
   std::vector<std::uint8_t> bytes;
 };
 
-// Throws like ReadFile.
+// The bytes of a picture that DecodeImage reads, or refuses: binary PGM and PPM of 8 bits, which it
+// does not know, come as PNG. Throws like ReadFile and, for a broken one of those, like
+// DecodeImage.
 PictureInput ReadPicture(const std::filesystem::path& path, std::int64_t max_bytes);
 
 // Calls `work`; errors that concern the picture alone begin with its name.

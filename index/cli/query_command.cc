@@ -137,7 +137,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       {{"none", Verification::kNone}, {"tps", Verification::kTps}});
   app->add_option("--verify-depth", search.verify_depth,
                   "how many of the best pictures are verified (default: 100, or the square root of "
-                  "the collection's size if that is more)")
+                  "the collection's size if that is more; twice that where none of these agrees)")
       ->check(AboveZero())
       ->option_text("N");
   app->add_option(
@@ -159,7 +159,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_option(
          "--filter", options->filter,
          "only pictures whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": "
-         "{\"gte\": 2020}}'; tests are in, gt, gte, lt, lte")
+         "{\"gte\": 2020}}'; tests are in, ne, gt, gte, lt, lte, exists; filters join by and, or, "
+         "not")
       ->option_text("JSON");
   app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
       ->capture_default_str();

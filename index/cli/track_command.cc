@@ -8,6 +8,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
+#include "index/cli/picture_input.h"
 #include "index/cli/progress.h"
 #include "index/cli/track_flags.h"
 #include "index/cli/track_output.h"
@@ -35,15 +36,11 @@ struct Options {
   bool json = false;
 };
 
-Image ReadPicture(const std::filesystem::path& file, DecodeOptions decode, bool colour) {
+Image Decode(const std::filesystem::path& file, DecodeOptions decode, bool colour) {
   decode.colour = colour;
   decode.max_side_px = 0;  // the region is in the picture's own pixels
-  const std::vector<std::uint8_t> bytes = ReadFile(file, decode.max_bytes);
-  try {
-    return DecodeImage(bytes, decode).image;
-  } catch (const Error& error) {
-    throw Error(error.code(), error.reason(), file.string() + ": " + error.what());
-  }
+  const PictureInput picture = ReadPicture(file, decode.max_bytes);
+  return Naming(picture, [&] { return DecodeImage(picture.bytes, decode).image; });
 }
 
 Tracker MakeTracker(Options& options) {
@@ -53,8 +50,8 @@ Tracker MakeTracker(Options& options) {
   }
   options.tracker.extraction = options.engine.extraction;
   const DecodeOptions& decode = options.engine.extraction.decode;
-  const Image reference = ReadPicture(options.reference, decode, true);
-  if (!options.mask.empty()) options.tracker.mask = ReadPicture(options.mask, decode, false);
+  const Image reference = Decode(options.reference, decode, true);
+  if (!options.mask.empty()) options.tracker.mask = Decode(options.mask, decode, false);
   const std::string name =
       options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
   return {MakeDescriptor(name, options.engine.descriptor_options), reference, options.tracker};
@@ -112,6 +109,7 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
 
 ExitStatus Run(Options& options) {
   const Interrupt interrupt;
+  if (!options.out.empty()) CheckTrackOutName(options.out);
   if (!options.sheet.empty()) CheckPictureName(options.sheet);
   const Tracker tracker = MakeTracker(options);
   options.frames.decode = options.engine.extraction.decode;
@@ -170,7 +168,7 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status) {
   app->add_option(
          "--out,-o", options->out,
          "draw the mesh over each frame and the flattened object beside it: a video (.mp4, .mkv, "
-         ".avi) or a folder for pictures")
+         ".avi) or a folder for pictures; other files (.gif) are not written")
       ->type_name("OUT.mp4|DIR");
   app->add_option("--sheet", options->sheet, "draw a contact sheet of twelve frames")
       ->type_name("OUT.png");

@@ -3,11 +3,13 @@
 #include "index/cli/track_output.h"
 
 #include <array>
+#include <cctype>
 #include <cstdio>
 #include <system_error>
 
 #include "descriptor/base/error.h"
 #include "index/cli/write_picture.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {
@@ -20,6 +22,23 @@ namespace fs = std::filesystem;
 }
 
 }  // namespace
+
+void CheckTrackOutName(const fs::path& out) {
+  std::error_code ignored;
+  if (HasVideoName(out)) {
+    if (!fs::is_directory(fs::absolute(out).parent_path(), ignored)) FailToWrite(out);
+    return;
+  }
+  // "run.2" may be meant; "o.gif" is not.
+  const std::string extension = out.extension().string();
+  const bool promises =
+      extension.size() > 1 && std::isalpha(static_cast<unsigned char>(extension[1])) != 0;
+  if (!promises || fs::is_directory(out, ignored)) return;
+  throw Error(ErrorCode::kInvalidArgument, "bad_video_name",
+              ToDisplayText(out.string()) + ": " + ToDisplayText(extension) +
+                  " files are not written. Name a video (.mp4, .m4v, .mov, .mkv, .avi), or a "
+                  "folder for pictures; to a folder of this name add a slash");
+}
 
 TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
     : out_(out), frames_per_second_(frames_per_second), video_(HasVideoName(out)) {

@@ -12,6 +12,11 @@
 
 namespace pliant::cli {
 
+// To be called before the work whose result is written. Throws kInvalidArgument "bad_video_name"
+// for a name that promises a file of another type (.gif), kNoSpace "file_unwritable" where a
+// video's folder is not there.
+void CheckTrackOutName(const std::filesystem::path& out);
+
 // A video, or a folder of JPEG files frame_NNNNNN.jpg, depending on the name of `out`.
 class TrackOutput {
  public:

@@ -108,6 +108,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
 
   CLI::App* train = app->add_subcommand("train", "Train a new vocabulary on the stored pictures");
   train->fallthrough();
+  train->footer("Example:  pliant vocab train --db my.db --words 4000 --use");
   train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
       ->capture_default_str()
       ->check(Between(0, static_cast<int>(kMaxWords)));
@@ -127,10 +128,12 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
 
   CLI::App* list = app->add_subcommand("list", "List the vocabularies");
   list->fallthrough();
+  list->footer("Example:  pliant vocab list --db my.db");
   list->callback([options, &status] { status = List(*options); });
 
   CLI::App* use = app->add_subcommand("use", "Switch to another vocabulary");
   use->fallthrough();
+  use->footer("Example:  pliant vocab use 2 --db my.db");
   use->add_option("ID", options->id, "its number in `vocab list`")->required();
   use->callback([options, &status] { status = Use(*options); });
 }

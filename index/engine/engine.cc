@@ -47,7 +47,10 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   };
   store_ = OpenStore(opening);
   const bool describes = options_.load_descriptor && !options_.read_only;
-  SettleExtraction(describes);
+  const ExtractionLimits& limits = store_->model().limits;
+  FollowLimits(limits, options_.extraction);
+  limits_settled_ = limits.max_keypoints != 0 && limits.max_side_px != 0;
+  if (describes) SettleLimits(options_.extraction);
   store_->OpenOriginals(options_.originals_dir, describes);
   if (options_.custom_descriptor) {  // another process may have made the database meanwhile
     CheckModel(options_.custom_descriptor->info());
@@ -68,25 +71,31 @@ void Engine::Impl::CheckModel(const DescriptorInfo& info) const {
                   "; use that one, or index into a new database");
 }
 
-void Engine::Impl::SettleExtraction(bool may_write) {
-  const auto settle = [&](const char* name, int stored, const std::optional<int>& wanted,
+void Engine::Impl::FollowLimits(const ExtractionLimits& stored,
+                                ExtractionOptions& extraction) const {
+  const auto follow = [&](const char* name, int limit, const std::optional<int>& wanted,
                           int& value) {
-    if (wanted && stored != 0 && *wanted != stored) {
+    if (wanted && limit != 0 && *wanted != limit) {
       throw Error(ErrorCode::kConflict, "extraction_mismatch",
                   "the database " + options_.database.string() + " was made with " + name + " " +
-                      std::to_string(stored) + ", not " + std::to_string(*wanted) +
+                      std::to_string(limit) + ", not " + std::to_string(*wanted) +
                       "; leave it out to follow, or index into a new database");
     }
-    value = stored != 0 ? stored : wanted.value_or(value);
+    value = limit != 0 ? limit : wanted.value_or(value);
   };
-  const StoredModel& model = store_->model();
-  int& max_keypoints = options_.extraction.keypoints.max_keypoints;
-  int& max_side_px = options_.extraction.decode.max_side_px;
-  settle("max_keypoints", model.max_keypoints, options_.max_keypoints, max_keypoints);
-  settle("max_side_px", model.max_side_px, options_.max_side_px, max_side_px);
-  const bool decided = model.max_keypoints != 0 && model.max_side_px != 0;
-  // With no limit to the side there is nothing to write down: 0 means "not decided".
-  if (!decided && may_write) store_->SettleExtraction(max_keypoints, max_side_px);
+  follow("max_keypoints", stored.max_keypoints, options_.max_keypoints,
+         extraction.keypoints.max_keypoints);
+  follow("max_side_px", stored.max_side_px, options_.max_side_px, extraction.decode.max_side_px);
+}
+
+// Before the first picture is described. With no limit to the side there is nothing to write down
+// for it: 0 means "not decided".
+void Engine::Impl::SettleLimits(ExtractionOptions& extraction) {
+  if (limits_settled_ || options_.read_only) return;
+  FollowLimits(
+      store_->SettleExtraction({extraction.keypoints.max_keypoints, extraction.decode.max_side_px}),
+      extraction);
+  limits_settled_ = true;
 }
 
 const Engine::Impl::Extractors& Engine::Impl::extractors() {
@@ -95,7 +104,9 @@ const Engine::Impl::Extractors& Engine::Impl::extractors() {
     std::shared_ptr<const Descriptor> descriptor =
         MakeDescriptorFor(options_, store_->model().info.name);
     CheckModel(descriptor->info());
-    const FeatureExtractor plain(std::move(descriptor), options_.extraction);
+    ExtractionOptions extraction = options_.extraction;  // others read that
+    SettleLimits(extraction);
+    const FeatureExtractor plain(std::move(descriptor), extraction);
     const auto enlarging = [&](int below) {
       return options_.enlarge ? plain.WithEnlargeBelow(below) : plain;
     };
@@ -134,7 +145,9 @@ CollectionRecord Engine::GetCollection(const std::string& name) {
 
 bool Engine::RemoveCollection(const std::string& name) { return impl_->RemoveCollection(name); }
 
-AddResult Engine::Add(const AddRequest& request) { return impl_->Add(request); }
+AddResult Engine::Add(const AddRequest& request, const PictureCheck& check) {
+  return impl_->Add(request, check);
+}
 
 std::optional<ImageRecord> Engine::FindBySha256(const std::string& collection,
                                                 const std::string& sha256) {
@@ -158,8 +171,28 @@ std::vector<ImageRecord> Engine::List(const ListOptions& options) {
   return impl_->catalogue().ListPictures(options);
 }
 
-bool Engine::Remove(const std::string& collection, const std::string& id) {
-  return impl_->writer().Remove(collection, id);
+bool Engine::Remove(const std::string& collection, const std::string& id,
+                    const PictureCheck& check) {
+  return impl_->writer().Remove(collection, id, check);
+}
+
+PicturePage Engine::ListPage(const PictureListing& list) {
+  CheckListing(list.which, list);
+  return impl_->catalogue().ListPicturePage(list);
+}
+
+ObjectPage Engine::ListPage(const ObjectListing& list) {
+  CheckListing(list.which, list);
+  return impl_->catalogue().ListObjectPage(list);
+}
+
+std::uint64_t Engine::RemoveWhere(const Selection& which) {
+  CheckSelection(which);
+  if (which.all()) {
+    throw Error(ErrorCode::kInvalidArgument, "selection_empty",
+                "which pictures to remove must be said; the whole collection is RemoveCollection");
+  }
+  return impl_->writer().RemoveWhere(which);
 }
 
 std::vector<ObjectRecord> Engine::ListObjects(const std::string& collection,
@@ -173,8 +206,9 @@ std::optional<ObjectRecord> Engine::GetObject(const std::string& collection,
   return impl_->catalogue().FindObject(collection, object);
 }
 
-std::uint64_t Engine::RemoveObject(const std::string& collection, const std::string& object) {
-  return impl_->writer().RemoveObject(collection, object);
+std::uint64_t Engine::RemoveObject(const std::string& collection, const std::string& object,
+                                   const ObjectCheck& check) {
+  return impl_->writer().RemoveObject(collection, object, check);
 }
 
 ImageRecord Engine::Change(const std::string& collection, const std::string& id,
@@ -202,6 +236,15 @@ SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptio
 
 SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options) {
   return impl_->SearchFeatures(features, options);
+}
+
+SearchResult Engine::SearchExamples(const std::vector<std::string>& image_ids,
+                                    const SearchOptions& options) {
+  return impl_->SearchExamples(image_ids, options);
+}
+
+Comparison Engine::Compare(Bytes first, Bytes second, int threads) {
+  return impl_->Compare(first, second, threads);
 }
 
 VocabularyRecord Engine::TrainVocabulary(const TrainOptions& options) {

@@ -21,6 +21,8 @@
 
 #include "descriptor/features/descriptor.h"
 #include "index/records/changes.h"
+#include "index/records/comparison.h"
+#include "index/records/listing.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
 
@@ -94,15 +96,25 @@ class Engine {
 
   // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
   // kInvalidArgument for an id, object or metadata that is not acceptable. Bytes that are stored
-  // under another id already are not described again.
-  AddResult Add(const AddRequest& request);
+  // under another id already are not described again. Where there is a `check`, it sees the picture
+  // that has the id, before anything is described, and again when it is stored; what it throws
+  // refuses the addition.
+  AddResult Add(const AddRequest& request, const PictureCheck& check = {});
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound
   Features GetFeatures(const std::string& collection, const std::string& id);
   // kNotFound "content_not_kept"; kCorrupt "original_missing", "original_corrupt".
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
   std::vector<ImageRecord> List(const ListOptions& options);
-  bool Remove(const std::string& collection, const std::string& id);  // false = was not there
+  // False = was not there. What `check` throws.
+  bool Remove(const std::string& collection, const std::string& id, const PictureCheck& check = {});
+  // A page of those selected, in any order, with what is counted beside (records/listing.h).
+  // kInvalidArgument names what is wrong.
+  PicturePage ListPage(const PictureListing& list);
+  ObjectPage ListPage(const ObjectListing& list);
+  // Removes all pictures selected, at once or not at all; how many. Nothing selected apart from the
+  // collection is kInvalidArgument "selection_empty": that would be all of it.
+  std::uint64_t RemoveWhere(const Selection& which);
   // Another object, other metadata, without describing anything anew; the record as it is then.
   // kNotFound "image_not_found"; kInvalidArgument for what is not acceptable; what `check` throws.
   ImageRecord Change(const std::string& collection, const std::string& id,
@@ -111,7 +123,8 @@ class Engine {
   std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
                                         int limit);
   std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
-  std::uint64_t RemoveObject(const std::string& collection, const std::string& object);
+  std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
+                             const ObjectCheck& check = {});
   // Another name, for all its pictures at once. kNotFound "object_not_found"; kConflict
   // "object_exists"; kInvalidArgument; what `check` throws.
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
@@ -121,9 +134,22 @@ class Engine {
   // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
+  // By several stored pictures at once, 1 to kMaxExamples (kInvalidArgument "examples_invalid",
+  // kNotFound for one that there is not): pictures like any of them, those like several first. Each
+  // example is searched with; a hit's score is 1 - the product of (1 - score) over them, its
+  // probability the highest, and the rest what the example gave that it agrees with best. The
+  // examples themselves are no hits. `options.region` is kInvalidArgument "region_invalid". Beyond
+  // the 1000 best hits of each example nothing is counted.
+  SearchResult SearchExamples(const std::vector<std::string>& image_ids,
+                              const SearchOptions& options);
   // With features that were extracted elsewhere with the database's model (else kConflict
   // "model_mismatch"): what Search gives for the picture they are of.
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options);
+
+  // Whether two pictures show the same object, and where that of the first is in the second; no
+  // picture is stored. `threads`: 0 = all cores. Throws what DecodeImage throws, kUnprocessable
+  // "too_few_features" that names the picture.
+  Comparison Compare(Bytes first, Bytes second, int threads);
 
   // Where the object is in the picture, as the tracker asks of every frame. All of an object's
   // pictures are compared when they are few, those with the most similar words when there are many.

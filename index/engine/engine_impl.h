@@ -24,7 +24,7 @@ class Engine::Impl {
   Writer& writer() { return store_->writer(); }
 
   // Pictures (engine_pictures.cc)
-  AddResult Add(const AddRequest& request);
+  AddResult Add(const AddRequest& request, const PictureCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
   Features GetFeatures(const std::string& collection, const std::string& id);
   ImageRecord Change(const std::string& collection, const std::string& id,
@@ -38,6 +38,9 @@ class Engine::Impl {
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options);
+  SearchResult SearchExamples(const std::vector<std::string>& image_ids,
+                              const SearchOptions& options);
+  Comparison Compare(Bytes first, Bytes second, int threads);
 
   // Locating (engine_locate.cc)
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
@@ -62,8 +65,11 @@ class Engine::Impl {
   };
   const Extractors& extractors();
   void CheckModel(const DescriptorInfo& info) const;
-  // Makes options_.extraction the database's; writes it down where it is not decided yet.
-  void SettleExtraction(bool may_write);
+  // Makes `extraction` follow what the database has written down; kConflict "extraction_mismatch".
+  void FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const;
+  // The same, once it is written down where that was not decided yet. Not before a picture is
+  // described: who only looks into a database decides nothing.
+  void SettleLimits(ExtractionOptions& extraction);
 
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
@@ -84,6 +90,7 @@ class Engine::Impl {
   EngineOptions options_;
   std::mutex extractors_mutex_;  // guards the making of extractors_
   std::unique_ptr<const Extractors> extractors_;
+  bool limits_settled_ = false;  // guarded by it, too, once the constructor is done
   std::unique_ptr<Store> store_;
   std::unique_ptr<Ranker> ranker_;  // follows store_, and goes first
   std::mutex training_mutex_;       // one training at a time

@@ -42,19 +42,25 @@ void CheckEnough(std::size_t keypoints) {
 
 }  // namespace
 
-AddResult Engine::Impl::Add(const AddRequest& original) {
+AddResult Engine::Impl::Add(const AddRequest& original, const PictureCheck& check) {
   AddRequest request = original;
   if (request.id) CheckImageId(*request.id);
   CheckObject(request.object);
+  request.source = ToDisplayText(request.source);  // a file's name is no choice: not refused
   CheckSource(request.source);
   request.metadata = CanonicalMetadata(request.metadata);
+  if (check && request.id) {
+    const auto now = catalogue().FindPicture(request.collection, *request.id);
+    check(now ? &*now : nullptr);
+  }
   const std::string sha256 = Sha256Hex(request.bytes);
   if (const auto unchanged = catalogue().FindUnchanged(request, sha256)) {
     writer().RestoreContent(*unchanged, request.bytes);
     return {AddOutcome::kUnchanged, *unchanged, {}};
   }
   AddResult result;
-  const PicturePut put = Prepare(request, sha256, &result.timings);
+  PicturePut put = Prepare(request, sha256, &result.timings);
+  put.check = check;
   const Stopwatch writing;
   PutOutcome stored = writer().Put(put);
   result.timings.database_ms = writing.Ms();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/engine/picture_shelf.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "index/store/feature_codec.h"
@@ -10,7 +11,9 @@ namespace pliant {
 namespace {
 
 bool IsAdmitted(const Admission& admission, const ImageRecord& record) {
-  return (!admission.object || *admission.object == record.object) &&
+  const auto& without = admission.without;
+  return std::find(without.begin(), without.end(), record.id) == without.end() &&
+         (!admission.object || *admission.object == record.object) &&
          Passes(admission.filter, record.metadata);
 }
 

@@ -18,6 +18,11 @@ namespace {
 // Features of so many pictures are in memory at a time: of all that are verified by default.
 constexpr std::size_t kPicturesABatch = 256;
 
+// Evidence that hardly any wrong picture has (see Evidence): with less the search is undecided, and
+// looks at so many times the pictures.
+constexpr double kDecided = 2;
+constexpr std::size_t kDeeper = 2;
+
 // Adds the time that it lives to a sum.
 class Stopwatch {
  public:
@@ -74,6 +79,9 @@ void Validate(const SearchOptions& options) {
   if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
     ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
   }
+  if (options.without.size() > kMaxExcluded) {
+    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " pictures");
+  }
   CheckFilter(options.filter);
   if (!options.region) return;
   const Region& r = *options.region;
@@ -109,6 +117,8 @@ SearchResult SearchRun::Run() {
   std::vector<VerifiedPicture> hits;
   if (Verifies(options_)) {
     hits = Verify(std::move(ranking.candidates));
+    LookDeeper(&hits, &ranking);
+    SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
     SortByScore(&hits);
     std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
@@ -155,7 +165,7 @@ RankOptions SearchRun::ToRankOptions() const {
   rank.min_score = options_.min_score;
   rank.threads = options_.threads;
   rank.signatures = options_.tuning.signatures;
-  rank.admission = ranker_.Admit(view_, options_.object, options_.filter);
+  rank.admission = ranker_.Admit(view_, options_.object, options_.filter, options_.without);
   if (Verifies(options_)) {
     // Does not depend on the page, so that pages fit together.
     rank.candidates = options_.verify_depth != 0 ? options_.verify_depth
@@ -201,6 +211,28 @@ std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candid
   return verified;
 }
 
+// Verifies more of the ranking where no picture agrees with the query and the depth is left to the
+// search. Depends on nothing but the query and the collection, so that pages fit together.
+void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
+  const bool is_decided = std::any_of(hits->begin(), hits->end(), [](const VerifiedPicture& hit) {
+    return hit.evidence >= kDecided;
+  });
+  if (is_decided || options_.verify_depth != 0 || hits->size() < rank_.candidates) return;
+  rank_.candidates *= kDeeper;
+  {
+    const Stopwatch watch(&timings_.rank_ms);
+    *ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
+  }
+  std::unordered_set<std::int64_t> looked_at;
+  for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
+  std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
+    return looked_at.contains(picture.ref.version);
+  });
+  for (VerifiedPicture& hit : Verify(std::move(ranking->candidates))) {
+    hits->push_back(std::move(hit));
+  }
+}
+
 // Lifts the pictures that agree with the best verified ones, and takes those that were not looked
 // at before out of the ranking's other hits.
 void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
@@ -240,6 +272,7 @@ void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
     for (VerifiedPicture& hit : Verify(std::move(ranking->candidates))) {
       hits->push_back(std::move(hit));
     }
+    SettleClaims(hits);
   }
   for (VerifiedPicture& hit : *hits) {
     const auto support = supports.find(hit.picture.ref.version);

@@ -31,6 +31,7 @@ class SearchRun {
   RankOptions ToRankOptions() const;
   void Fetch(const Ranking& ranking);
   std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+  void LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
@@ -40,7 +41,7 @@ class SearchRun {
   const SearchOptions& options_;
   SearchTimings timings_;  // before what is timed while it is made
   const Bow bow_;
-  const RankOptions rank_;
+  RankOptions rank_;
   PictureShelf shelf_;
 };
 

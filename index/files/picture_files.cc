@@ -16,6 +16,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
+#include "index/files/durable_file.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -39,6 +40,7 @@ bool HasPictureName(const fs::path& path) {
 bool HasPictureContent(const fs::path& path) {
   std::array<std::uint8_t, 64> start{};
   std::ifstream file(path, std::ios::binary);
+  if (!file && FilesAreUsedUp()) ThrowOutOfFiles("cannot read " + path.string());
   file.read(reinterpret_cast<char*>(start.data()), start.size());
   const auto got = static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0));
   return SniffFormat(Bytes(start).first(got)) != ImageFormat::kUnknown;
@@ -82,6 +84,7 @@ class Walk {
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
       if (!it->path().filename().native().starts_with('.')) entries.push_back(it->path());
     }
+    if (error && IsOutOfFiles(error.value())) ThrowOutOfFiles("cannot read " + folder.string());
     if (error) skipped_.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
     std::sort(entries.begin(), entries.end(),
               [](const fs::path& a, const fs::path& b) { return a.native() < b.native(); });
@@ -147,6 +150,7 @@ std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes)
   if (error) fail(error.message());
   if (!fs::is_regular_file(status)) fail("it is no regular file");
   std::ifstream file(path, std::ios::binary);
+  if (!file && IsOutOfFiles(errno)) ThrowOutOfFiles(path.string() + " cannot be read");
   if (!file) fail(std::generic_category().message(errno));
   const std::uintmax_t size = fs::file_size(path, error);
   if (error) fail(error.message());

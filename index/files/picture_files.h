@@ -39,7 +39,7 @@ struct PictureFiles {
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
 // every machine. Links to folders are followed, each folder is visited once. Hidden files and
 // folders are ignored, and so are files that have neither a picture's name nor its content.
-// Throws kNotFound for an input that does not exist.
+// Throws kNotFound for an input that does not exist, kUnavailable "too_many_open_files".
 PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
 // Whether `path` is `directory` or below it. Both as fs::canonical gives them.
@@ -49,7 +49,8 @@ bool IsInside(const std::filesystem::path& directory, const std::filesystem::pat
 // such a file is then refused with a reason instead of being overlooked) or a picture's content.
 bool LooksLikePicture(const std::filesystem::path& path);
 
-// The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`.
+// The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`,
+// kUnavailable "too_many_open_files".
 std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
 
 // Whether an error affects only one picture (unreadable, not a picture, too few features), so that

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <random>
+#include <sstream>
 
 #include <nlohmann/json.hpp>
 
@@ -74,20 +76,50 @@ bool IsDeceptive(std::uint32_t point) {
          (point >= 0xFFF9 && point <= 0xFFFB) || point >= 0xE0000;
 }
 
-// Whether valid UTF-8 has no deceptive characters. Joiners stay where writing needs them: after a
-// letter of another script than ours (Persian, Hindi), or inside of an emoji.
+// Finds deceptive characters of valid UTF-8, one code point after the other. Joiners stay where
+// writing needs them: after a letter of another script than ours (Persian, Hindi), or inside of an
+// emoji.
+class DeceptionFinder {
+ public:
+  // `last` = nothing follows.
+  bool IsDeceptiveHere(std::uint32_t point, bool last) {
+    const bool joiner = point == 0x200C || point == 0x200D;
+    const bool joins = joiner && before_ >= 0x600 && !last;
+    const bool deceptive = IsDeceptive(point) && !joins;
+    before_ = joiner || deceptive ? 0 : point;
+    return deceptive;
+  }
+  // An escape stands here in place of what is no text.
+  void OnEscape() { before_ = 0; }
+
+ private:
+  std::uint32_t before_ = 0;
+};
+
+// \u{202e}
+std::string Escaped(std::uint32_t point) {
+  std::ostringstream out;
+  out << "\\u{" << std::hex << point << '}';
+  return out.str();
+}
+
 bool LooksAsItIs(std::string_view text) {
-  std::uint32_t before = 0;
+  DeceptionFinder finder;
   while (!text.empty()) {
     const std::size_t length = SequenceLength(text);
-    const std::uint32_t point = CodePoint(text.substr(0, length));
-    const bool joiner = point == 0x200C || point == 0x200D;
-    const bool joins = joiner && before >= 0x600 && text.size() > length;
-    if (IsDeceptive(point) && !joins) return false;
-    before = joiner ? 0 : point;
+    if (finder.IsDeceptiveHere(CodePoint(text.substr(0, length)), text.size() == length)) {
+      return false;
+    }
     text.remove_prefix(length);
   }
   return true;
+}
+
+void CheckLooks(std::string_view text, const std::string& field) {
+  if (LooksAsItIs(text)) return;
+  ThrowInvalid(field + "_invalid", field +
+                                       " must not hold characters that are invisible or change "
+                                       "the direction of writing");
 }
 
 }  // namespace
@@ -103,11 +135,16 @@ bool IsValidUtf8(std::string_view text) {
 
 std::string ToDisplayText(std::string_view text) {
   std::string out;
+  DeceptionFinder finder;
   while (!text.empty()) {
     const std::size_t length = HasControlCharacter(text.substr(0, 1)) ? 0 : SequenceLength(text);
     if (length == 0) {
       const auto byte = static_cast<std::uint8_t>(text[0]);
       out += "\\x" + ToHex({&byte, 1});
+      finder.OnEscape();
+    } else if (const std::uint32_t point = CodePoint(text.substr(0, length));
+               finder.IsDeceptiveHere(point, text.size() == length)) {
+      out += Escaped(point);
     } else {
       out += text.substr(0, length);
     }
@@ -156,17 +193,16 @@ void CheckCollectionName(std::string_view name) {
 
 void CheckObject(std::string_view object) {
   CheckText(object, 512, "object");
-  if (!LooksAsItIs(object)) {
-    ThrowInvalid("object_invalid",
-                 "object must not hold characters that are invisible or change the direction of "
-                 "writing");
-  }
+  CheckLooks(object, "object");
   if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
     ThrowInvalid("object_invalid", "object must be more than dots");
   }
 }
 
-void CheckSource(std::string_view source) { CheckText(source, 4096, "source"); }
+void CheckSource(std::string_view source) {
+  CheckText(source, 4096, "source");
+  CheckLooks(source, "source");
+}
 
 std::string CanonicalMetadata(const std::string& metadata) {
   if (metadata.size() > kMaxMetadataBytes) {

@@ -11,8 +11,9 @@ namespace pliant {
 
 bool IsValidUtf8(std::string_view text);
 
-// `text` with control characters and invalid UTF-8 bytes escaped as \xHH, for display, JSON and
-// names derived from file names.
+// `text` with control characters and invalid UTF-8 bytes escaped as \xHH, and characters that are
+// invisible or change the direction of writing as \u{H...}, for display, JSON and names derived
+// from file names.
 std::string ToDisplayText(std::string_view text);
 
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.

@@ -50,6 +50,7 @@ class FolderImport {
       try {
         bytes = ReadFile(file.path, options_.max_bytes);
       } catch (const Error& error) {  // its text has the whole path
+        if (error.code() == ErrorCode::kUnavailable) throw;
         return Skip({NameOf(file.path), error.reason(),
                      options_.root.empty() ? ToDisplayText(error.what())
                                            : "it cannot be read or is too large"});

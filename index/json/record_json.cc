@@ -2,7 +2,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/json/record_json.h"
 
+#include <type_traits>
+#include <utility>
+#include <variant>
+
 namespace pliant {
+
+namespace {
+
+Json FilterValueJson(const FilterValue& value) {
+  return std::visit(
+      [](const auto& one) -> Json {
+        if constexpr (std::is_same_v<std::decay_t<decltype(one)>, std::monostate>) {
+          return nullptr;
+        } else {
+          return one;
+        }
+      },
+      value);
+}
+
+}  // namespace
 
 const char* OutcomeName(AddOutcome outcome) {
   switch (outcome) {
@@ -28,7 +48,8 @@ Json ImageJson(const ImageRecord& image) {
           {"width", image.width},
           {"height", image.height},
           {"keypoints", image.keypoints},
-          {"added_at", IsoTime(image.added_ms)}};
+          {"added_at", IsoTime(image.added_ms)},
+          {"updated_at", IsoTime(image.updated_ms)}};
 }
 
 Json VocabularyJson(const VocabularyRecord& vocabulary) {
@@ -52,6 +73,27 @@ Json CollectionJson(const CollectionRecord& collection) {
           {"vocabulary",
            collection.vocabulary ? VocabularyJson(*collection.vocabulary) : Json(nullptr)},
           {"created_at", IsoTime(collection.created_ms)}};
+}
+
+Json ListedObjectJson(const ListedObject& object) {
+  return {{"object", object.record.object},
+          {"images", object.record.images},
+          {"image_id", TextOrNull(object.image_id)},
+          {"created_at", IsoTime(object.created_ms)},
+          {"updated_at", IsoTime(object.updated_ms)}};
+}
+
+Json FacetsJson(const std::vector<Facet>& facets) {
+  Json json = Json::object();
+  for (const Facet& facet : facets) {
+    Json values = Json::array();
+    for (const Facet::Value& value : facet.values) {
+      values.push_back({{"value", FilterValueJson(value.value)}, {"count", value.count}});
+    }
+    json[facet.key] = {
+        {"values", std::move(values)}, {"without", facet.without}, {"complete", facet.complete}};
+  }
+  return json;
 }
 
 Json MetadataJson(const std::string& metadata) {

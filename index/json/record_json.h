@@ -14,7 +14,7 @@ namespace pliant {
 const char* OutcomeName(AddOutcome outcome);
 
 // {"id", "collection", "object", "metadata", "source", "sha256", "media_type", "bytes", "width",
-// "height", "keypoints", "added_at"}
+// "height", "keypoints", "added_at", "updated_at"}
 Json ImageJson(const ImageRecord& image);
 
 // {"id", "words", "active", "model_id", "method", "seed", "sampled", "available", "loss",
@@ -23,6 +23,12 @@ Json VocabularyJson(const VocabularyRecord& vocabulary);
 
 // {"name", "images", "objects", "descriptors", "vocabulary": VocabularyJson or null, "created_at"}
 Json CollectionJson(const CollectionRecord& collection);
+
+// {"object", "images", "image_id": text or null, "created_at", "updated_at"}
+Json ListedObjectJson(const ListedObject& object);
+
+// By key: {"values": [{"value", "count"}], "without", "complete"}
+Json FacetsJson(const std::vector<Facet>& facets);
 
 // Metadata as stored, a JSON object in text; {} where it is none.
 Json MetadataJson(const std::string& metadata);

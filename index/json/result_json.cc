@@ -74,6 +74,7 @@ Json HitJson(const Hit& hit) {
                {"instances", InstancesJson(hit.instances)},
                {"via", TextOrNull(hit.via)},
                {"metadata", MetadataJson(hit.metadata)}};
+  if (!hit.example.empty()) json["example"] = hit.example;
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
   return json;
 }
@@ -84,23 +85,58 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
   Json hits = Json::array();
   for (const Hit& hit : result.hits) hits.push_back(HitJson(hit));
   const SearchTimings& t = result.timings;
-  return {{"took_ms", took_ms},
-          {"rank", RankName(result.rank)},
-          {"vocabulary", result.vocabulary},
-          {"words", result.words},
-          {"keypoints", result.keypoints},
-          {"query", {{"width", result.query_width}, {"height", result.query_height}}},
-          {"total", result.total},
-          {"found", NumberOrNull(result.found)},
-          {"hits", std::move(hits)},
-          {"timings",
-           {{"decode_ms", t.extraction.decode_ms},
-            {"detect_ms", t.extraction.detect_ms},
-            {"describe_ms", t.extraction.describe_ms},
-            {"quantize_ms", t.quantize_ms},
-            {"rank_ms", t.rank_ms},
-            {"verify_ms", t.verify_ms},
-            {"database_ms", t.database_ms}}}};
+  Json query = {{"width", result.query_width}, {"height", result.query_height}};
+  Json examples = Json::array();
+  for (const SearchExample& example : result.examples) {
+    examples.push_back({{"image_id", example.image_id},
+                        {"keypoints", example.keypoints},
+                        {"width", example.width},
+                        {"height", example.height}});
+  }
+  Json json = {{"took_ms", took_ms},
+               {"rank", RankName(result.rank)},
+               {"vocabulary", result.vocabulary},
+               {"words", result.words},
+               {"keypoints", result.keypoints},
+               {"query", examples.empty() ? std::move(query) : Json(nullptr)},
+               {"total", result.total},
+               {"found", NumberOrNull(result.found)},
+               {"hits", std::move(hits)},
+               {"timings",
+                {{"decode_ms", t.extraction.decode_ms},
+                 {"detect_ms", t.extraction.detect_ms},
+                 {"describe_ms", t.extraction.describe_ms},
+                 {"quantize_ms", t.quantize_ms},
+                 {"rank_ms", t.rank_ms},
+                 {"verify_ms", t.verify_ms},
+                 {"database_ms", t.database_ms}}}};
+  if (!examples.empty()) json["examples"] = std::move(examples);
+  return json;
+}
+
+Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) {
+  const auto picture = [](const ComparedPicture& one) {
+    return Json{{"width", one.width}, {"height", one.height}, {"keypoints", one.keypoints}};
+  };
+  const Explanation& e = comparison.explanation;
+  const ExtractionTimings& t = comparison.timings;
+  Json json = {{"took_ms", took_ms},
+               {"verdict", comparison.found() ? "found" : "not_found"},
+               {"probability", comparison.probability},
+               {"first", picture(comparison.first)},
+               {"second", picture(comparison.second)},
+               {"matches", e.matches},
+               {"inliers", e.inliers.size()},
+               {"inlier_fraction", e.inlier_fraction},
+               {"polygon", PolygonJson(comparison.outline)},
+               {"failure", TextOrNull(e.failure)},
+               {"timings",
+                {{"decode_ms", t.decode_ms},
+                 {"detect_ms", t.detect_ms},
+                 {"describe_ms", t.describe_ms},
+                 {"verify_ms", comparison.verify_ms}}}};
+  if (explain) json["explain"] = ExplanationJson(e);
+  return json;
 }
 
 }  // namespace pliant

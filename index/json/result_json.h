@@ -4,6 +4,7 @@
 #pragma once
 
 #include "index/json/json.h"
+#include "index/records/comparison.h"
 #include "index/records/records.h"
 
 namespace pliant {
@@ -16,6 +17,13 @@ namespace pliant {
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction", "pairs":
 // [[query x, query y, reference x, reference y], ...], "reference": {"width", "height"} or null,
 // "mesh": MeshJson's or null}.
+// Of a search by several examples "query" is null, every hit has "example", and beside is
+// "examples": [{"image_id", "keypoints", "width", "height"}].
 Json SearchResultJson(const SearchResult& result, double took_ms);
+
+// {"took_ms", "verdict": "found" or "not_found", "probability", "first": {"width", "height",
+// "keypoints"}, "second": the same, "matches", "inliers", "inlier_fraction", "polygon", "failure":
+// text or null, "timings": {...}}, and as asked "explain" as above.
+Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain);
 
 }  // namespace pliant

@@ -55,8 +55,8 @@ std::size_t MemoryRanker::Size(const CollectionView& view) const {
 }
 
 Admission MemoryRanker::Admit(const CollectionView& view, const std::optional<std::string>& object,
-                              const Filter& filter) const {
-  return catalogue_.Admit(view.collection, object, filter);
+                              const Filter& filter, const std::vector<std::string>& without) const {
+  return catalogue_.Admit(view.collection, object, filter, without);
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,

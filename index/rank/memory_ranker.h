@@ -36,7 +36,7 @@ class MemoryRanker : public Ranker {
   CollectionView View(const std::string& collection) override;
   std::size_t Size(const CollectionView& view) const override;
   Admission Admit(const CollectionView& view, const std::optional<std::string>& object,
-                  const Filter& filter) const override;
+                  const Filter& filter, const std::vector<std::string>& without) const override;
   Ranking Rank(const CollectionView& view, const RankQuery& query,
                const RankOptions& options) const override;
   void Load() override;

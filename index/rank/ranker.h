@@ -83,9 +83,10 @@ class Ranker {
   // just being loaded anew, with what others have. kNotFound "collection_not_found".
   virtual CollectionView View(const std::string& collection) = 0;
   virtual std::size_t Size(const CollectionView& view) const = 0;  // pictures; 0 without vocabulary
-  // What `object` and `filter` mean in this ranker; once a search, for all its rankings.
+  // What `object`, `filter` and `without` (ids) mean in this ranker; once a search, for all its
+  // rankings.
   virtual Admission Admit(const CollectionView& view, const std::optional<std::string>& object,
-                          const Filter& filter) const = 0;
+                          const Filter& filter, const std::vector<std::string>& without) const = 0;
   // The view must have a vocabulary.
   virtual Ranking Rank(const CollectionView& view, const RankQuery& query,
                        const RankOptions& options) const = 0;

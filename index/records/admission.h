@@ -20,16 +20,21 @@ struct Admission {
   // What was asked for.
   std::optional<std::string> object;  // only its pictures; "" = pictures without an object
   Filter filter;                      // on metadata
+  std::vector<std::string> without;   // ids of pictures that are left out
 
   // What that comes to in the store, for rankers that hold keys alone (Catalogue::Admit).
   bool nothing = false;                                       // there is no such object
   std::optional<Key> object_key;                              // 0 = pictures without an object
   std::shared_ptr<const std::vector<std::int64_t>> versions;  // ascending; nullptr = all
+  std::vector<std::int64_t> without_versions;                 // ascending
 
-  bool everything() const { return !nothing && !object_key && !versions; }
+  bool everything() const {
+    return !nothing && !object_key && !versions && without_versions.empty();
+  }
   bool Admits(std::int64_t version, Key of_object) const {
     return !nothing && (!object_key || of_object == *object_key) &&
-           (!versions || std::binary_search(versions->begin(), versions->end(), version));
+           (!versions || std::binary_search(versions->begin(), versions->end(), version)) &&
+           !std::binary_search(without_versions.begin(), without_versions.end(), version);
   }
 };
 

@@ -11,6 +11,12 @@
 
 namespace pliant {
 
+// See what is there, in the transaction that changes or removes it: what they throw refuses that.
+// May be called more than once.
+using PictureCheck = std::function<void(const ImageRecord* now)>;  // null: there is no such picture
+// `image_id`: the first of the object's pictures in order of their ids.
+using ObjectCheck = std::function<void(const ObjectRecord& now, const std::string& image_id)>;
+
 // Absent = stays as it is.
 struct PictureChange {
   std::optional<std::string> object;    // "" = none
@@ -26,8 +32,7 @@ struct ObjectChange {
   // Where another object has the name: its pictures and these become one object. Else kConflict
   // "object_exists".
   bool merge = false;
-  // As for pictures; `image_id`: the first of the object's pictures in order of their ids.
-  std::function<void(const ObjectRecord& now, const std::string& image_id)> check;
+  ObjectCheck check;
 };
 
 }  // namespace pliant

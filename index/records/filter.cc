@@ -11,36 +11,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "descriptor/base/error.h"
-#include "index/files/text.h"
+#include "index/records/filter_value.h"
 
 namespace pliant {
 namespace {
 
 using Json = nlohmann::json;
-
-constexpr int kDeepest = 4;  // filter, tests, list of values, and what does not belong there
-constexpr std::size_t kMaxFilterBytes = 64 * 1024;
-
-[[noreturn]] void ThrowInvalid(const std::string& message) {
-  throw Error(ErrorCode::kInvalidArgument, "filter_invalid", "filter " + message);
-}
-
-// Nothing for a list or an object.
-std::optional<FilterValue> ValueOf(const Json& json) {
-  if (json.is_null()) return FilterValue(std::monostate{});
-  if (json.is_boolean()) return FilterValue(json.get<bool>());
-  if (json.is_number_unsigned()) return FilterValue(json.get<std::uint64_t>());
-  if (json.is_number_integer()) return FilterValue(json.get<std::int64_t>());
-  if (json.is_number()) return FilterValue(json.get<double>());
-  if (json.is_string()) return FilterValue(json.get_ref<const std::string&>());
-  return std::nullopt;
-}
-
-bool IsNumber(const FilterValue& value) {
-  return std::holds_alternative<double>(value) || std::holds_alternative<std::int64_t>(value) ||
-         std::holds_alternative<std::uint64_t>(value);
-}
 
 // Exact, where a conversion to double would round: the whole part is compared as an integer, and
 // only where that is equal the fraction decides.
@@ -85,7 +61,7 @@ std::partial_ordering CompareNumbers(const FilterValue& a, const FilterValue& b)
 }
 
 std::partial_ordering Compare(const FilterValue& a, const FilterValue& b) {
-  if (IsNumber(a) && IsNumber(b)) return CompareNumbers(a, b);
+  if (IsFilterNumber(a) && IsFilterNumber(b)) return CompareNumbers(a, b);
   if (a.index() != b.index()) return std::partial_ordering::unordered;
   if (const auto* text = std::get_if<std::string>(&a)) return *text <=> std::get<std::string>(b);
   return a == b ? std::partial_ordering::equivalent : std::partial_ordering::unordered;
@@ -108,122 +84,61 @@ bool PassesValue(const FilterCondition& condition, const FilterValue& value) {
   return true;
 }
 
+bool IsValue(const Json& json, const FilterValue& value) {
+  const auto scalar = FilterValueOf(json);
+  return scalar && Compare(*scalar, value) == 0;
+}
+
+bool HasValue(const Json& json, const FilterValue& value) {
+  if (!json.is_array()) return IsValue(json, value);
+  return std::any_of(json.begin(), json.end(),
+                     [&](const Json& entry) { return IsValue(entry, value); });
+}
+
+bool TestsValues(const FilterCondition& condition) {
+  return condition.any_of || condition.from || condition.to;
+}
+
 bool PassesJson(const FilterCondition& condition, const Json& value) {
+  if (condition.not_equal && HasValue(value, *condition.not_equal)) return false;
+  if (!TestsValues(condition)) return true;
   if (value.is_array()) {
     return std::any_of(value.begin(), value.end(), [&](const Json& entry) {
-      const auto scalar = ValueOf(entry);
+      const auto scalar = FilterValueOf(entry);
       return scalar && PassesValue(condition, *scalar);
     });
   }
-  const auto scalar = ValueOf(value);
+  const auto scalar = FilterValueOf(value);
   return scalar && PassesValue(condition, *scalar);
 }
 
-void CheckBound(const std::string& key, const std::optional<FilterBound>& bound) {
-  if (!bound) return;
-  const auto* number = std::get_if<double>(&bound->value);
-  const bool finite = number == nullptr || std::isfinite(*number);
-  if ((IsNumber(bound->value) && finite) || std::holds_alternative<std::string>(bound->value)) {
-    return;
-  }
-  ThrowInvalid("key \"" + key + "\": a bound must be a number or text");
+bool PassesCondition(const FilterCondition& condition, const Json& metadata) {
+  const auto found = metadata.find(condition.key);
+  if (condition.exists && *condition.exists != (found != metadata.end())) return false;
+  if (found == metadata.end()) return condition.exists.has_value() && !*condition.exists;
+  return PassesJson(condition, *found);
 }
 
-std::vector<FilterValue> ReadList(const std::string& key, const Json& list) {
-  if (!list.is_array()) ThrowInvalid("key \"" + key + "\": \"in\" must be a list of values");
-  std::vector<FilterValue> values;
-  for (const Json& entry : list) {
-    const auto value = ValueOf(entry);
-    if (!value)
-      ThrowInvalid("key \"" + key + "\": \"in\" must list numbers, text, true, false or null");
-    values.push_back(*value);
-  }
-  return values;
-}
-
-void SetBound(const std::string& key, const std::string& test, const Json& json,
-              std::optional<FilterBound>* bound) {
-  const auto value = ValueOf(json);
-  if (!value) ThrowInvalid("key \"" + key + "\": \"" + test + "\" must be a number or text");
-  if (*bound) ThrowInvalid("key \"" + key + "\" has two bounds on one side");
-  *bound = FilterBound{*value, test.size() == 3};  // gte, lte
-}
-
-FilterCondition ReadCondition(const std::string& key, const Json& json) {
-  FilterCondition condition;
-  condition.key = key;
-  if (const auto value = ValueOf(json)) {
-    condition.any_of = {*value};
-    return condition;
-  }
-  if (!json.is_object()) {
-    ThrowInvalid("key \"" + key +
-                 "\" must have a value or tests; for one of several: {\"in\": [...]}");
-  }
-  for (const auto& [test, argument] : json.items()) {
-    if (test == "in") {
-      condition.any_of = ReadList(key, argument);
-    } else if (test == "gt" || test == "gte") {
-      SetBound(key, test, argument, &condition.from);
-    } else if (test == "lt" || test == "lte") {
-      SetBound(key, test, argument, &condition.to);
-    } else {
-      ThrowInvalid("key \"" + key + "\" has the test \"" + ToDisplayText(test.substr(0, 32)) +
-                   "\"; there are in, gt, gte, lt and lte");
-    }
-  }
-  return condition;
+bool PassesObject(const Filter& filter, const Json& metadata) {
+  const auto passes = [&](const Filter& part) { return PassesObject(part, metadata); };
+  return std::all_of(filter.conditions.begin(), filter.conditions.end(),
+                     [&](const FilterCondition& condition) {
+                       return PassesCondition(condition, metadata);
+                     }) &&
+         std::all_of(filter.all_of.begin(), filter.all_of.end(), passes) &&
+         std::none_of(filter.none_of.begin(), filter.none_of.end(), passes) &&
+         std::all_of(filter.any_of.begin(), filter.any_of.end(),
+                     [&](const std::vector<Filter>& several) {
+                       return std::any_of(several.begin(), several.end(), passes);
+                     });
 }
 
 }  // namespace
 
-void CheckFilter(const Filter& filter) {
-  if (filter.conditions.size() > kMaxFilterConditions) {
-    ThrowInvalid("has more than " + std::to_string(kMaxFilterConditions) + " conditions");
-  }
-  for (const FilterCondition& condition : filter.conditions) {
-    const std::string key = ToDisplayText(condition.key);
-    if (!condition.any_of && !condition.from && !condition.to) {
-      ThrowInvalid("key \"" + key + "\" has no test; there are in, gt, gte, lt and lte");
-    }
-    if (condition.any_of && condition.any_of->size() > kMaxFilterValues) {
-      ThrowInvalid("key \"" + key + "\" lists more than " + std::to_string(kMaxFilterValues) +
-                   " values");
-    }
-    CheckBound(key, condition.from);
-    CheckBound(key, condition.to);
-  }
-}
-
 bool Passes(const Filter& filter, std::string_view metadata) {
   if (filter.empty()) return true;
   const Json json = Json::parse(metadata, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) return false;
-  return std::all_of(filter.conditions.begin(), filter.conditions.end(),
-                     [&](const FilterCondition& condition) {
-                       const auto found = json.find(condition.key);
-                       return found != json.end() && PassesJson(condition, *found);
-                     });
-}
-
-Filter ParseFilter(const std::string& text) {
-  if (text.size() > kMaxFilterBytes) ThrowInvalid("is larger than 64 KiB");
-  bool too_deep = false;
-  const auto watch_depth = [&](int depth, Json::parse_event_t, Json&) {
-    too_deep = too_deep || depth > kDeepest;
-    return !too_deep;
-  };
-  const Json json = Json::parse(text, watch_depth, /*allow_exceptions=*/false);
-  if (too_deep) ThrowInvalid("is nested too deep: a key has a value, or an object of tests");
-  if (!json.is_object()) {
-    ThrowInvalid("must be a JSON object such as {\"shop\": \"east\", \"year\": {\"gte\": 2020}}");
-  }
-  Filter filter;
-  for (const auto& [key, value] : json.items()) {
-    filter.conditions.push_back(ReadCondition(key, value));
-  }
-  CheckFilter(filter);
-  return filter;
+  return json.is_object() && PassesObject(filter, json);
 }
 
 }  // namespace pliant

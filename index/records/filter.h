@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Conditions on the metadata of pictures: equal to one of some values, or within bounds.
+// Conditions on the metadata of pictures: equal to one of some values or none, within bounds, there
+// or not there, and what and, or and not make of them.
 #pragma once
 
 #include <cstddef>
@@ -25,36 +26,56 @@ struct FilterBound {
 };
 
 // Holds for a picture whose metadata have `key` at the top level with a value that passes every
-// test that is set. A list passes when one of its entries does. A picture without the key fails.
+// test that is set. A list passes `any_of`, `from` and `to` when one of its entries passes all
+// three. A picture without the key fails, but for `exists` false.
 struct FilterCondition {
   std::string key;
-  std::optional<std::vector<FilterValue>> any_of;  // equal to one of these
-  std::optional<FilterBound> from;                 // not before it
-  std::optional<FilterBound> to;                   // not after it; text in order of its bytes
+  std::optional<std::vector<FilterValue>> any_of = {};  // equal to one of these
+  std::optional<FilterBound> from = {};                 // not before it
+  std::optional<FilterBound> to = {};                   // not after it; text in order of its bytes
+  std::optional<FilterValue> not_equal = {};  // neither it, nor a list with an entry that is it
+  std::optional<bool> exists = {};            // the key is there, whatever its value; or is not
 };
 
-// All conditions must hold. No conditions: every picture passes. Two conditions may have the same
-// key; different entries of a list may meet them.
+// All of it must hold. Nothing: every picture passes. Two conditions may have the same key;
+// different entries of a list may meet them.
 struct Filter {
-  std::vector<FilterCondition> conditions;
+  std::vector<FilterCondition> conditions = {};
+  std::vector<Filter> all_of = {};               // and
+  std::vector<std::vector<Filter>> any_of = {};  // or: of each of these, one at least
+  std::vector<Filter> none_of = {};              // not
 
-  bool empty() const { return conditions.empty(); }
+  bool empty() const {
+    return conditions.empty() && all_of.empty() && any_of.empty() && none_of.empty();
+  }
 };
 
-inline constexpr std::size_t kMaxFilterConditions = 64;
+// Conditions, ands, ors and nots of a filter, at every depth.
+inline constexpr std::size_t kMaxFilterTerms = 64;
 inline constexpr std::size_t kMaxFilterValues = 1000;  // of one condition
+inline constexpr int kMaxFilterDepth = 8;              // 1: no and, or, not
+inline constexpr std::size_t kMaxFilterBytes = 64 * 1024;
 
-// Throws kInvalidArgument "filter_invalid" for too many conditions or values, a condition without a
-// test, a bound that is no number and no text or not finite.
+// Throws kInvalidArgument "filter_invalid", which says where, for too many terms or values, for too
+// deep a filter, an empty one inside of another, a condition without a test, a bound that is no
+// number and no text or not finite, and for `exists` false beside other tests.
 void CheckFilter(const Filter& filter);
 
-// Whether metadata, the text of a JSON object, pass. Text that is none does not.
+// Whether metadata, the text of a JSON object, pass. Text that is none passes only an empty filter.
 bool Passes(const Filter& filter, std::string_view metadata);
 
-// Reads the JSON form: an object that has for each key one value ("shop": "east"), or an object of
-// tests: {"in": [values]}, {"gt" | "gte" | "lt" | "lte": number or text}. For example
-//   {"shop": "east", "year": {"gte": 2020, "lt": 2024}, "colour": {"in": ["red", "blue"]}}
-// Throws kInvalidArgument "filter_invalid" that names the key and what is wrong with it.
+// Reads the JSON form: an object that has for each key of the metadata one value
+// ("shop": "east"), or an object of tests:
+//   {"in": [values]}, {"ne": value}, {"gt" | "gte" | "lt" | "lte": number or text},
+//   {"exists": true or false}
+// and beside the keys
+//   "and": [filters], "or": [filters], "not": filter
+// For example
+//   {"shop": "east", "or": [{"year": {"gte": 2020, "lt": 2024}}, {"colour": {"in": ["red", 7]}}],
+//    "not": {"sold": true}}
+// A backslash before a name is taken off: "\\and" (in JSON) is the metadata's key "and", and a key
+// that begins with one is written with two. Throws kInvalidArgument "filter_invalid" that says
+// where, as in  filter.or[1].year: "in" must be a list of values
 Filter ParseFilter(const std::string& json);
 
 }  // namespace pliant

@@ -31,7 +31,10 @@ struct ImageRecord {
   int height = 0;
   std::uint32_t keypoints = 0;
   std::uint64_t bytes = 0;    // of the upload
-  std::int64_t added_ms = 0;  // Unix time
+  std::int64_t added_ms = 0;  // Unix time, of these bytes
+  // When its bytes, its object, its metadata or its source changed last. Another name for an object
+  // with all its pictures is no change of these.
+  std::int64_t updated_ms = 0;
 };
 
 struct AddRequest {

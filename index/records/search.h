@@ -51,6 +51,9 @@ struct RankTuning {
 
 inline constexpr int kMostExpansions = 20;
 
+inline constexpr std::size_t kMaxExcluded = 1000;
+inline constexpr std::size_t kMaxExamples = 16;
+
 // A hit that is at least so probable is said to be found.
 inline constexpr double kFoundProbability = 0.9;
 
@@ -63,7 +66,8 @@ struct SearchOptions {
   // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
   // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
-  std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more
+  std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more,
+                                 // and twice that where none of these agrees
   // Query expansion (index/verify/expansion.h), only with verification: the region of the object in
   // this many of the best verified pictures is used as a further query, and pictures that agree
   // with them rise. 0 to kMostExpansions. Absent: 3 by picture, 0 by object, where further pictures
@@ -75,6 +79,7 @@ struct SearchOptions {
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
   Filter filter;                      // only pictures whose metadata pass
+  std::vector<std::string> without;   // ids of pictures that are left out; at most kMaxExcluded
   bool explain = false;               // fill Hit::explanation
   int threads = 0;                    // for the description of the query; 0 = all cores
 };
@@ -103,8 +108,19 @@ struct Hit {
   // agrees with that one, which agrees with the query. Empty when its own words and inliers give at
   // least as much evidence.
   std::string via;
+  // Of a search by several examples: the one that this hit agrees with best, whose pixels all
+  // places are in.
+  std::string example;
   std::string metadata = "{}";
   std::optional<Explanation> explanation;  // with SearchOptions::explain
+};
+
+// A stored picture that was searched with beside others.
+struct SearchExample {
+  std::string image_id;
+  std::uint32_t keypoints = 0;
+  int width = 0;  // of the original upright picture, in pixels
+  int height = 0;
 };
 
 struct SearchTimings {
@@ -127,6 +143,7 @@ struct SearchResult {
   std::uint32_t keypoints = 0;                // of the query, after the region
   int query_width = 0;                        // of the original upright query picture, in pixels
   int query_height = 0;
+  std::vector<SearchExample> examples;  // of a search by several; then query_* are 0
   SearchTimings timings;
 };
 

@@ -14,17 +14,23 @@
 #include <vector>
 
 #include "index/records/admission.h"
+#include "index/records/listing.h"
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
 
+// How pictures are described.
+struct ExtractionLimits {
+  int max_keypoints = 0;  // 0 = not decided
+  int max_side_px = 0;    // 0 = not decided
+};
+
 // What the pictures are described with.
 struct StoredModel {
   DescriptorInfo info;
-  int max_keypoints = 0;  // 0 = not decided
-  int max_side_px = 0;    // 0 = not decided
+  ExtractionLimits limits;
 };
 
 struct CollectionState {
@@ -71,6 +77,11 @@ class Catalogue {
   virtual std::optional<ImageRecord> FindBySha256(const std::string& collection,
                                                   const std::string& sha256) = 0;
   virtual std::vector<ImageRecord> ListPictures(const ListOptions& options) = 0;
+  // Reads the metadata, or the names, of the whole collection when there is a filter, a text, a
+  // count of what these leave, or a facet; holds a page in memory. kInvalidArgument
+  // "after_invalid".
+  virtual PicturePage ListPicturePage(const PictureListing& list) = 0;
+  virtual ObjectPage ListObjectPage(const ObjectListing& list) = 0;
   // The picture that `request` would only store once more (store/unchanged.h).
   virtual std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
                                                    const std::string& sha256) = 0;
@@ -84,10 +95,10 @@ class Catalogue {
   // "original_missing", "original_corrupt".
   virtual std::vector<std::uint8_t> ReadContent(const std::string& collection,
                                                 const std::string& id) = 0;
-  // Fills in what `object` and `filter` come to. Reads the metadata of the whole collection when
-  // there is a filter.
+  // Fills in what `object`, `filter` and `without` come to; ids of no picture leave nothing out.
+  // Reads the metadata of the whole collection when there is a filter.
   virtual Admission Admit(Key collection, const std::optional<std::string>& object,
-                          const Filter& filter) = 0;
+                          const Filter& filter, const std::vector<std::string>& without) = 0;
 
   // Vocabularies: those that are ready, oldest first.
   virtual std::vector<VocabularyRecord> ListVocabularies(const std::string& collection) = 0;

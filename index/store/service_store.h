@@ -6,6 +6,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -62,6 +64,19 @@ class ServiceStore {
   virtual std::vector<JobRecord> Jobs() = 0;  // oldest first
   // New, or in place of the one with its id; false = that is by now another owner's, and stays.
   virtual bool SaveJob(const JobRecord& job) = 0;
+  // A new job, with what it works on: kept until the job is saved as one that has ended.
+  virtual void AddJob(const JobRecord& job, std::span<const std::uint8_t> input) = 0;
+  // Nothing where there is none.
+  virtual std::optional<std::vector<std::uint8_t>> JobInput(const std::string& id) = 0;
+  // What a job says of each of its items, by their numbers from 0, as texts; forgotten with the
+  // job. Add: those that follow `first`, in place of what is there.
+  virtual void AddJobItems(const std::string& id, std::uint64_t first,
+                           const std::vector<std::string>& items) = 0;
+  virtual std::vector<std::string> JobItems(const std::string& id, std::uint64_t first,
+                                            int limit) = 0;
+  // New, unless a job of its kind in its collection has not ended, whoever does that; false = so it
+  // is, and nothing was written.
+  virtual bool AddOnlyJob(const JobRecord& job) = 0;
   // Makes a job that has not ended this process's own; false = `from` does not have it any more.
   virtual bool TakeJob(const std::string& id, const std::string& from) = 0;
   virtual void RequestCancel(const std::string& id) = 0;

@@ -19,8 +19,9 @@ class Store {
   virtual ~Store() = default;
 
   virtual const StoredModel& model() const = 0;
-  // Writes down how pictures are described, where that is not decided yet.
-  virtual void SettleExtraction(int max_keypoints, int max_side_px) = 0;
+  // Writes down how pictures are described, where that is not decided yet; what is written down
+  // then: another process may have been first.
+  virtual ExtractionLimits SettleExtraction(const ExtractionLimits& limits) = 0;
   // Where uploaded bytes go (EngineOptions::originals_dir); `claim`: may make the directory its
   // own.
   virtual void OpenOriginals(const std::optional<std::filesystem::path>& directory, bool claim) = 0;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "index/records/changes.h"
+#include "index/records/listing.h"
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "vocab/quantizer.h"
@@ -28,6 +29,7 @@ struct PicturePut {
   Key vocabulary = 0;  // that made `bow`; another is active by now: quantised anew
   Bow bow = {};
   bool keep_content = true;  // the uploaded bytes too
+  PictureCheck check = {};   // of the picture that has the id
 };
 
 struct PutOutcome {
@@ -44,7 +46,7 @@ class Writer {
  public:
   virtual ~Writer() = default;
 
-  // Looks once more whether the same is stored already: kUnchanged.
+  // Looks once more whether the same is stored already: kUnchanged. What `put.check` throws.
   virtual PutOutcome Put(const PicturePut& put) = 0;
   // The bytes of a stored picture, where its file has been lost.
   virtual void RestoreContent(const ImageRecord& stored, Bytes bytes) = 0;
@@ -55,8 +57,13 @@ class Writer {
                                     const PictureChange& change) = 0;
   virtual ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                                     const ObjectChange& change) = 0;
-  virtual bool Remove(const std::string& collection, const std::string& id) = 0;
-  virtual std::uint64_t RemoveObject(const std::string& collection, const std::string& object) = 0;
+  // Of what is there; the check may be empty.
+  virtual bool Remove(const std::string& collection, const std::string& id,
+                      const PictureCheck& check) = 0;
+  virtual std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
+                                     const ObjectCheck& check) = 0;
+
+  virtual std::uint64_t RemoveWhere(const Selection& which) = 0;  // how many; at once
 
   virtual bool CreateCollection(const std::string& name) = 0;  // false = it was there
   virtual bool RemoveCollection(const std::string& name) = 0;  // false = it was not

@@ -12,6 +12,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
+#include "index/files/durable_file.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -21,6 +22,10 @@ namespace fs = std::filesystem;
 
 constexpr const char* kSingle =
     " has a single frame; tracking needs two or more. For one picture use pliant match";
+constexpr const char* kPicture =
+    " is a picture, a single frame; tracking needs a video or a folder of frames. For one picture "
+    "use pliant match";
+constexpr std::uintmax_t kSniffed = 64;  // bytes that tell a picture
 
 bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
 
@@ -37,6 +42,7 @@ std::vector<std::uint8_t> ReadWhole(const fs::path& path, std::uintmax_t most) {
   std::ifstream file(path, std::ios::binary);
   std::error_code error;
   const std::uintmax_t size = fs::file_size(path, error);
+  if (!file && FilesAreUsedUp()) ThrowOutOfFiles(path.string() + " cannot be read");
   if (!file || error) {
     throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read");
   }
@@ -212,7 +218,13 @@ std::unique_ptr<FrameSource> OpenFrames(const fs::path& path, const FrameOptions
     throw Error(ErrorCode::kInvalidArgument, "bad_every", "every must be 1 or more");
   }
   std::error_code error;
-  if (!fs::is_directory(path, error)) return std::make_unique<VideoFrames>(path, options.every);
+  if (!fs::is_directory(path, error)) {
+    if (fs::is_regular_file(path, error) &&
+        SniffFormat(ReadWhole(path, kSniffed)) != ImageFormat::kUnknown) {
+      throw Error(ErrorCode::kUnprocessable, "single_frame", path.string() + kPicture);
+    }
+    return std::make_unique<VideoFrames>(path, options.every);
+  }
   try {
     return std::make_unique<FolderFrames>(path, options);
   } catch (const fs::filesystem_error& failure) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
@@ -29,6 +30,19 @@ std::vector<Instance> InstancesOf(const VerificationResult& result) {
   if (result.verified()) add(result.inliers.size(), result.outline);
   for (const FurtherInstance& other : result.others) add(other.inliers.size(), other.outline);
   return instances;
+}
+
+std::vector<Claim> ClaimsOf(const VerificationResult& result) {
+  std::vector<Claim> claims;
+  const auto add = [&](const std::vector<MatchedPair>& inliers,
+                       const std::vector<float>& distances) {
+    for (std::size_t i = 0; i < inliers.size(); ++i) {
+      claims.push_back({inliers[i].query, distances[i]});
+    }
+  };
+  add(result.inliers, result.distances);
+  for (const FurtherInstance& other : result.others) add(other.inliers, other.distances);
+  return claims;
 }
 
 std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPair>& inliers) {
@@ -63,11 +77,39 @@ std::vector<VerifiedPicture> Rerank(
       candidate.explanation->ranking_score = candidate.picture.score;
     }
     candidate.instances = InstancesOf(result);
+    candidate.claims = ClaimsOf(result);
     candidate.seen = SeenPart(*features, result.inliers);
     candidate.evidence = Evidence(static_cast<int>(result.inliers.size()));
     candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
   return pictures;
+}
+
+void SettleClaims(std::vector<VerifiedPicture>* pictures) {
+  // The nearest distance by key point and object.
+  std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, float>> nearest;
+  for (const VerifiedPicture& picture : *pictures) {
+    if (picture.picture.object == 0) continue;
+    for (const Claim& claim : picture.claims) {
+      const auto [at, is_new] =
+          nearest[claim.keypoint].try_emplace(picture.picture.object, claim.distance);
+      if (!is_new) at->second = std::min(at->second, claim.distance);
+    }
+  }
+  for (VerifiedPicture& picture : *pictures) {
+    const std::int64_t object = picture.picture.object;
+    if (object == 0 || picture.claims.empty()) continue;
+    const auto kept =
+        std::count_if(picture.claims.begin(), picture.claims.end(), [&](const Claim& claim) {
+          const auto& claimants = nearest[claim.keypoint];
+          const float own = claimants.at(object);
+          return std::all_of(claimants.begin(), claimants.end(),
+                             [&](const auto& other) { return own <= other.second; });
+        });
+    const double share = static_cast<double>(kept) / static_cast<double>(picture.claims.size());
+    picture.evidence = Evidence(picture.inliers()) * std::sqrt(share);
+    picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);
+  }
 }
 
 void SortByScore(std::vector<VerifiedPicture>* pictures) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -17,13 +18,20 @@
 
 namespace pliant {
 
+// A key point of the query that a picture shows, too.
+struct Claim {
+  std::uint32_t keypoint = 0;  // of the query
+  float distance = 0;          // between the two descriptors
+};
+
 struct VerifiedPicture {
   RankedPicture picture;                        // score: the ranking's, lifted by `evidence`
   std::vector<Instance> instances = {};         // as in Hit
   std::optional<Explanation> explanation = {};  // of the pictures looked at, when asked for
   double ranking_score = 0;
-  double evidence = 0;          // of its own inliers, or through `via` where that is more
-  std::vector<Vec2> seen = {};  // hull of the inliers in this picture, original pixels
+  double evidence = 0;             // of its own inliers, or through `via` where that is more
+  std::vector<Claim> claims = {};  // of the inliers of all instances
+  std::vector<Vec2> seen = {};     // hull of the inliers in this picture, original pixels
   std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
@@ -45,6 +53,14 @@ struct RerankOptions {
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
+
+// What a key point of the query shows, it shows once: of the named objects whose pictures claim it,
+// the one with the nearest descriptor has it (of equally near ones each). The evidence of a picture
+// is multiplied by the square root of the share of its claims that its object keeps, and its score
+// follows. Tells apart objects that have parts in common (notes of one series, packages of one
+// brand): the common part agrees with all of them, and where they differ the right one is nearer.
+// Pictures of one object, and those without a name, do not take from each other.
+void SettleClaims(std::vector<VerifiedPicture>* pictures);
 
 // By score, then id.
 void SortByScore(std::vector<VerifiedPicture>* pictures);

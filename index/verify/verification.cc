@@ -77,6 +77,14 @@ std::vector<MatchedPair> PairsOf(const std::vector<Match>& matches,
   return pairs;
 }
 
+std::vector<float> DistancesOf(const std::vector<Match>& matches,
+                               const std::vector<std::uint32_t>& inliers) {
+  std::vector<float> distances;
+  distances.reserve(inliers.size());
+  for (const std::uint32_t i : inliers) distances.push_back(matches[i].distance);
+  return distances;
+}
+
 // What is known of the instances found so far.
 class Found {
  public:
@@ -166,6 +174,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   result.warp = std::move(agreed.warp);
   if (!result.warp) return result;
   result.inliers = PairsOf(mutual, agreed.inliers);
+  result.distances = DistancesOf(mutual, agreed.inliers);
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
@@ -189,7 +198,7 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     const auto inliers = PairsOf(left, agreed.inliers);
     const auto outline = Outline(query_, reference, inliers, *agreed.warp);
     if (found.ShowsAgain(inliers)) {
-      result->others.push_back({inliers, *agreed.warp, outline});
+      result->others.push_back({inliers, DistancesOf(left, agreed.inliers), *agreed.warp, outline});
       found.Add(inliers, outline);
     } else {
       found.Add(inliers, ConvexHull(PointsOf(query_.keypoints, inliers, &MatchedPair::query)));
@@ -202,8 +211,9 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
 }
 
 double Evidence(int inliers) {
-  constexpr int kByChance = 5;
-  return std::max(0, inliers - kByChance);
+  constexpr int kLeast = 5;
+  constexpr double kByChance = 4.5;
+  return inliers < kLeast ? 0 : inliers - kByChance;
 }
 
 double LiftScore(double ranking_score, double evidence) {

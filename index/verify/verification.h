@@ -30,13 +30,15 @@ struct VerificationOptions {
 // The object once more, elsewhere in the query picture.
 struct FurtherInstance {
   std::vector<MatchedPair> inliers;
-  ThinPlateSpline warp;  // reference picture -> query picture
+  std::vector<float> distances;  // of the inliers' descriptors
+  ThinPlateSpline warp;          // reference picture -> query picture
   std::vector<Vec2> outline;
 };
 
 struct VerificationResult {
   int matches = 0;                                       // tentative: mutual, within the ratio
   std::vector<MatchedPair> inliers;                      // those that agree with the warp
+  std::vector<float> distances;                          // of the inliers' descriptors
   double inlier_fraction = 0;                            // inliers / matches; 0 without matches
   TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
   std::optional<ThinPlateSpline> warp;  // reference picture -> query picture, in pixels
@@ -78,9 +80,9 @@ class Verifier {
   VerificationOptions options_;
 };
 
-// The inliers beyond those that agree by chance: max(0, inliers - 5). Of the wrong pictures of
-// street photographs one in 130 has five inliers, one in 1200 has six, hardly any has more; right
-// ones have five no more often than that.
+// The inliers beyond those that agree by chance: inliers - 4.5, nothing below 5. Of the wrong
+// pictures of street photographs one in 130 has five inliers, one in 850 has six, one in 2000 has
+// more; so five move a picture up among its neighbours, and no further.
 double Evidence(int inliers);
 
 // The final score of a hit: evidence e multiplies the odds of the ranking's score s,
@@ -90,6 +92,10 @@ double Evidence(int inliers);
 // objects with hundreds of them a third more inliers count as much as a score 2.4 times as high.
 double LiftScore(double ranking_score, double evidence);
 double CombineScores(double ranking_score, int inliers);
+
+// The ranking score of a picture that nothing speaks for: what the best of a few hundred pictures
+// have that do not show the query's object. For pairs of pictures that are no search's.
+inline constexpr double kNoResemblance = 0.002;
 
 // How probable it is that a hit of the ranking by neighbours with this final score is right:
 //   p / (1 - p) = 30 score / (1 - score).

@@ -1,32 +1,21 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""find_in_folder.py FOLDER QUERY OUT.png: indexes a folder, asks which picture shows the object of QUERY, and plots the
-matches that agree on one warp."""
+"""find_in_folder.py FOLDER QUERY OUT.png: indexes a folder, asks which picture shows the object of QUERY, and draws the
+matches that agree on one warp between both. Needs Matplotlib (Debian: python3-matplotlib)."""
 import sys
-
-try:
-    import matplotlib
-except ImportError:
-    sys.exit("needs Matplotlib (Debian: python3-matplotlib)")
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import pliant
 
 folder, query, out = sys.argv[1:]
-with pliant.Index(out + ".db", descriptor="rootsift") as index:
-    index.add_folder(folder, progress=lambda done, total: print(f"{done} of {total}"))
+with pliant.Index(out + ".db") as index:
+    index.add_folder(folder)
     index.train()
-    hit = index.search(query, top=1)[0]
-    found = index.get(hit.image_id).source
-
-a, b = (pliant.describe(picture, descriptor="rootsift") for picture in (query, found))
-inliers, warp = pliant.verify(a, b)
-figure, axes = plt.subplots(1, 2, figsize=(12, 5))
-for axis, picture, points in ((axes[0], query, a.xy[inliers[:, 0]]), (axes[1], found, b.xy[inliers[:, 1]])):
-    axis.imshow(plt.imread(picture), cmap="gray")
-    axis.scatter(points[:, 0], points[:, 1], c=range(len(points)), s=8, cmap="hsv")  # a match has one colour
-    axis.set_axis_off()
-figure.suptitle(f"{hit.object}: {len(inliers)} matches agree on one warp, probability {hit.probability:.2f}")
-figure.savefig(out)
-print(f"{found}: {len(inliers)} matches")
+    found = index.get(index.search(query, top=1)[0].image_id).source
+a, b = pliant.describe(query), pliant.describe(found)
+i, j = pliant.verify(a, b).inliers.T                  # numbers of the key points that match
+plt.imshow(plt.imread(query), cmap="gray", extent=(0, a.width, a.height, 0))
+plt.imshow(plt.imread(found), cmap="gray", extent=(a.width, a.width + b.width, b.height, 0))
+plt.plot([a.xy[i, 0], b.xy[j, 0] + a.width], [a.xy[i, 1], b.xy[j, 1]], linewidth=0.6)
+plt.axis((0, a.width + b.width, max(a.height, b.height), 0))
+plt.savefig(out, dpi=200, metadata={"Title": found})

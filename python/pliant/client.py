@@ -9,7 +9,7 @@ import json
 import os
 import ssl
 import time
-from typing import Any, Callable, Iterator, Union
+from typing import Any, Callable, Iterator, Sequence, Union
 
 from pliant import _problems
 from pliant._transport import Transport, png, segment
@@ -105,31 +105,44 @@ class Client:
         """Deletes all pictures of an object, and says how many."""
         return int(self._ask("DELETE", f"{self._base}/objects/{segment('object', object)}")["deleted"])
 
-    def images(self, object: str | None = None, page: int = 100) -> Iterator[Json]:
-        """All pictures (of an object), fetched `page` at a time, 1 to 500."""
-        return self._pages("/images", "images", page, {} if object is None else {"object": object})
+    def delete_where(self, filter: Json, object: str | None = None) -> int:
+        """Deletes all pictures (of an object) whose metadata pass, at once or not at all, and says how many."""
+        parameters = _listing(object=object, filter=filter)
+        return int(self._ask("DELETE", f"{self._base}/images", parameters=parameters)["deleted"])
 
-    def objects(self, page: int = 100) -> Iterator[Json]:
-        """All objects with their numbers of pictures."""
-        return self._pages("/objects", "objects", page, {})
+    def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
+               q: str | None = None, sort: str | None = None) -> Iterator[Json]:
+        """All pictures (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
+        those with these words in the id, the object or the file's name. sort: id, created, updated, object or
+        source; with a minus downwards."""
+        return self._pages("/images", "images", page, _listing(object=object, filter=filter, q=q, sort=sort))
+
+    def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,
+                sort: str | None = None) -> Iterator[Json]:
+        """All objects with their numbers of pictures. sort: object, created, updated or images."""
+        return self._pages("/objects", "objects", page, _listing(filter=filter, q=q, sort=sort))
 
     # Searches
 
     def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
-               filter: Json | None = None, channels: str = "RGB", **options: Any) -> Json:
-        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture or to the id of a stored one.
+               image_ids: Sequence[str] | None = None, filter: Json | None = None, channels: str = "RGB",
+               **options: Any) -> Json:
+        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture, to the id of a stored one, or to
+        several ids: pictures like any of these, those like several first. Stored pictures are no hits themselves,
+        unless exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, region ("x,y,width,height" or four
-        numbers), min_score, object, explain.
+        numbers), min_score, object, explain, exclude_self.
         """
-        if (image is None) == (image_id is None):
-            raise TypeError("search takes a picture or image_id")
+        if sum(given is not None for given in (image, image_id, image_ids)) != 1:
+            raise TypeError("search takes a picture, image_id or image_ids")
         parameters: Json = {name: _plain(value) for name, value in options.items() if value is not None}
         parameters["limit"] = top
         if filter is not None:
             parameters["filter"] = json.dumps(filter, allow_nan=False)
         if image is None:
-            body, kind = json.dumps({"image_id": image_id}).encode(), "application/json"
+            stored: Json = {"image_id": image_id} if image_id is not None else {"image_ids": list(image_ids or ())}
+            body, kind = json.dumps(stored).encode(), "application/json"
         else:
             body, kind = encoded(image, channels), "application/octet-stream"
         return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
@@ -222,6 +235,13 @@ def encoded(image: ImageLike, channels: str = "RGB") -> bytes:
     if hasattr(image, "dtype") and hasattr(image, "shape"):
         return png(image, channels)
     raise TypeError(f"image must be a path, bytes or an array of uint8, not {type(image).__name__}")
+
+
+def _listing(*, filter: Json | None = None, **parameters: str | None) -> Json:
+    given: Json = {name: value for name, value in parameters.items() if value is not None}
+    if filter is not None:
+        given["filter"] = json.dumps(filter, allow_nan=False)
+    return given
 
 
 def _plain(value: Any) -> str:

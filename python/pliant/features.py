@@ -101,8 +101,24 @@ class Features:
     def load(cls, path: str | os.PathLike[str]) -> Features:
         """Of a file that `save` or `pliant describe --out x.npz` wrote."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
+            if "starts" in file:
+                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of a folder: use load_folder",
+                                           code="features_of_folder")
             return cls(file["keypoints"], file["descriptors"], int(file["width"]), int(file["height"]),
                        str(file["model_id"]))
+
+    @classmethod
+    def load_folder(cls, path: str | os.PathLike[str]) -> dict[str, Features]:
+        """Of a file that `pliant describe DIR --out x.npz` wrote: the features of each picture, by its name below DIR."""
+        with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
+            if "starts" not in file:
+                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of one picture: use load",
+                                           code="features_of_picture")
+            keypoints, descriptors, starts = file["keypoints"], file["descriptors"], file["starts"]
+            sizes = zip(file["width"].tolist(), file["height"].tolist(), strict=True)
+            return {str(name): cls(keypoints[begin:end], descriptors[begin:end], width, height, str(file["model_id"]))
+                    for name, begin, end, (width, height) in zip(file["names"], starts[:-1], starts[1:], sizes,
+                                                                 strict=True)}
 
 
 def descriptor_rows(name: str, rows: npt.ArrayLike) -> npt.NDArray[Any]:

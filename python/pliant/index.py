@@ -183,11 +183,13 @@ class Index:
             group_by: "object" (each once, by its best picture) or "image".
             rank: "neighbours", "tfidf" or "histogram".
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 100
-                or more in large collections; expand: query expansion through so many verified pictures, None = 3 by
-                image, 0 by object; instances: of one object that are looked for, 4.
+                or more in large collections, and twice that where none of these agrees; expand: query expansion
+                through so many verified pictures, None = 3 by image, 0 by object; instances: of one object that are
+                looked for, 4.
             region: (x, y, width, height) in pixels of the query; only key points inside count.
             min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
-                {"year": {"gte": 2020}, "colour": {"in": ["red"]}}.
+                {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
+                exists, and filters are joined by "and": [...], "or": [...] and "not": {...}.
             explain: adds the matches and the warp to each hit.
             threads: 0 = one per core.
         Raises ConflictError "no_vocabulary" before the first `train`, UnprocessableError "too_few_features".

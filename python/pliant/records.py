@@ -25,6 +25,7 @@ class Picture:
     sha256: str
     media_type: str
     added_at: str  # ISO 8601, UTC
+    updated_at: str  # when its bytes, object, metadata or source changed last
     collection: str
     outcome: str | None = None
 

@@ -14,8 +14,8 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
+#include "index/files/text.h"
 #include "index/store/open_store.h"
-#include "server/http/json.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -81,6 +81,21 @@ NewKey MakeApiKey(const std::string& name, Scope scope) {
   return made;
 }
 
+void CheckKeyName(const std::string& name) {
+  CheckObject(name);  // the same rules: UTF-8 without control characters, not too long
+  if (name.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "name_invalid", "the name is empty");
+  }
+}
+
+Json KeyJson(const ApiKeyRecord& key) {
+  return {{"id", key.id},
+          {"name", key.name},
+          {"scope", key.scope},
+          {"created_at", IsoTime(key.created_ms)},
+          {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(IsoTime(key.revoked_ms))}};
+}
+
 std::optional<Scope> ScopeFromName(const std::string& name) {
   for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin}) {
     if (name == ScopeName(scope)) return scope;
@@ -118,7 +133,7 @@ bool KeyRing::InUse() {
   return !keys_.empty();
 }
 
-std::optional<KnownKey> KeyRing::Identify(const Request& request) {
+std::optional<Caller> KeyRing::Identify(const Request& request) {
   const std::string shown = ShownKey(request);
   if (shown.empty()) return std::nullopt;
   const std::string hash = HashOf(shown);
@@ -129,8 +144,9 @@ std::optional<KnownKey> KeyRing::Identify(const Request& request) {
   if (found != keys_.end() && found->second.revoked_ms == 0 &&
       found->second.hash.size() == hash.size() &&
       CRYPTO_memcmp(found->second.hash.data(), hash.data(), hash.size()) == 0) {
-    if (const auto scope = ScopeFromName(found->second.scope))
-      return KnownKey{found->first, *scope};
+    if (const auto scope = ScopeFromName(found->second.scope)) {
+      return Caller{found->first, found->second.name, *scope};
+    }
   }
   throw ProblemError("unauthorized", "The key is not known, or it was revoked.");
 }

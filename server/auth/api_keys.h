@@ -14,6 +14,7 @@
 #include <string>
 
 #include "index/store/service_store.h"
+#include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/router.h"
 
@@ -27,13 +28,15 @@ struct NewKey {
 // `scope` must not be kPublic.
 NewKey MakeApiKey(const std::string& name, Scope scope);
 
+// A key's name is for people: it has the rules of an object's name, and is not empty. Throws
+// kInvalidArgument.
+void CheckKeyName(const std::string& name);
+
+// {"id", "name", "scope", "created_at", "revoked_at": a time or null}
+Json KeyJson(const ApiKeyRecord& key);
+
 // "read", "write", "admin"; nothing for other words.
 std::optional<Scope> ScopeFromName(const std::string& name);
-
-struct KnownKey {
-  std::string id;
-  Scope scope = Scope::kRead;
-};
 
 // The keys of a database, as they are now: what the command line changes counts from the next
 // request on. Thread-safe.
@@ -51,10 +54,10 @@ class KeyRing {
   // revoking the last one closes the server instead of opening it.
   bool InUse();
 
-  // The key that the request shows ("Authorization: Bearer KEY" or "X-API-Key: KEY"); nothing when
+  // Whose key the request shows ("Authorization: Bearer KEY" or "X-API-Key: KEY"); nothing when
   // it shows none. Throws ProblemError "unauthorized" for one that does not work, and "starting"
   // before Open().
-  std::optional<KnownKey> Identify(const Request& request);
+  std::optional<Caller> Identify(const Request& request);
 
  private:
   void Refresh();  // mutex_ held

@@ -10,20 +10,23 @@ void Gate::Admit(const Route& route, Request& request) {
   if (route.scope == Scope::kPublic) return;
   const bool open = open_without_keys_ && !keys_.InUse();
   if (!open) {
-    const auto key = keys_.Identify(request);
-    if (!key) {
+    const auto caller = keys_.Identify(request);
+    if (!caller) {
       throw ProblemError("unauthorized",
                          "A key is needed: send it as \"Authorization: Bearer KEY\" or as "
                          "\"X-API-Key: KEY\". The operator makes one with pliant-server keys "
                          "create.");
     }
-    request.key_id = key->id;
-    if (key->scope < route.scope) {
-      throw ProblemError("forbidden", std::string("The key's scope is ") + ScopeName(key->scope) +
-                                          ", but this needs " + ScopeName(route.scope) + ".");
+    request.caller = *caller;
+    if (caller->scope < route.scope) {
+      throw ProblemError("forbidden", std::string("The key's scope is ") +
+                                          ScopeName(caller->scope) + ", but this needs " +
+                                          ScopeName(route.scope) + ".");
     }
+  } else {
+    request.caller = {.scope = Scope::kAdmin};
   }
-  const int wait_s = limiter_.Take(open ? request.remote_address : request.key_id);
+  const int wait_s = limiter_.Take(open ? request.remote_address : request.caller.key_id);
   if (wait_s > 0) {
     throw ProblemError("rate_limited", "Too many requests. Try again shortly.").RetryAfter(wait_s);
   }

@@ -18,7 +18,7 @@ class Gate {
   Gate(KeyRing& keys, double rate, double burst, bool open_without_keys)
       : keys_(keys), limiter_(rate, burst), open_without_keys_(open_without_keys) {}
 
-  // Sets request.key_id. Throws ProblemError "unauthorized" without a valid key where one is
+  // Sets request.caller. Throws ProblemError "unauthorized" without a valid key where one is
   // required, "forbidden" when its scope does not include the route's, "rate_limited".
   void Admit(const Route& route, Request& request);
 

@@ -29,11 +29,6 @@ struct Options {
   bool json = false;
 };
 
-void CheckName(const std::string& name) {
-  CheckObject(name);  // the same rules: UTF-8 without control characters, not too long
-  if (name.empty()) throw Error(ErrorCode::kInvalidArgument, "name_invalid", "--name is empty");
-}
-
 // Keys may be wanted before the server was ever started.
 void MakeDatabase(const Options& options) {
   EngineOptions engine = options.engine;
@@ -43,7 +38,7 @@ void MakeDatabase(const Options& options) {
 }
 
 int Create(const Options& options) {
-  CheckName(options.name);
+  CheckKeyName(options.name);
   MakeDatabase(options);
   const auto store = OpenServiceStore(options.engine.database);
   const NewKey made = MakeApiKey(options.name, ScopeFromName(options.scope).value());
@@ -64,14 +59,7 @@ int Create(const Options& options) {
 int List(const Options& options) {
   const std::vector<ApiKeyRecord> keys = OpenServiceStore(options.engine.database)->Keys();
   Json list = Json::array();
-  for (const ApiKeyRecord& key : keys) {
-    list.push_back(
-        {{"id", key.id},
-         {"name", key.name},
-         {"scope", key.scope},
-         {"created_at", IsoTime(key.created_ms)},
-         {"revoked_at", key.revoked_ms == 0 ? Json(nullptr) : Json(IsoTime(key.revoked_ms))}});
-  }
+  for (const ApiKeyRecord& key : keys) list.push_back(KeyJson(key));
   if (options.json) {
     fmt::print("{}\n", ToText(Json{{"keys", list}}));
     return 0;
@@ -107,8 +95,11 @@ int Purge(const Options& options) {
 void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   app.require_subcommand(1);
   app.failure_message(cli::UsageError);
-  const auto add = [&](const char* name, const char* help, int (*run)(const Options&)) {
+  app.footer("Example:  pliant-server keys create --db my.db --name shop --scope read");
+  const auto add = [&](const char* name, const char* help, int (*run)(const Options&),
+                       const std::string& example) {
     CLI::App* sub = app.add_subcommand(name, help);
+    sub->footer("Example:  pliant-server keys " + example);
     sub->add_option("--db", options.engine.database, "the database file")
         ->required()
         ->envname("PLIANT_DB");
@@ -116,7 +107,8 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
         [&options, &command, run] { command = [&options, run] { return run(options); }; });
     return sub;
   };
-  CLI::App* create = add("create", "Create a key and print it, only this once", Create);
+  CLI::App* create = add("create", "Create a key and print it, only this once", Create,
+                         "create --db my.db --name shop --scope read");
   create->add_option("--name", options.name, "what it is for")->required();
   create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
       ->check(cli::OneOf({"read", "write", "admin"}))
@@ -126,12 +118,14 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   create->add_option("--model", options.engine.descriptor_options.model_path,
                      "weight file of deal, if the database does not exist yet");
   create->add_flag("--json", options.json, "print one JSON document");
-  add("list", "List the keys: id, scope, creation time, name", List)
+  add("list", "List the keys: id, scope, creation time, name", List, "list --db my.db")
       ->add_flag("--json", options.json, "print one JSON document");
-  add("revoke", "Revoke keys; takes effect immediately on a running server", Revoke)
+  add("revoke", "Revoke keys; takes effect immediately on a running server", Revoke,
+      "revoke shop --db my.db")
       ->add_option("KEY", options.keys, "ids or names")
       ->required();
-  add("purge", "Delete revoked keys; without any key the server is open on loopback again", Purge);
+  add("purge", "Delete revoked keys; without any key the server is open on loopback again", Purge,
+      "purge --db my.db");
 }
 
 }  // namespace

@@ -216,7 +216,7 @@ ssize_t Connection::SendSome(std::string_view bytes) {
 }
 
 ssize_t Connection::write(const char* data, size_t size) {
-  if (drop_output_) return static_cast<ssize_t>(size);
+  if (drop_output_ || TakesAnnounced(size)) return static_cast<ssize_t>(size);
   std::string_view bytes(data, size);
   while (!over_ && unsent_.empty() && !bytes.empty()) {
     const ssize_t sent = SendSome(bytes);
@@ -252,7 +252,7 @@ Connection::Step Connection::Send() {
     budget_->Give(held_ - body_bytes_);
     held_ = body_bytes_;
   }
-  return over_ ? Step::kOver : Step::kDone;
+  return over_ ? Step::kOver : SendFileOn();
 }
 
 Connection::Step Connection::Swallow() {

@@ -8,12 +8,14 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
 
 #include <httplib.h>
 
+#include "server/http/body_file.h"
 #include "server/http/request_head.h"
 #include "server/http/tls.h"
 
@@ -85,6 +87,12 @@ class Connection final : public httplib::Stream {
   // The request was served: forgets it. What came after it stays.
   void ForgetRequest();
 
+  // What the library writes next, as many bytes as the file has, is the file: Send() sends it piece
+  // by piece. To be called when the answer's head is written.
+  void SendFile(std::shared_ptr<const BodyFile> file);
+  // Bytes of a file that are still to be sent.
+  std::uint64_t file_left() const { return file_ ? file_->size() - file_sent_ : 0; }
+
   // Says that no more comes. Under TLS that is close_notify (RFC 8446, 6.1; RFC 9112, 9.8), for
   // connections that end with an answer which said so, or that the client has ended. Not for one
   // that waits for a request: clients that only look whether there are bytes to read (cpp-httplib
@@ -111,6 +119,9 @@ class Connection final : public httplib::Stream {
   ssize_t SendSome(std::string_view bytes);  // > 0 sent, 0 nothing now, -1 failed
   void Hold(std::size_t bytes);
   Step JudgeBody();
+  bool TakesAnnounced(std::size_t size);
+  bool Refill();  // unsent_ with the next piece of the file
+  Step SendFileOn();
 
   std::unique_ptr<TlsSession> tls_;
   int socket_fd_;
@@ -133,7 +144,10 @@ class Connection final : public httplib::Stream {
   Fault fault_ = Fault::kNone;
 
   std::string unsent_;
-  std::size_t sent_ = 0;  // of unsent_
+  std::size_t sent_ = 0;                  // of unsent_
+  std::shared_ptr<const BodyFile> file_;  // sent after unsent_
+  std::uint64_t file_sent_ = 0;           // or in unsent_
+  std::uint64_t announced_ = 0;           // bytes of it that the library has not "written" yet
   bool drop_output_ = false;
   bool over_ = false;
   std::size_t swallowed_ = 0;

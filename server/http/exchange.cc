@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "server/http/library.h"
-#include "server/http/parameters.h"
 
 namespace pliant::server {
 
@@ -58,12 +57,16 @@ Exchange::Exchange(ExchangeShared& shared, Connection& connection)
   request_.id = NewRequestId();
 }
 
+Exchange::~Exchange() { EndWait(); }
+
 void Exchange::ReadHead(const httplib::Request& raw) {
   if (const auto id = raw.get_header_value("X-Request-Id"); IsRequestId(id)) request_.id = id;
   request_.method = raw.method == "HEAD" ? "GET" : raw.method;
   request_.path = raw.target.substr(0, raw.target.find('?'));
   request_.query = {raw.params.begin(), raw.params.end()};
   request_.headers = {raw.headers.begin(), raw.headers.end()};
+  if (!accepted_codings_.empty()) request_.headers.emplace("Accept-Encoding", accepted_codings_);
+  if (raw.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
   request_.remote_address = raw.remote_addr;
   request_.content_type = MediaTypeOf(request_.header("Content-Type"));
   record_.remote_address = raw.remote_addr;
@@ -115,6 +118,11 @@ void Exchange::CheckHost() const {
 }
 
 bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer) {
+  if (wait_) {
+    EndWait();
+    request_.waited = true;
+    RunHandler(answer);
+  }
   if (prepared_) return complete_;
   prepared_ = true;
   ReadHead(raw);
@@ -135,7 +143,7 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     record_.route = route_->name;
     CheckConditions(*route_, request_);
     shared_.admit(*route_, request_);
-    record_.key_id = request_.key_id;
+    record_.key_id = request_.caller.key_id;
     if (route_->needs_index && shared_.stopping) {
       throw ProblemError("stopping", "The server is being stopped.");
     }
@@ -163,50 +171,8 @@ bool Exchange::AwaitsBody(httplib::Response& answer) {
     awaits_body_ = false;
   }
   if (!awaits_body_) return false;
-  answer.status = 200;  // goes nowhere
-  connection_.DropOutput();
+  LeaveWithoutAnswer(answer);
   return true;
-}
-
-void Exchange::RunHandler(httplib::Response& answer) {
-  try {
-    const Parameters parameters(*route_, request_);
-    Answer(route_->handler(request_, parameters), answer);
-  } catch (...) {
-    AnswerProblem(CurrentProblem(), answer);
-  }
-}
-
-void Exchange::Answer(const Response& response, httplib::Response& answer) {
-  answer.status = response.status;
-  answer.body = response.body;
-  answer.headers.clear();
-  if (!response.content_type.empty()) answer.set_header("Content-Type", response.content_type);
-  for (const auto& [name, value] : response.headers) answer.set_header(name, value);
-  answer.set_header("X-Request-Id", request_.id);
-  AddSecurityHeaders(answer);
-  if (must_close_) answer.set_header("Connection", "close");
-  answered_ = true;
-}
-
-// Nothing here is meant to be run, framed or loaded by pages of other sites; the page brings rules
-// of its own.
-void Exchange::AddSecurityHeaders(httplib::Response& answer) const {
-  answer.set_header("X-Content-Type-Options", "nosniff");
-  if (!answer.has_header("Content-Security-Policy")) {
-    answer.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
-  }
-  if (!answer.has_header("Referrer-Policy")) answer.set_header("Referrer-Policy", "no-referrer");
-  if (shared_.encrypted) answer.set_header("Strict-Transport-Security", "max-age=31536000");
-  for (const auto& [name, value] : shared_.origins.Headers(request_)) {
-    answer.set_header(name, value);
-  }
-}
-
-void Exchange::AnswerProblem(const Problem& problem, httplib::Response& answer) {
-  record_.code = problem.code;
-  record_.internal = problem.internal;
-  Answer(ProblemResponse(problem, request_.id), answer);
 }
 
 void Exchange::OnLibraryError(const httplib::Request& raw, httplib::Response& answer) {
@@ -246,7 +212,7 @@ Problem Exchange::FaultProblem() const {
 
 void Exchange::NoteAnswer(const httplib::Response& answer) {
   record_.status = answer.status;
-  record_.bytes_out = answer.body.size();
+  if (!answer.body.empty()) record_.bytes_out = answer.body.size();
 }
 
 RequestRecord Exchange::Record(double seconds) const {

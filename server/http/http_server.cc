@@ -27,6 +27,8 @@ constexpr int kListenBacklog = 512;
 // all others are busy.
 constexpr int kHealthThreads = 2;
 constexpr int kHealthQueue = 64;
+// One of so many connections may wait for an event; the others are for who wants an answer now.
+constexpr int kWaitingShare = 2;
 // Cores that TLS greetings may take from everything else.
 constexpr int kGreetingThreads = 1;
 
@@ -56,7 +58,8 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
                 OriginPolicy(options_.allowed_origins),
                 AllowedHosts(options_.host, options_.allowed_hosts),
                 !options_.tls_certificate.empty(),
-                options_.limits.max_body_bytes},
+                options_.limits.max_body_bytes,
+                options_.max_connections / kWaitingShare},
         budget_{options_.max_inflight_bytes},
         reception_({options_.limits, static_cast<std::size_t>(options_.max_connections),
                     static_cast<std::size_t>(options_.connections_per_address)},
@@ -133,7 +136,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
 
   void OnArrival(std::unique_ptr<Visit> visit) override {
     VisitQueue& queue = AsksForHealth(visit->connection->head()) ? *health_ : *requests_;
-    if (queue.Offer(visit)) return;
+    if (queue.Offer(visit, visit->exchange && visit->exchange->waits())) return;
     visit->connection->SetFault(Connection::Fault::kBusy);
     OnFault(*visit);
     visit->exchange.reset();
@@ -169,7 +172,7 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
 
   void Serve(std::unique_ptr<Visit> visit) {
     Next next = ServeOne(*visit);
-    if (next != Next::kBody) {
+    if (next != Next::kBody && next != Next::kEvent) {
       visit->exchange.reset();
       visit->connection->ForgetRequest();
       ++visit->served;
@@ -189,10 +192,11 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     const ServingExchange serving(exchange);
     const bool written =
         ProcessRequest(connection, last, client_closes, [&](httplib::Request& request) {
-          PrepareForLibrary(request);
+          exchange.NoteAcceptedCodings(PrepareForLibrary(request));
           if (connection.body_received()) request.headers.erase("Expect");  // was answered
         });
     if (exchange.awaits_body()) return Next::kBody;
+    if (exchange.waits()) return Next::kEvent;
     if (exchange.answered()) {
       const std::chrono::duration<double> seconds = Clock::now() - visit.begun;
       on_request_(exchange.Record(seconds.count()));

@@ -3,7 +3,10 @@
 // JSON that comes in, with its limits; index/json makes what goes out.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "index/json/json.h"
 
@@ -13,12 +16,17 @@ namespace pliant::server {
 inline constexpr int kMaxJsonDepth = 32;
 
 // Parses a document whose top is an object. Throws ProblemError "invalid_json" naming what is
-// wrong with `name`: it does not parse, is not an object, or is nested deeper than kMaxJsonDepth.
+// wrong with `name`: it does not parse, is not an object, is nested deeper than kMaxJsonDepth, or
+// one of its objects has a name twice.
 Json ParseJsonObject(const std::string& text, const std::string& name);
 // The same for an array.
 Json ParseJsonArray(const std::string& text, const std::string& name);
 
 std::string Base64(const void* data, std::size_t bytes);
+
+// RFC 4648 section 4, with or without padding; a "data:...;base64," before it is taken off. False
+// when the text is anything else.
+bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes);
 
 // RFC 4648 section 5, without padding.
 std::string Base64UrlEncode(const std::string& bytes);

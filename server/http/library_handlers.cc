@@ -32,12 +32,16 @@ void LowerMediaType(httplib::Headers& headers) {
 ServingExchange::ServingExchange(Exchange& exchange) { current_exchange = &exchange; }
 ServingExchange::~ServingExchange() { current_exchange = nullptr; }
 
-void PrepareForLibrary(httplib::Request& request) {
-  // Answers are whole and plain: ranges and on-the-fly compression cost more than they give for
-  // pictures and short JSON.
+std::string PrepareForLibrary(httplib::Request& request) {
   request.ranges.clear();
+  std::string codings;
+  const auto [begin, end] = request.headers.equal_range("Accept-Encoding");
+  for (auto header = begin; header != end; ++header) {
+    codings += (codings.empty() ? "" : ",") + header->second;
+  }
   request.headers.erase("Accept-Encoding");
   LowerMediaType(request.headers);
+  return codings;
 }
 
 void SetLibraryHandlers(httplib::Server& server) {
@@ -75,7 +79,7 @@ void SetLibraryHandlers(httplib::Server& server) {
     // RFC 9110, section 8.6: these have no content, so they have no length either.
     if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
     // The library promises both without asking.
-    answer.headers.erase("Accept-Ranges");
+    if (!current_exchange->takes_ranges()) answer.headers.erase("Accept-Ranges");
     if (answer.get_header_value("Connection") == "close") answer.headers.erase("Keep-Alive");
   });
   server.set_logger([](const httplib::Request&, const httplib::Response& answer) {

@@ -21,7 +21,8 @@ class ServingExchange {
 // Sets every handler of `server`. They may only run while a ServingExchange lives in their thread.
 void SetLibraryHandlers(httplib::Server& server);
 
-// Takes out of a request what the library would act upon, and Pliant does not want.
-void PrepareForLibrary(httplib::Request& request);
+// Takes out of a request what the library would act upon: ranges, which are the exchange's, and the
+// codings that the client accepts. Returns these.
+std::string PrepareForLibrary(httplib::Request& request);
 
 }  // namespace pliant::server

@@ -5,13 +5,20 @@
 
 #include <algorithm>
 #include <cctype>
+#include <chrono>
+#include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "server/http/caller.h"
+
 namespace pliant::server {
+
+class BodyFile;
 
 // Orders header names without regard to case (RFC 9110, section 5.1).
 struct HeaderNameLess {
@@ -21,6 +28,15 @@ struct HeaderNameLess {
         [](unsigned char x, unsigned char y) { return std::tolower(x) < std::tolower(y); });
   }
 };
+
+inline constexpr const char* kNdjsonType = "application/x-ndjson";
+inline constexpr const char* kTarType = "application/x-tar";
+
+// By any of its names: NDJSON, JSON lines.
+inline bool IsNdjsonType(const std::string& type) {
+  return type == kNdjsonType || type == "application/ndjson" || type == "application/jsonl" ||
+         type == "application/x-jsonlines";
+}
 
 // One part of a multipart/form-data body.
 struct Part {
@@ -39,12 +55,13 @@ struct Request {
   std::multimap<std::string, std::string> query;
   std::multimap<std::string, std::string, HeaderNameLess> headers;
   std::string remote_address;
-  std::string key_id;  // of the API key that was shown; empty when none was needed
+  Caller caller;  // of a public route: nobody
 
   std::string content_type;  // media type of the body in lower case, without parameters
   std::string body;          // empty when multipart
   std::vector<Part> parts;
   bool has_body = false;
+  bool waited = false;  // the handler has returned a Wait, which is over: now it must answer
 
   // The first header of that name; empty when there is none.
   std::string header(const std::string& name) const {
@@ -54,11 +71,23 @@ struct Request {
   bool is_multipart() const { return content_type == "multipart/form-data"; }
 };
 
+// What a handler returns in place of an answer: it is called again, with Request::waited, when the
+// event has happened, the time is up, the client goes, or the server stops. Meanwhile the request
+// holds no thread.
+struct Wait {
+  std::chrono::steady_clock::time_point until;
+  // Called once. Calls `wake` at most once, from any thread, when it has happened; at once if it
+  // already has. Not after the returned object is gone. Must not wait.
+  std::function<std::shared_ptr<void>(std::function<void()> wake)> subscribe;
+};
+
 struct Response {
   int status = 200;
   std::string content_type = {};
   std::string body = {};
   std::vector<std::pair<std::string, std::string>> headers = {};
+  std::shared_ptr<const BodyFile> file = {};  // the body in place of `body`
+  std::optional<Wait> wait = {};  // only of routes that take no body; then the rest means nothing
 };
 
 }  // namespace pliant::server

@@ -31,12 +31,51 @@ const Parameter* FindSpec(const Route& route, const std::string& name) {
   return it == route.parameters.end() ? nullptr : &*it;
 }
 
-std::string JsonText(const Parameter* spec, const Json& value) {
+// JSON does not tell 5 from 5.0 (JSON Schema, section 4.2.3).
+bool IsWhole(const Json& value) {
+  constexpr double kExact = 9007199254740992;  // 2^53
+  if (!value.is_number_float()) return value.is_number();
+  const double number = value.get<double>();
+  return std::trunc(number) == number && std::abs(number) <= kExact;
+}
+
+// What a value of a JSON body must be, for people; empty = it is.
+std::string WantedType(const Parameter& spec, const Json& value) {
+  const auto unless = [](bool fits, const char* wanted) { return fits ? "" : wanted; };
+  switch (spec.type) {
+    case Parameter::Type::kText:
+    case Parameter::Type::kChoice:
+      return unless(value.is_string(), "text");
+    case Parameter::Type::kInteger:
+      return unless(IsWhole(value), "a whole number");
+    case Parameter::Type::kNumber:
+      return unless(value.is_number(), "a number");
+    case Parameter::Type::kNumbers:
+      return unless(value.is_array() && std::all_of(value.begin(), value.end(),
+                                                    [](const Json& v) { return v.is_number(); }),
+                    "an array of numbers");
+    case Parameter::Type::kBoolean:
+      return unless(value.is_boolean(), "true or false");
+    case Parameter::Type::kJson:
+      return unless(value.is_object(), "an object");
+    case Parameter::Type::kJsonList:
+      return unless(value.is_array(), "an array");
+  }
+  return {};
+}
+
+// A value of a JSON body as the text that it would be in the query.
+std::string JsonText(const Parameter& spec, const Json& value) {
+  if (const std::string wanted = WantedType(spec, value); !wanted.empty()) {
+    ThrowInvalid(spec.name, fmt::format("{} must be {} in a JSON body.", spec.name, wanted));
+  }
   if (value.is_string()) return value.get<std::string>();
+  if (spec.type == Parameter::Type::kInteger && value.is_number_float()) {
+    return fmt::format("{:.0f}", value.get<double>());
+  }
   std::string text = ToText(value);
-  const bool numbers = spec != nullptr && spec->type == Parameter::Type::kNumbers;
   // An array of numbers reads like the comma-separated form.
-  if (value.is_array() && numbers) text = text.substr(1, text.size() - 2);
+  if (spec.type == Parameter::Type::kNumbers) text = text.substr(1, text.size() - 2);
   return text;
 }
 
@@ -82,6 +121,9 @@ void Check(const Parameter& spec, const std::string& text) {
       if (std::find(spec.choices.begin(), spec.choices.end(), text) != spec.choices.end()) return;
       ThrowInvalid(name,
                    fmt::format("{} must be one of: {}.", name, fmt::join(spec.choices, ", ")));
+    case Parameter::Type::kBoolean:
+      if (text == "true" || text == "false") return;
+      ThrowInvalid(name, name + " must be true or false.");
     case Parameter::Type::kJson:
       ParseJsonObject(text, name);
       return;
@@ -94,17 +136,25 @@ void Check(const Parameter& spec, const std::string& text) {
 }  // namespace
 
 Parameters::Parameters(const Route& route, const Request& request) : route_(route) {
-  for (const auto& [name, value] : request.query) Insert(name, value);
+  for (const auto& [name, value] : request.query) Insert(Known(name), value);
   for (const Part& part : request.parts) {
-    if (part.name != kImagePart) Insert(part.name, part.content);
+    if (part.name != kImagePart) Insert(Known(part.name), part.content);
   }
   // A merge patch is the handler's: in it null means something, and types do.
   const bool in_body = request.content_type == "application/json" && !request.body.empty() &&
                        route.body != BodyKind::kMergePatch;
   if (in_body) {
-    const Json body = ParseJsonObject(request.body, "body");
+    Json body = ParseJsonObject(request.body, "body");
+    if (route.body == BodyKind::kImageOrJson) {
+      if (const auto image = body.find(kImagePart); image != body.end()) {
+        if (!image->is_string()) ThrowInvalid(kImagePart, "image must be text: base64.");
+        image_ = std::move(image->get_ref<std::string&>());
+        body.erase(image);
+      }
+    }
     for (const auto& [name, value] : body.items()) {
-      if (!value.is_null()) Insert(name, JsonText(FindSpec(route_, name), value));
+      const Parameter& spec = Known(name);
+      if (!value.is_null()) Insert(spec, JsonText(spec, value));
     }
   }
   for (const Parameter& parameter : route_.parameters) {
@@ -115,24 +165,28 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   }
 }
 
-void Parameters::Insert(const std::string& name, std::string value) {
-  const Parameter* spec = FindSpec(route_, name);
-  if (spec == nullptr) {
-    std::vector<std::string> known;
-    for (const Parameter& parameter : route_.parameters) known.push_back(parameter.name);
-    const std::string offer =
-        known.empty() ? "It takes none." : fmt::format("It takes: {}.", fmt::join(known, ", "));
-    throw ProblemError("unknown_parameter", fmt::format("There is no parameter '{}' here. {}",
-                                                        name.substr(0, 64), offer))
-        .Parameter(name.substr(0, 64));
-  }
+const Parameter& Parameters::Known(const std::string& name) const {
+  if (const Parameter* spec = FindSpec(route_, name)) return *spec;
+  std::vector<std::string> known;
+  for (const Parameter& parameter : route_.parameters) known.push_back(parameter.name);
+  const std::string offer =
+      known.empty() ? "It takes none." : fmt::format("It takes: {}.", fmt::join(known, ", "));
+  throw ProblemError("unknown_parameter",
+                     fmt::format("There is no parameter '{}' here. {}", name.substr(0, 64), offer))
+      .Parameter(name.substr(0, 64));
+}
+
+void Parameters::Insert(const Parameter& spec, std::string value) {
+  const std::string& name = spec.name;
   if (!IsValidUtf8(value)) ThrowInvalid(name, name + " is not UTF-8.");
   if (values_.contains(name)) {
     throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
   }
-  Check(*spec, value);
+  Check(spec, value);
   values_.emplace(name, std::move(value));
 }
+
+bool Parameters::takes(const std::string& name) const { return FindSpec(route_, name) != nullptr; }
 
 const Parameter& Parameters::Spec(const std::string& name) const {
   if (const Parameter* spec = FindSpec(route_, name)) return *spec;
@@ -173,7 +227,9 @@ std::optional<std::vector<double>> Parameters::Numbers(const std::string& name) 
 }
 
 std::optional<bool> Parameters::Flag(const std::string& name) const {
-  return Choice<bool>(name, {{"true", true}, {"false", false}});
+  const auto text = Value(name, Parameter::Type::kBoolean);
+  if (!text) return std::nullopt;
+  return *text == "true";
 }
 
 std::optional<std::string> Parameters::JsonObject(const std::string& name) const {

@@ -22,11 +22,17 @@ class Parameters {
  public:
   // Checks everything against what the route says of its parameters. Throws "unknown_parameter" for
   // a name that it does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
-  // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have. The
-  // part or field "image" is the picture, never a parameter. `route` must outlive this.
+  // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have; in a
+  // JSON body also for one of another type ("5" is no number). There null is as good as nothing.
+  // The part or field "image" is the picture, never a parameter; in a JSON body it is base64.
+  // `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
   bool has(const std::string& name) const { return values_.contains(name); }
+  bool takes(const std::string& name) const;  // whether the route has a parameter of that name
+
+  // The key "image" of a JSON body, where the route takes a picture; null = there is none.
+  const std::string* image_base64() const { return image_ ? &*image_ : nullptr; }
 
   // Absent = nothing. The name must be one of the route's, of the kind asked for; else
   // std::logic_error.
@@ -52,12 +58,15 @@ class Parameters {
   }
 
  private:
-  void Insert(const std::string& name, std::string value);
+  // Throws "unknown_parameter".
+  const Parameter& Known(const std::string& name) const;
+  void Insert(const Parameter& spec, std::string value);
   const Parameter& Spec(const std::string& name) const;
   std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
 
   const Route& route_;
   std::map<std::string, std::string> values_;
+  std::optional<std::string> image_;
 };
 
 // Throws ProblemError "invalid_parameter" for `name`.

@@ -108,11 +108,13 @@ void Reception::Run() {
 void Reception::TakeArrivals() {
   std::vector<std::unique_ptr<Connection>> admitted;
   std::vector<std::pair<std::unique_ptr<Visit>, Next>> returned;
+  std::vector<std::uint64_t> woken;
   bool closed = false;
   {
     const std::lock_guard lock(mutex_);
     admitted.swap(admitted_);
     returned.swap(returned_);
+    woken.swap(woken_);
     for (const auto& [visit, next] : returned) away_.erase(visit->connection->socket());
     ending_ = stopping_;
     closed = closed_;
@@ -133,12 +135,22 @@ void Reception::TakeArrivals() {
       Continue(std::move(visit), next);
     }
   }
+  if (closed) {
+    while (!guests_.empty()) Remove(guests_.begin());
+    const std::lock_guard lock(mutex_);
+    drained_ = true;
+    changed_.notify_all();
+    return;
+  }
+  WakeWaiting(woken);
   if (ending_) EndIdle();
-  if (!closed) return;
-  while (!guests_.empty()) Remove(guests_.begin());
-  const std::lock_guard lock(mutex_);
-  drained_ = true;
-  changed_.notify_all();
+}
+
+void Reception::WakeWaiting(const std::vector<std::uint64_t>& tickets) {
+  for (const std::uint64_t ticket : tickets) {
+    const auto waiting = waiting_.find(ticket);
+    if (waiting != waiting_.end()) EndWait(guests_.find(waiting->second));
+  }
 }
 
 void Reception::EndIdle() {
@@ -147,6 +159,7 @@ void Reception::EndIdle() {
     if (guest.phase == Phase::kGreeting || guest.phase == Phase::kIdle) idle.push_back(fd);
   }
   for (const int fd : idle) Remove(guests_.find(fd));
+  while (!waiting_.empty()) EndWait(guests_.find(waiting_.begin()->second));
 }
 
 void Reception::Welcome(std::unique_ptr<Visit> visit) {
@@ -194,6 +207,7 @@ void Reception::Continue(std::unique_ptr<Visit> visit, Next next) {
     if (After(guest, step)) Proceed(guest);
     return;
   }
+  if (next == Next::kEvent) return AwaitEvent(guest);
   guest->second.after = next;
   // Before a body there may be a "100 Continue" to send.
   Enter(guest, Phase::kSending);
@@ -202,6 +216,8 @@ void Reception::Continue(std::unique_ptr<Visit> visit, Next next) {
 
 void Reception::Remove(Guests::iterator guest) {
   deadlines_.erase({guest->second.deadline, guest->first});
+  waiting_.erase(guest->second.ticket);
+  guest->second.subscription.reset();
   const std::unique_ptr<Visit> visit = std::move(guest->second.visit);
   guests_.erase(guest);
   Leave(*visit);

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Where connections wait without a thread each: for a greeting, for a request to arrive as a whole,
-// for the client to take an answer, for its end. One thread polls them all, so that a thousand slow
-// clients cost memory and nothing else.
+// for an event that a handler wants, for the client to take an answer, for its end. One thread
+// polls them all, so that a thousand slow clients cost memory and nothing else.
 #pragma once
 
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -42,6 +43,7 @@ enum class Next {
   kGreet,    // a step of the greeting was taken: see Visit::greeting
   kRequest,  // another request may come
   kBody,     // the head was read, now the body is wanted
+  kEvent,    // the handler waits for an event: see Exchange::wait()
   kLinger,   // the answer is the last one, and what the client still sends is not read
   kEnd,      // likewise, and nothing more comes
 };
@@ -58,7 +60,8 @@ class Reception {
   class Host {
    public:
     virtual ~Host() = default;
-    // A head has arrived, or the body after it. The visit comes back by Return().
+    // A head has arrived, or the body after it, or what its handler waited for is over. The visit
+    // comes back by Return().
     virtual void OnArrival(std::unique_ptr<Visit> visit) = 0;
     // Something of a TLS greeting has arrived. A step of it takes milliseconds of a core (RSA), so
     // it is taken elsewhere. The visit comes back by Return() with Next::kGreet.
@@ -80,13 +83,15 @@ class Reception {
   std::size_t Stop(std::chrono::milliseconds deadline);
 
  private:
-  enum class Phase { kGreeting, kIdle, kHead, kBody, kSending, kLingering };
+  enum class Phase { kGreeting, kIdle, kHead, kBody, kWaiting, kSending, kLingering };
   struct Guest {
     std::unique_ptr<Visit> visit;
     Phase phase = Phase::kGreeting;
     Next after = Next::kEnd;  // of an answer that is being sent
     Clock::time_point deadline;
     Clock::time_point last_deadline;  // kSending: of the whole answer
+    std::uint64_t ticket = 0;         // kWaiting: the key in waiting_
+    std::shared_ptr<void> subscription;
   };
   using Guests = std::unordered_map<int, Guest>;
 
@@ -100,6 +105,8 @@ class Reception {
   bool Step(Guests::iterator guest);     // one phase's steps; false: waits, or is gone
   bool ReceiveHead(Guests::iterator guest);
   bool Arrived(Guests::iterator guest);
+  void AwaitEvent(Guests::iterator guest);
+  void EndWait(Guests::iterator guest);  // the handler is to answer now
   bool Send(Guests::iterator guest);
   bool After(Guests::iterator guest, Connection::Step step);
   void Answer(Guests::iterator guest);  // puts the answer to a fault in, and sends it
@@ -112,6 +119,7 @@ class Reception {
   int MillisecondsToDeadline() const;
   void Wake();
   void EndIdle();
+  void WakeWaiting(const std::vector<std::uint64_t>& tickets);
 
   const ReceptionOptions options_;
   Host& host_;
@@ -122,14 +130,17 @@ class Reception {
   Guests guests_;
   std::set<std::pair<Clock::time_point, int>> deadlines_;
   std::unordered_map<std::string, std::size_t> by_address_;
+  std::map<std::uint64_t, int> waiting_;  // sockets of those in kWaiting, by ticket
+  std::uint64_t last_ticket_ = 0;
   bool ending_ = false;  // nobody waits for another request
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
   std::vector<std::unique_ptr<Connection>> admitted_;
   std::vector<std::pair<std::unique_ptr<Visit>, Next>> returned_;
-  std::size_t open_ = 0;  // connections, here and at threads
-  std::set<int> away_;    // sockets of those at threads
+  std::vector<std::uint64_t> woken_;  // tickets
+  std::size_t open_ = 0;              // connections, here and at threads
+  std::set<int> away_;                // sockets of those at threads
   bool stopping_ = false;
   bool closed_ = false;   // the reception's thread drops its guests
   bool drained_ = false;  // and has done so

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What becomes of one guest of the reception, phase by phase.
 #include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <exception>
 
 #include <sys/epoll.h>
@@ -14,6 +16,12 @@ namespace pliant::server {
 namespace {
 
 constexpr std::chrono::milliseconds kLingerTime{1'000};
+constexpr std::uint64_t kSlowestFile = 32 * 1024;  // bytes a second of a long answer
+
+// What a long answer may take beside the time for any.
+std::chrono::seconds TimeForFile(const Connection& connection) {
+  return std::chrono::seconds(connection.file_left() / kSlowestFile);
+}
 
 }  // namespace
 
@@ -35,8 +43,11 @@ void Reception::Enter(Guests::iterator guest, Phase phase) {
     case Phase::kBody:
       SetDeadline(guest, now + limits.body_timeout);
       break;
+    case Phase::kWaiting:
+      SetDeadline(guest, g.visit->exchange->wait().until);
+      break;
     case Phase::kSending:
-      g.last_deadline = now + limits.answer_timeout;
+      g.last_deadline = now + limits.answer_timeout + TimeForFile(*g.visit->connection);
       SetDeadline(guest, now + limits.write_timeout);
       break;
     case Phase::kLingering:
@@ -75,6 +86,9 @@ bool Reception::Step(Guests::iterator guest) {
       const auto step = connection.ReceiveBody();
       return step == Connection::Step::kDone ? Arrived(guest) : After(guest, step);
     }
+    case Phase::kWaiting:  // the client ended its side, or the connection broke
+      EndWait(guest);
+      return false;
     case Phase::kSending:
       return Send(guest);
     case Phase::kLingering:
@@ -104,6 +118,33 @@ bool Reception::Arrived(Guests::iterator guest) {
   return false;
 }
 
+void Reception::AwaitEvent(Guests::iterator guest) {
+  Guest& g = guest->second;
+  g.ticket = ++last_ticket_;
+  waiting_.emplace(g.ticket, guest->first);
+  Enter(guest, Phase::kWaiting);
+  // What the client sends meanwhile is its next request: it has time.
+  epoll_event event{};
+  event.events = EPOLLRDHUP | EPOLLONESHOT;
+  event.data.fd = guest->first;
+  epoll_ctl(poll_fd_, EPOLL_CTL_MOD, guest->first, &event);
+  try {
+    g.subscription = g.visit->exchange->wait().subscribe([this, ticket = g.ticket] {
+      const std::lock_guard lock(mutex_);
+      woken_.push_back(ticket);
+      Wake();
+    });
+  } catch (const std::exception&) {  // no memory: for this client, not for all
+    Remove(guest);
+  }
+}
+
+void Reception::EndWait(Guests::iterator guest) {
+  waiting_.erase(guest->second.ticket);
+  guest->second.subscription.reset();
+  host_.OnArrival(HandOver(guest));
+}
+
 bool Reception::Send(Guests::iterator guest) {
   Guest& g = guest->second;
   Connection& connection = *g.visit->connection;
@@ -127,6 +168,7 @@ bool Reception::Send(Guests::iterator guest) {
       Enter(guest, Phase::kLingering);
       return true;
     case Next::kGreet:
+    case Next::kEvent:
     case Next::kEnd:
       break;
   }
@@ -176,6 +218,7 @@ std::unique_ptr<Visit> Reception::HandOver(Guests::iterator guest) {
 
 void Reception::OnDeadline(Guests::iterator guest) {
   Guest& g = guest->second;
+  if (g.phase == Phase::kWaiting) return EndWait(guest);
   if (g.phase != Phase::kHead && g.phase != Phase::kBody) {
     Remove(guest);  // nobody to tell, or nothing to say
     return;

@@ -11,7 +11,8 @@
 
 namespace pliant::server {
 
-// One parameter. Built like
+// One parameter. In the query and in forms it is text of this type, in a JSON body a value of the
+// type that the OpenAPI document gives for it. Built like
 //   Parameter("limit", "hits a page").Integer(1, 1000).Default("10")
 struct Parameter {
   enum class Type {
@@ -20,6 +21,7 @@ struct Parameter {
     kNumber,    // lowest..highest
     kNumbers,   // exactly `count` of them, with commas between
     kChoice,    // one of `choices`
+    kBoolean,   // "true" or "false"
     kJson,      // a JSON object
     kJsonList,  // a JSON array
   };
@@ -49,7 +51,10 @@ struct Parameter {
     choices = std::move(names);
     return std::move(*this);
   }
-  Parameter Boolean() && { return std::move(*this).Choice({"true", "false"}); }
+  Parameter Boolean() && {
+    type = Type::kBoolean;
+    return std::move(*this);
+  }
   Parameter Json() && {
     type = Type::kJson;
     return std::move(*this);

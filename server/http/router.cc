@@ -51,20 +51,6 @@ std::string DecodeSegment(std::string_view text) {
 
 }  // namespace
 
-const char* ScopeName(Scope scope) {
-  switch (scope) {
-    case Scope::kPublic:
-      return "public";
-    case Scope::kRead:
-      return "read";
-    case Scope::kWrite:
-      return "write";
-    case Scope::kAdmin:
-      return "admin";
-  }
-  return "admin";
-}
-
 Router::Router(std::vector<Route> routes) : routes_(std::move(routes)) {
   std::set<std::string> seen;
   for (const Route& route : routes_) {
@@ -123,10 +109,10 @@ std::vector<std::string> SplitPattern(const std::string& pattern) {
 std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
 
 void CheckConditions(const Route& route, const Request& request) {
-  if (request.method == "GET" || route.body == BodyKind::kMergePatch) return;
+  if (request.method == "GET" || route.takes_if_match) return;
   if (request.headers.contains("If-Match")) {
     throw ProblemError("precondition_failed",
-                       "If-Match is understood by PATCH only: nothing was changed.");
+                       "If-Match is not understood here: nothing was changed.");
   }
 }
 
@@ -156,6 +142,10 @@ void CheckContentType(const Route& route, const Request& request) {
       if (json || type == "application/merge-patch+json") return;
       throw ProblemError("unsupported_content_type",
                          "The body must be application/merge-patch+json or application/json.");
+    case BodyKind::kBulk:
+      if (IsNdjsonType(type) || type == kTarType) return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be application/x-ndjson or application/x-tar.");
     case BodyKind::kImages:
       if (type == "multipart/form-data") return;
       throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");

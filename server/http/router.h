@@ -14,12 +14,6 @@
 
 namespace pliant::server {
 
-// What a caller must be allowed to do; each includes those before it.
-enum class Scope { kPublic, kRead, kWrite, kAdmin };
-
-// "public", "read", "write", "admin"
-const char* ScopeName(Scope scope);
-
 // What a route takes as its body.
 enum class BodyKind {
   kNone,
@@ -27,6 +21,7 @@ enum class BodyKind {
   kImage,        // image/*, application/octet-stream or multipart/form-data
   kImageOrJson,  // either
   kImages,       // multipart/form-data with any number of pictures
+  kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
 };
 
@@ -51,7 +46,8 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
-  bool needs_index = true;  // answered with "starting" while the index loads
+  bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
+  bool needs_index = true;      // answered with "starting" while the index loads
 };
 
 // Immutable and thread-safe.

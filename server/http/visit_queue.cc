@@ -20,9 +20,9 @@ VisitQueue::~VisitQueue() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-bool VisitQueue::Offer(std::unique_ptr<Visit>& visit) {
+bool VisitQueue::Offer(std::unique_ptr<Visit>& visit, bool served_before) {
   const std::lock_guard lock(mutex_);
-  if (queue_.size() >= limit_) return false;
+  if (queue_.size() >= limit_ && !served_before) return false;
   try {
     queue_.push_back(std::move(visit));
   } catch (const std::bad_alloc&) {

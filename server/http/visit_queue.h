@@ -26,8 +26,9 @@ class VisitQueue {
   VisitQueue(const VisitQueue&) = delete;
   VisitQueue& operator=(const VisitQueue&) = delete;
 
-  // Takes the visit; leaves it where it is and returns false when the queue is full.
-  bool Offer(std::unique_ptr<Visit>& visit);
+  // Takes the visit; leaves it where it is and returns false when the queue is full, unless the
+  // visit was `served_before`: how many of those there are is limited elsewhere.
+  bool Offer(std::unique_ptr<Visit>& visit, bool served_before = false);
 
  private:
   void Run();

@@ -7,8 +7,8 @@
 
 #include <spdlog/spdlog.h>
 
-#include "index/engine/vocabulary_size.h"
 #include "server/jobs/training_job.h"
+#include "server/jobs/training_policy.h"
 
 namespace pliant::server {
 
@@ -75,12 +75,6 @@ void AutoTrainer::Run() {
   }
 }
 
-bool AutoTrainer::HasOutgrown(const CollectionRecord& record) {
-  const VocabularyOrigin& origin = record.vocabulary->origin;
-  if (origin.sampled < kFullSample) return record.descriptors >= kGrowth * origin.available;
-  return DefaultVocabularySample(record.descriptors) >= kWordGrowth * origin.sampled;
-}
-
 std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) {
   const std::lock_guard lock(train_mutex_);
   jobs_.LookNow();  // another server may be at it
@@ -88,14 +82,15 @@ std::optional<JobStatus> AutoTrainer::TrainIfDue(const std::string& collection) 
     OnAdded(collection);  // look again later: what came meanwhile may call for the next one
     return active;
   }
-  const CollectionRecord record = engine_.GetCollection(collection);
-  if (record.descriptors == 0) return std::nullopt;
-  if (record.vocabulary && (!record.automatic || !HasOutgrown(record))) return std::nullopt;
+  if (!AutomaticTrainingIsDue(engine_.GetCollection(collection))) return std::nullopt;
   TrainOptions options;
   options.collection = collection;
   options.seed = kSeed;
   options.automatic = true;
-  return AddTrainingJob(jobs_, options, /*activate=*/true);
+  if (auto added = AddAutomaticTrainingJob(jobs_, options)) return added;
+  OnAdded(collection);  // another server was faster; its job is seen soon
+  jobs_.LookNow();
+  return jobs_.Active("train", collection);
 }
 
 }  // namespace pliant::server

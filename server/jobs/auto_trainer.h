@@ -23,18 +23,12 @@ namespace pliant::server {
 // The policy, for each collection:
 // - no vocabulary and at least one picture: train, once uploads pause for kPause (at the latest
 //   kLongestWait after the first), or at once when a search comes;
-// - the active vocabulary is one of ours, was chosen from less than kFullSample descriptors, and
-//   there are now kGrowth times as many: train again and switch;
-// - it was chosen from more, but the collection has grown so much that it would now have twice as
-//   many words (index/engine/vocabulary_size.h): likewise.
+// - the active vocabulary is one of ours and outgrown (training_policy.h): train again and switch.
 // A vocabulary that somebody trained or chose by hand is left alone: the database remembers which
 // (CollectionRecord::automatic).
 class AutoTrainer {
  public:
   static constexpr std::uint64_t kSeed = 0x50'4c'49'41'4e'54;  // "PLIANT"
-  static constexpr std::uint64_t kFullSample = 40'000;
-  static constexpr std::uint64_t kGrowth = 4;
-  static constexpr std::uint64_t kWordGrowth = 2;
   static constexpr std::chrono::milliseconds kPause{1'000};
   static constexpr std::chrono::milliseconds kLongestWait{10'000};
 
@@ -61,7 +55,6 @@ class AutoTrainer {
     Clock::time_point due() const { return std::min(last + kPause, first + kLongestWait); }
   };
 
-  static bool HasOutgrown(const CollectionRecord& record);
   void Run();
   // Takes what is due out of added_; mutex_ held.
   std::vector<std::string> TakeDue();

@@ -27,28 +27,6 @@ ObjectFrom ObjectFromName(const std::string& name) {
   return name == "none" ? ObjectFrom::kNone : ObjectFrom::kAuto;
 }
 
-// In the background lane. Another process may hold the database for a while: an import waits.
-AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
-                       const std::stop_token& stop) {
-  for (int attempt = 1;; ++attempt) {
-    try {
-      AddResult result;
-      pool.Run(WorkerPool::Lane::kBackground, [&](int cores) {
-        AddRequest with_cores = request;
-        with_cores.threads = cores;
-        result = engine.Add(with_cores);
-      });
-      return result;
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kUnavailable || attempt == kTriesWhenBusy ||
-          stop.stop_requested()) {
-        throw;
-      }
-      std::this_thread::sleep_for(kPauseWhenBusy);
-    }
-  }
-}
-
 std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& options,
                    const JobStatus& job, const JobContext& context) {
   const fs::path folder =
@@ -108,6 +86,27 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
 JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
                        const std::string& object_from) {
   return jobs.Add("import", collection, {{"folder", folder}, {"object_from", object_from}});
+}
+
+AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
+                       const std::stop_token& stop) {
+  for (int attempt = 1;; ++attempt) {
+    try {
+      AddResult result;
+      pool.Run(WorkerPool::Lane::kBackground, [&](int cores) {
+        AddRequest with_cores = request;
+        with_cores.threads = cores;
+        result = engine.Add(with_cores);
+      });
+      return result;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kUnavailable || attempt == kTriesWhenBusy ||
+          stop.stop_requested()) {
+        throw;
+      }
+      std::this_thread::sleep_for(kPauseWhenBusy);
+    }
+  }
 }
 
 void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options) {

@@ -33,6 +33,10 @@ JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std:
 
 // Kind "import". Stored pictures are skipped, so it can be resumed after a restart. Pictures are
 // described in the background lane of `pool`. All must outlive the queue.
+// Adds in the background lane. Waits while another process holds the database.
+AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
+                       const std::stop_token& stop);
+
 void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options);
 
 }  // namespace pliant::server

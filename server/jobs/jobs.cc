@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <random>
+#include <stdexcept>
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -48,7 +49,7 @@ JobQueue::~JobQueue() {
     stopping_ = true;
     for (const auto& job : jobs_) job->stop.request_stop();
   }
-  changed_.notify_all();
+  NotifyAll();
   for (std::thread& thread : threads_) thread.join();
 }
 
@@ -71,9 +72,38 @@ void JobQueue::Start() {
 
 JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
                         const Json& parameters) {
+  return *AddNew(kind, collection, parameters, /*only=*/false, [this](const JobRecord& job) {
+    return store_ == nullptr || store_->SaveJob(job);
+  });
+}
+
+std::optional<JobStatus> JobQueue::AddOnly(const std::string& kind, const std::string& collection,
+                                           const Json& parameters) {
+  return AddNew(kind, collection, parameters, /*only=*/true, [this](const JobRecord& job) {
+    return store_ == nullptr || store_->AddOnlyJob(job);
+  });
+}
+
+JobStatus JobQueue::AddWithInput(const std::string& kind, const std::string& collection,
+                                 const Json& parameters, std::span<const std::uint8_t> input) {
+  return *AddNew(kind, collection, parameters, /*only=*/false, [&](const JobRecord& job) {
+    store().AddJob(job, input);
+    return true;
+  });
+}
+
+ServiceStore& JobQueue::store() const {
+  if (store_ == nullptr) throw std::logic_error("these jobs are kept nowhere");
+  return *store_;
+}
+
+std::optional<JobStatus> JobQueue::AddNew(const std::string& kind, const std::string& collection,
+                                          const Json& parameters, bool only,
+                                          const std::function<bool(const JobRecord& job)>& save) {
   const std::lock_guard saving(saving_);
   {
     const std::lock_guard lock(mutex_);
+    if (only && ActiveLocked(kind, collection)) return std::nullopt;
     if (queue_.size() >= kMaxQueued) {
       throw ProblemError("busy", "Too many jobs are waiting. Try again later.").RetryAfter(10);
     }
@@ -86,7 +116,7 @@ JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
   job->status.created_ms = UnixMs();
   job->owner = owner_;
   const JobStatus added = job->status;
-  if (store_ != nullptr) store_->SaveJob(ToRecord(added, owner_));  // what is promised must survive
+  if (!save(ToRecord(added, owner_))) return std::nullopt;  // what is promised must survive
   bool full = false;
   {
     const std::lock_guard lock(mutex_);
@@ -95,7 +125,7 @@ JobStatus JobQueue::Add(const std::string& kind, const std::string& collection,
     full = jobs_.size() > kMaxJobs;
     if (full) Forget();
   }
-  changed_.notify_all();
+  NotifyAll();
   if (full && store_ != nullptr) ForgetRows();
   return added;
 }
@@ -167,6 +197,11 @@ std::vector<JobStatus> JobQueue::List() const {
 std::optional<JobStatus> JobQueue::Active(const std::string& kind,
                                           const std::string& collection) const {
   const std::lock_guard lock(mutex_);
+  return ActiveLocked(kind, collection);
+}
+
+std::optional<JobStatus> JobQueue::ActiveLocked(const std::string& kind,
+                                                const std::string& collection) const {
   for (const auto& job : jobs_) {
     const JobStatus& status = job->status;
     if (status.kind == kind && status.collection == collection && IsActive(status.state)) {
@@ -185,11 +220,28 @@ std::map<JobState, std::size_t> JobQueue::Counts() const {
 
 bool JobQueue::WaitFor(const std::string& id, std::chrono::milliseconds timeout) const {
   std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, timeout, [&] {
-    const auto job = FindOrNull(id);
-    return job == nullptr ||  // pushed out, so finished
-           stopping_ || !IsActive(job->status.state);
-  });
+  return changed_.wait_for(lock, timeout, [&] { return HasEnded(id); });
+}
+
+std::shared_ptr<void> JobQueue::WhenEnded(const std::string& id, JobWaiters::Wake wake) const {
+  auto subscription = waiters_->Add(id, std::move(wake));
+  const std::lock_guard lock(mutex_);
+  if (HasEnded(id)) {
+    waiters_->WakeWhere([&id](const std::string& waited_for) { return waited_for == id; });
+  }
+  return subscription;
+}
+
+bool JobQueue::HasEnded(const std::string& id) const {
+  const auto job = FindOrNull(id);
+  return job == nullptr ||  // pushed out, so finished
+         stopping_ || !IsActive(job->status.state);
+}
+
+void JobQueue::NotifyAll() const {
+  changed_.notify_all();
+  const std::lock_guard lock(mutex_);
+  waiters_->WakeWhere([this](const std::string& id) { return HasEnded(id); });
 }
 
 }  // namespace pliant::server

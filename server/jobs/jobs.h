@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -21,6 +22,7 @@
 #include "index/json/json.h"
 #include "index/store/service_store.h"
 #include "server/http/problem.h"
+#include "server/jobs/job_waiters.h"
 
 namespace pliant::server {
 
@@ -105,6 +107,18 @@ class JobQueue {
   // Throws ProblemError "busy" when too many jobs wait, and what the store throws.
   JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters);
 
+  // The same unless a job of that kind in that collection has not ended, here or at another server:
+  // then nothing.
+  std::optional<JobStatus> AddOnly(const std::string& kind, const std::string& collection,
+                                   const Json& parameters);
+
+  // The same, with what the job works on, which its kind finds again in store().
+  JobStatus AddWithInput(const std::string& kind, const std::string& collection,
+                         const Json& parameters, std::span<const std::uint8_t> input);
+
+  // What is kept of jobs beside their state. Throws std::logic_error where nothing is kept.
+  ServiceStore& store() const;
+
   // Throw ProblemError "job_not_found".
   JobStatus Get(const std::string& id) const;
   // No effect on a job that has ended. One that runs, here or at another server, ends soon and is
@@ -123,6 +137,9 @@ class JobQueue {
   // True when the job ended within the time.
   bool WaitFor(const std::string& id, std::chrono::milliseconds timeout) const;
 
+  // Calls `wake` when WaitFor() would return, at once if that is so already; see JobWaiters::Add().
+  std::shared_ptr<void> WhenEnded(const std::string& id, JobWaiters::Wake wake) const;
+
  private:
   struct Job {
     JobStatus status;
@@ -134,6 +151,14 @@ class JobQueue {
     std::chrono::steady_clock::time_point saved;
   };
 
+  // Add(), AddOnly() and AddWithInput(), which `save` writes down; nothing = there is one, and
+  // `only`, or `save` gave false.
+  std::optional<JobStatus> AddNew(const std::string& kind, const std::string& collection,
+                                  const Json& parameters, bool only,
+                                  const std::function<bool(const JobRecord& job)>& save);
+  // A queued or running job of that kind; mutex_ held.
+  std::optional<JobStatus> ActiveLocked(const std::string& kind,
+                                        const std::string& collection) const;
   // Sees what other servers have written, and takes up what nobody does; saving_ held. Returns own
   // jobs whose end another server asked for.
   std::vector<std::string> Look();
@@ -151,8 +176,10 @@ class JobQueue {
   void Execute(const std::shared_ptr<Job>& job);
   void OnProgress(Job& job, double done, double total);
   std::shared_ptr<Job> FindOrNull(const std::string& id) const;  // mutex_ held
-  void Forget();                                                 // mutex_ held; what is too old
-  void ForgetRows();  // saving_ held; the same in the store
+  bool HasEnded(const std::string& id) const;                    // mutex_ held
+  void NotifyAll() const;  // something that somebody may wait for has changed; no mutex held
+  void Forget();           // mutex_ held; what is too old
+  void ForgetRows();       // saving_ held; the same in the store
   // Writes down what a job has become, then shows it. No mutex held.
   void Become(Job& job, JobStatus status);
   void BecomeNow(Job& job, JobStatus status);    // the same with saving_ held
@@ -169,6 +196,7 @@ class JobQueue {
   std::mutex saving_;
   mutable std::mutex mutex_;  // guards all below; never held while something is written
   mutable std::condition_variable changed_;
+  const std::shared_ptr<JobWaiters> waiters_ = std::make_shared<JobWaiters>();
   std::vector<std::shared_ptr<Job>> jobs_;  // oldest first
   std::deque<std::shared_ptr<Job>> queue_;
   bool stopping_ = false;

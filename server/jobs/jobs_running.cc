@@ -130,7 +130,7 @@ void JobQueue::BecomeNow(Job& job, JobStatus status) {
     const std::lock_guard lock(mutex_);
     if (job.owner == owner_) job.status = std::move(status);
   }
-  changed_.notify_all();
+  NotifyAll();
 }
 
 // A job does its work whether or not its progress can be written down at the moment.

@@ -74,7 +74,7 @@ std::vector<std::string> JobQueue::Look() {
     }
   }
   ForgetVanished(records);
-  changed_.notify_all();
+  NotifyAll();
   seen_version_ = version;
   return cancelled;
 }

@@ -6,6 +6,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "server/jobs/training_policy.h"
+
 namespace pliant::server {
 
 namespace {
@@ -14,9 +16,24 @@ std::string VocabularyPath(const std::string& collection, std::int64_t id) {
   return "/v1/collections/" + collection + "/vocabularies/" + std::to_string(id);
 }
 
+Json Parameters(const TrainOptions& options, bool activate) {
+  return {{"words", options.words},
+          {"sample", options.sample},
+          {"seed", options.seed},
+          {"activate", activate},
+          {"automatic", options.automatic}};
+}
+
 std::string Train(const JobStatus& job, const JobContext& context, Engine& engine,
                   WorkerPool& pool) {
   const Json& parameters = job.parameters;
+  const bool automatic = parameters.value("automatic", false);
+  if (automatic) {  // since it was queued, another server or a person may have trained one
+    const CollectionRecord record = engine.GetCollection(job.collection);
+    if (record.vocabulary && !AutomaticTrainingIsDue(record)) {
+      return VocabularyPath(job.collection, record.vocabulary->id);
+    }
+  }
   const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
   TrainOptions options;
   options.collection = job.collection;
@@ -25,7 +42,7 @@ std::string Train(const JobStatus& job, const JobContext& context, Engine& engin
   options.seed = parameters.at("seed");
   options.threads = std::max(1, lease->cores());
   options.stop = context.stop();
-  options.automatic = parameters.value("automatic", false);
+  options.automatic = automatic;
   options.progress = [&](double done, double) { context.Progress(done, 1); };
   const VocabularyRecord made = engine.TrainVocabulary(options);
   if (parameters.at("activate").get<bool>() && !made.active) {
@@ -51,12 +68,11 @@ std::string Activate(const JobStatus& job, const JobContext& context, Engine& en
 }  // namespace
 
 JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activate) {
-  return jobs.Add("train", options.collection,
-                  {{"words", options.words},
-                   {"sample", options.sample},
-                   {"seed", options.seed},
-                   {"activate", activate},
-                   {"automatic", options.automatic}});
+  return jobs.Add("train", options.collection, Parameters(options, activate));
+}
+
+std::optional<JobStatus> AddAutomaticTrainingJob(JobQueue& jobs, const TrainOptions& options) {
+  return jobs.AddOnly("train", options.collection, Parameters(options, /*activate=*/true));
 }
 
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary) {

@@ -3,6 +3,7 @@
 // The jobs that train and activate vocabularies.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "index/engine/engine.h"
@@ -11,9 +12,12 @@
 
 namespace pliant::server {
 
-// Queues the training of a vocabulary; used by AutoTrainer and the route. `activate` = activate it
-// when it is done.
+// Queues the training of a vocabulary. `activate` = activate it when it is done.
 JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activate);
+// The same for one that nobody asked for (options.automatic). It is activated; one whose collection
+// has a vocabulary that still suits when its turn comes trains nothing. Nothing = a training of the
+// collection has not ended, here or at another server.
+std::optional<JobStatus> AddAutomaticTrainingJob(JobQueue& jobs, const TrainOptions& options);
 // Queues the switch to a vocabulary with which pictures must be quantised first.
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary);
 

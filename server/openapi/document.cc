@@ -7,6 +7,7 @@
 
 #include "server/http/problem.h"
 #include "server/openapi/route_codes.h"
+#include "server/openapi/tags.h"
 
 namespace pliant::server {
 
@@ -37,6 +38,9 @@ Json SchemaOf(const Parameter& parameter) {
     case Parameter::Type::kChoice:
       schema = {{"type", "string"}, {"enum", parameter.choices}};
       break;
+    case Parameter::Type::kBoolean:
+      schema = {{"type", "boolean"}};
+      break;
     case Parameter::Type::kJson:
       schema = {{"type", "object"}};
       break;
@@ -46,16 +50,17 @@ Json SchemaOf(const Parameter& parameter) {
   }
   if (parameter.default_value.empty()) return schema;
   const Json value = Json::parse(parameter.default_value, nullptr, /*allow_exceptions=*/false);
-  schema["default"] = value.is_number() ? value : Json(parameter.default_value);
+  schema["default"] =
+      value.is_number() || value.is_boolean() ? value : Json(parameter.default_value);
   return schema;
 }
 
-// Every parameter may stand in the query, whatever the body is.
-Json QueryParameter(const Parameter& parameter) {
+// Every parameter may stand in the query, whatever the body is. `only`: and nowhere else.
+Json QueryParameter(const Parameter& parameter, bool only) {
   Json json = {{"name", parameter.name},
                {"in", "query"},
                {"description", parameter.meaning},
-               {"required", false}};
+               {"required", only && parameter.required}};
   const bool is_json =
       parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList;
   if (is_json) {
@@ -74,7 +79,8 @@ Json PathParameter(const std::string& name) {
   static const std::map<std::string, std::string> meanings = {
       {"c", "name of a collection"}, {"id", "id of a picture or a job"},
       {"o", "name of an object"},    {"v", "number of a vocabulary"},
-      {"b", "name of a backup"},     {"n", "number of an object"}};
+      {"b", "name of a backup"},     {"n", "number of an object"},
+      {"k", "id of a key"}};
   return {{"name", name},
           {"in", "path"},
           {"required", true},
@@ -91,10 +97,21 @@ Json Properties(const Route& route) {
   return properties;
 }
 
+// Instead of a picture the request may name one that is stored.
+bool MayDoWithoutImage(const Route& route) {
+  return std::any_of(route.parameters.begin(), route.parameters.end(),
+                     [](const Parameter& parameter) { return parameter.name == "image_id"; });
+}
+
 Json JsonContent(const Route& route) {
   Json schema = {{"type", "object"}, {"properties", Properties(route)}};
   for (const Parameter& parameter : route.parameters) {
     if (parameter.required) schema["required"].push_back(parameter.name);
+  }
+  if (route.body == BodyKind::kImageOrJson) {
+    schema["properties"]["image"] = {
+        {"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}};
+    if (!MayDoWithoutImage(route)) schema["required"].push_back("image");
   }
   return {{"schema", schema}};
 }
@@ -105,15 +122,19 @@ Json FormContent(const Route& route) {
   const bool many = route.body == BodyKind::kImages;
   properties["image"] = many ? Json{{"type", "array"}, {"items", image}} : image;
   Json schema = {{"type", "object"}, {"properties", properties}};
-  if (route.body != BodyKind::kImageOrJson) schema["required"] = {"image"};
+  if (!MayDoWithoutImage(route)) schema["required"] = {"image"};
   return {{"schema", schema}};
 }
 
 Json RequestBody(const Route& route) {
   if (route.body == BodyKind::kMergePatch) {
-    const Json patch = {{"schema", OpenApiSchemas().at(route.body_schema)}};
+    const Json patch = {{"schema", {{"$ref", "#/components/schemas/" + route.body_schema}}}};
     return {{"required", true},
             {"content", {{"application/merge-patch+json", patch}, {"application/json", patch}}}};
+  }
+  if (route.body == BodyKind::kBulk) {
+    return {{"required", true},
+            {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
   }
   Json content = Json::object();
   if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {
@@ -158,8 +179,35 @@ void AddProblems(const Route& route, Json& responses) {
   }
 }
 
+Json HeaderParameter(const char* name, const char* meaning) {
+  return {{"name", name},
+          {"in", "header"},
+          {"required", false},
+          {"description", meaning},
+          {"schema", {{"type", "string"}}}};
+}
+
+void AddHeaderParameters(const Route& route, Json& parameters) {
+  const auto add = [&](const char* name, const char* meaning) {
+    parameters.push_back(HeaderParameter(name, meaning));
+  };
+  if (route.takes_if_match) add("If-Match", "ETags of the state that is meant to change, or *");
+  if (route.takes_if_match && route.method == "PUT") {
+    add("If-None-Match", "*: only where there is nothing of this id yet");
+  }
+  if (HasEtag(route)) {
+    add("If-None-Match", "ETags that the client has: 304 if one of them is still right");
+    add("If-Match", "ETags: 412 if none of them is right any more");
+  }
+  if (TakesRange(route)) {
+    add("Range", "one range of bytes: `bytes=0-99`, `bytes=100-`, `bytes=-100`");
+    add("If-Range", "an ETag: the whole, if it is not right any more");
+  }
+}
+
 Json Operation(const Route& route) {
-  Json operation = {{"operationId", route.name}, {"summary", route.summary}};
+  Json operation = {
+      {"operationId", route.name}, {"summary", route.summary}, {"tags", {TagOf(route)}}};
   Json parameters = Json::array();
   for (const std::string& segment : SplitPattern(route.pattern)) {
     if (segment.front() == '{') {
@@ -167,24 +215,24 @@ Json Operation(const Route& route) {
     }
   }
   for (const Parameter& parameter : route.parameters) {
-    parameters.push_back(QueryParameter(parameter));
+    parameters.push_back(QueryParameter(parameter, route.body == BodyKind::kNone));
   }
-  if (route.body == BodyKind::kMergePatch) {
-    parameters.push_back({{"name", "If-Match"},
-                          {"in", "header"},
-                          {"required", false},
-                          {"description", "ETag of the state that is meant to change, or *"},
-                          {"schema", {{"type", "string"}}}});
-  }
+  AddHeaderParameters(route, parameters);
   if (!parameters.empty()) operation["parameters"] = parameters;
   if (route.body != BodyKind::kNone) operation["requestBody"] = RequestBody(route);
   Json responses = Json::object();
   for (const Answer& answer : route.answers) {
-    responses[std::to_string(answer.status)] = AnswerJson(answer);
+    Json& response = responses[std::to_string(answer.status)];
+    if (response.is_null()) {
+      response = AnswerJson(answer);
+    } else {  // the same status with another type of content
+      response["content"].update(AnswerJson(answer)["content"]);
+    }
   }
   AddProblems(route, responses);
   operation["responses"] = responses;
   // Without keys (see --allow-anonymous) none is needed.
+  operation["security"] = Json::array();
   if (route.scope != Scope::kPublic) {
     operation["security"] = {{{"bearer", Json::array()}}, {{"header", Json::array()}}};
   }
@@ -216,12 +264,14 @@ Json OpenApiDocument(const std::vector<Route>& routes) {
            {{"title", "Pliant"},
             {"summary", "Find the same object again, however it is bent, folded or crumpled"},
             {"description",
-             "Parameters may stand in the query, in form fields, or as keys of a JSON body. Errors "
+             "Parameters may stand in the query, in form fields, or as keys of a JSON body, there "
+             "with the types given here; null is as if it were left out. Errors "
              "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
              "X-Request-Id. HEAD works wherever GET does."},
             {"license", {{"name", "Apache-2.0"}, {"identifier", "Apache-2.0"}}},
             {"version", PLIANT_VERSION}}},
           {"servers", {{{"url", "/"}}}},
+          {"tags", TagsOf(routes)},
           {"paths", paths},
           {"components",
            {{"schemas", OpenApiSchemas()},

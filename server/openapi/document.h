@@ -9,6 +9,8 @@
 //   $VOCABULARY  number of a vocabulary
 //   $JOB         id of a job
 //   $BACKUP      name of a backup
+//   $ADMIN_KEY   a key of scope admin
+//   $KEY_ID      id of another key
 #pragma once
 
 #include <vector>

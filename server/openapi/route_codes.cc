@@ -14,17 +14,22 @@ bool TakesImage(BodyKind body) {
   return body == BodyKind::kImage || body == BodyKind::kImageOrJson;
 }
 
+bool Answers(const Route& route, int status) {
+  return std::any_of(route.answers.begin(), route.answers.end(),
+                     [&](const Answer& answer) { return answer.status == status; });
+}
+
 void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kNone) return;
-  codes.insert({"body_too_large", "busy", "length_required", "unsupported_content_type",
+  codes.insert({"body_too_large", "length_required", "unsupported_content_type",
                 "unsupported_content_encoding", "unsupported_transfer_encoding"});
   if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
     codes.insert("invalid_json");
   }
   if (route.body == BodyKind::kMergePatch) {
-    codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter",
-                  "precondition_failed"});
+    codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter"});
   }
+  if (route.body == BodyKind::kImageOrJson) codes.insert("invalid_parameter");  // no base64
   if (!TakesImage(route.body)) return;
   if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
   codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",
@@ -47,19 +52,24 @@ void AddParameterCodes(const Route& route, Codes& codes) {
 void AddScopeCodes(const Route& route, Codes& codes) {
   if (route.scope != Scope::kPublic)
     codes.insert({"unauthorized", "forbidden", "rate_limited", "starting"});
-  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only", "busy"});
+  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only"});
 }
 
 }  // namespace
 
+bool HasEtag(const Route& route) { return Answers(route, 304); }
+bool TakesRange(const Route& route) { return Answers(route, 206); }
+
 std::set<std::string> RouteCodes(const Route& route) {
   // What any request may meet, whatever it asks for.
-  Codes codes = {"bad_request",     "uri_too_long", "headers_too_large",     "expectation_failed",
-                 "request_timeout", "internal",     "range_not_satisfiable", "host_not_allowed"};
+  Codes codes = {"bad_request",           "uri_too_long",     "headers_too_large",
+                 "expectation_failed",    "request_timeout",  "internal",
+                 "range_not_satisfiable", "host_not_allowed", "busy"};
   AddScopeCodes(route, codes);
   AddBodyCodes(route, codes);
   AddParameterCodes(route, codes);
-  if (route.method != "GET") codes.insert("cross_site");
+  if (route.method != "GET") codes.insert({"cross_site", "precondition_failed"});
+  if (HasEtag(route)) codes.insert("precondition_failed");
   if (route.needs_index) codes.insert({"starting", "stopping"});
   const bool in_collection = route.pattern.starts_with("/v1/collections/{c}");
   const bool makes_it = route.pattern == "/v1/collections/{c}" && route.method == "PUT";

@@ -10,6 +10,9 @@
 
 namespace pliant::server {
 
+bool HasEtag(const Route& route);     // its answer has one, and the conditions of a GET count
+bool TakesRange(const Route& route);  // parts of its answer can be asked for
+
 std::set<std::string> RouteCodes(const Route& route);
 
 }  // namespace pliant::server

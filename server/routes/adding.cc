@@ -4,12 +4,12 @@
 
 namespace pliant::server {
 
-AddResult AddOnPool(Service& service, const AddRequest& request) {
+AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCheck& check) {
   AddResult result;
   service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
     AddRequest with_cores = request;
     with_cores.threads = cores;
-    result = service.engine().Add(with_cores);
+    result = service.engine().Add(with_cores, check);
   });
   if (result.outcome != AddOutcome::kUnchanged) {
     service.metrics.OnAdd(result.timings);

@@ -8,7 +8,7 @@
 namespace pliant::server {
 
 // Runs on the pool, updates the metrics, and notifies the automatic training.
-AddResult AddOnPool(Service& service, const AddRequest& request);
+AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCheck& check = {});
 
 Parameter ObjectParameter();
 Parameter MetadataParameter();

@@ -10,6 +10,7 @@
 #include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
 #include "server/routes/common.h"
+#include "server/routes/item_result.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -58,19 +59,12 @@ std::vector<Item> ItemsOf(const Parameters& parameters, std::size_t pictures) {
 
 // One picture's part of the answer. Whatever goes wrong with it concerns no other.
 Json ResultOf(Service& service, const AddRequest& add) {
-  Json result = Json::object();
-  try {
+  return ItemResult([&]() -> Json {
     const AddResult added = AddOnPool(service, add);
-    result["status"] = added.outcome == AddOutcome::kCreated ? 201 : 200;
-    result["outcome"] = OutcomeName(added.outcome);
-    result["image"] = ImageJson(added.image);
-  } catch (...) {
-    const Problem problem = CurrentProblem();
-    LogProblem(problem);
-    result["status"] = problem.status;
-    result["problem"] = ProblemSummary(problem);
-  }
-  return result;
+    return {{"status", added.outcome == AddOutcome::kCreated ? 201 : 200},
+            {"outcome", OutcomeName(added.outcome)},
+            {"image", ImageJson(added.image)}};
+  });
 }
 
 Response AddBatch(Service& service, const Request& request, const Parameters& parameters) {

@@ -62,21 +62,22 @@ Response ChangeObject(Service& service, const Request& request, const Parameters
 }  // namespace
 
 void AddChangeRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "images.patch",
-                    .method = "PATCH",
-                    .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "Change a picture's object, metadata or source",
-                    .scope = Scope::kWrite,
-                    .body = BodyKind::kMergePatch,
-                    .body_schema = "ImagePatch",
-                    .answers = {{200, "the record as it is now", "Image"}},
-                    .codes = {"image_not_found"},
-                    .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-                               R"(-d '{"metadata": {"shelf": 5}}' )"
-                               R"("$PLIANT/v1/collections/default/images/$IMAGE")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return ChangeImage(service, request);
-                    }});
+  routes.push_back(
+      {.name = "images.patch",
+       .method = "PATCH",
+       .pattern = "/v1/collections/{c}/images/{id}",
+       .summary = "Change a picture's object, metadata or source",
+       .scope = Scope::kWrite,
+       .body = BodyKind::kMergePatch,
+       .body_schema = "ImagePatch",
+       .answers = {{200, "the record as it is now", "Image"}},
+       .codes = {"image_not_found"},
+       .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+                  R"(-d '{"metadata": {"shelf": 5}}' )"
+                  R"("$PLIANT/v1/collections/default/images/$IMAGE")",
+       .handler = [&service](const Request& request,
+                             const Parameters&) { return ChangeImage(service, request); },
+       .takes_if_match = true});
   routes.push_back(
       {.name = "objects.patch",
        .method = "PATCH",
@@ -92,9 +93,11 @@ void AddChangeRoutes(Service& service, std::vector<Route>& routes) {
        .codes = {"object_not_found", "object_exists"},
        .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
                   R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return ChangeObject(service, request, parameters);
-       }});
+       .handler =
+           [&service](const Request& request, const Parameters& parameters) {
+             return ChangeObject(service, request, parameters);
+           },
+       .takes_if_match = true});
 }
 
 }  // namespace pliant::server

@@ -3,11 +3,11 @@
 #include "server/routes/changes.h"
 
 #include <algorithm>
-#include <sstream>
 
 #include <fmt/format.h>
 
 #include "descriptor/base/sha256.h"
+#include "server/http/conditions.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
@@ -18,24 +18,22 @@ namespace {
 
 constexpr std::size_t kEtagDigits = 32;
 
-// Exactly one of the list; weak ones never match. Records' ETags have no commas in them.
-bool Lists(const std::string& if_match, const std::string& etag) {
-  std::istringstream list(if_match);
-  for (std::string one; std::getline(list, one, ',');) {
-    const std::size_t begin = one.find_first_not_of(" \t");
-    if (begin == std::string::npos) continue;
-    one = one.substr(begin, one.find_last_not_of(" \t") + 1 - begin);
-    if (one == "*" || one == etag) return true;
-  }
-  return false;
+std::string EtagOfText(const std::string& text) {
+  const Bytes bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+  return '"' + Sha256Hex(bytes).substr(0, kEtagDigits) + '"';
 }
 
 }  // namespace
 
-std::string EtagOf(const Json& record) {
-  const std::string text = ToText(record);
-  const Bytes bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
-  return '"' + Sha256Hex(bytes).substr(0, kEtagDigits) + '"';
+std::string EtagOf(const Json& record) { return EtagOfText(ToText(record)); }
+
+Response TaggedResponse(const Json& json) {
+  Response response = JsonResponse(json);
+  response.headers.emplace_back("ETag", EtagOfText(response.body));
+  for (auto& [name, value] : response.headers) {
+    if (name == "Cache-Control") value = "private, no-cache";
+  }
+  return response;
 }
 
 Response RecordResponse(const Json& record) {
@@ -45,13 +43,21 @@ Response RecordResponse(const Json& record) {
 }
 
 void CheckIfMatch(const Request& request, const Json& record) {
-  const auto [begin, end] = request.headers.equal_range("If-Match");
-  if (begin == end) return;
-  const bool matches = std::any_of(
-      begin, end, [&](const auto& header) { return Lists(header.second, EtagOf(record)); });
-  if (matches) return;
+  if (IfMatchHolds(request, EtagOf(record))) return;
   throw ProblemError("precondition_failed",
                      "It has been changed since: what is stored is not what If-Match names.");
+}
+
+void CheckConditionsOf(const Request& request, const Json& record_or_null) {
+  const bool there = !record_or_null.is_null();
+  if (!there && request.headers.contains("If-Match")) {
+    throw ProblemError("precondition_failed", "There is nothing that If-Match could name.");
+  }
+  if (!there) return;
+  CheckIfMatch(request, record_or_null);
+  if (!NamedByIfNoneMatch(request, EtagOf(record_or_null)).empty()) {
+    throw ProblemError("precondition_failed", "There is already what If-None-Match names.");
+  }
 }
 
 Json MergePatchOf(const Request& request, const std::vector<std::string>& fields) {

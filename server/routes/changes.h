@@ -17,10 +17,16 @@ std::string EtagOf(const Json& record);
 
 // The record, with its ETag.
 Response RecordResponse(const Json& record);
+// The same for what is no record, and may be long: kept by clients that ask whether it is the same.
+Response TaggedResponse(const Json& json);
 
 // Throws ProblemError "precondition_failed" when the request has an If-Match that is neither * nor
 // lists the record's ETag.
 void CheckIfMatch(const Request& request, const Json& record);
+// The same for what may not be there (null): nothing matches then. Also throws when If-None-Match
+// is
+// * and there is something, or lists its ETag.
+void CheckConditionsOf(const Request& request, const Json& record_or_null);
 
 // The body. Throws ProblemError "missing_parameter" without one, "invalid_json", and
 // "unknown_parameter" for a key that is none of `fields`.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "index/files/text.h"
+#include "server/http/conditions.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
 
@@ -49,12 +50,23 @@ int PageLimit(const Parameters& parameters) {
 
 const std::string& CollectionOf(const Request& request) { return request.captures.at("c"); }
 
-UploadedImage ImageOf(const Request& request) {
+UploadedImage ImageOfBase64(const std::string& text, const std::string& name) {
+  auto decoded = std::make_shared<std::vector<std::uint8_t>>();
+  if (!Base64Decode(text, decoded.get())) ThrowInvalid(name, name + " is no base64.");
+  const Bytes bytes(*decoded);
+  return {bytes, {}, std::move(decoded)};
+}
+
+UploadedImage ImageOf(const Request& request, const Parameters& parameters) {
+  if (const std::string* base64 = parameters.image_base64()) {
+    return ImageOfBase64(*base64, "image");
+  }
   if (!request.is_multipart()) {
     if (request.has_body && request.content_type != "application/json")
-      return {AsBytes(request.body), {}};
+      return {AsBytes(request.body), {}, {}};
     throw ProblemError("missing_parameter",
-                       "A picture is required: as the body, or as the form field 'image'.")
+                       "A picture is required: as the body, as the form field 'image', or as "
+                       "base64 in the key 'image' of a JSON body.")
         .Parameter("image");
   }
   const std::vector<UploadedImage> images = ImagesOf(request);
@@ -68,7 +80,8 @@ UploadedImage ImageOf(const Request& request) {
 std::vector<UploadedImage> ImagesOf(const Request& request) {
   std::vector<UploadedImage> images;
   for (const Part& part : request.parts) {
-    if (part.name == "image") images.push_back({AsBytes(part.content), BaseName(part.filename)});
+    if (part.name == "image")
+      images.push_back({AsBytes(part.content), BaseName(part.filename), {}});
   }
   if (images.empty()) {
     throw ProblemError("missing_parameter", "The form field 'image' is required.")
@@ -91,6 +104,10 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
       return json[1].get<std::string>();
     }
   }
+  ThrowInvalidCursor();
+}
+
+void ThrowInvalidCursor() {
   throw ProblemError("invalid_cursor",
                      "The cursor is none that this list gave. Ask again without one.")
       .Parameter("cursor");
@@ -147,8 +164,7 @@ Response JsonTextResponse(std::string json, int status) {
 }
 
 bool IfNoneMatch(const Request& request, const std::string& etag) {
-  const std::string wanted = request.header("If-None-Match");
-  return wanted == "*" || wanted.find(etag) != std::string::npos;
+  return !NamedByIfNoneMatch(request, etag).empty();
 }
 
 }  // namespace pliant::server

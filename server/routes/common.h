@@ -3,6 +3,8 @@
 // What several routes share: uploads, cursors, answers.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -26,13 +28,17 @@ int PageLimit(const Parameters& parameters);
 const std::string& CollectionOf(const Request& request);
 
 struct UploadedImage {
-  Bytes bytes;           // inside the request
+  Bytes bytes;           // inside the request, or `decoded`
   std::string filename;  // base name, for people; may be empty
+  std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};  // of base64
 };
 
-// The picture of the request: a raw body, or the multipart part "image". Throws ProblemError
-// "missing_parameter" or "duplicate_parameter".
-UploadedImage ImageOf(const Request& request);
+// The picture of the request: a raw body, the multipart part "image", or the key "image" of a JSON
+// body, as base64. Throws ProblemError "missing_parameter", "duplicate_parameter", and
+// "invalid_parameter" for what is no base64.
+UploadedImage ImageOf(const Request& request, const Parameters& parameters);
+// What is no base64 is ProblemError "invalid_parameter" for `name`.
+UploadedImage ImageOfBase64(const std::string& text, const std::string& name);
 
 // All parts "image". Throws ProblemError "missing_parameter" when there is none.
 std::vector<UploadedImage> ImagesOf(const Request& request);
@@ -42,6 +48,7 @@ std::vector<UploadedImage> ImagesOf(const Request& request);
 std::string MakeCursor(const std::string& list, const std::string& after);
 // Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
+[[noreturn]] void ThrowInvalidCursor();
 
 Json JobJson(const JobStatus& job);
 Json ProblemSummary(const Problem& problem);  // code, detail, parameter
@@ -54,7 +61,9 @@ std::string ImagePath(const ImageRecord& image);
 Response JsonResponse(const Json& json, int status = 200);
 Response JsonTextResponse(std::string json, int status = 200);
 
-// RFC 9110, section 13.1.2. `etag` with its quotes.
+// Whether the client has it already (RFC 9110, section 13.1.2). `etag` with its quotes. Only for
+// handlers that save work by not making the answer: all answers with an ETag are looked at later
+// (http/conditions.h).
 bool IfNoneMatch(const Request& request, const std::string& etag);
 
 }  // namespace pliant::server

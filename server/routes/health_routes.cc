@@ -1,6 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Is it alive, is it ready, how is it doing?
+#include <filesystem>
+#include <system_error>
+
 #include <fmt/format.h>
 
 #include "server/http/problem.h"
@@ -21,6 +24,14 @@ Response MetricsText(Service& service) {
     now.jobs = service.jobs->Counts();
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();
   }
+  // Where it cannot be asked, as of a database that is gone, there is none to count on.
+  std::error_code unknown;
+  const std::filesystem::space_info disk =
+      std::filesystem::space(service.options.engine.database.parent_path().empty()
+                                 ? "."
+                                 : service.options.engine.database.parent_path(),
+                             unknown);
+  now.disk_free_bytes = unknown ? 0 : disk.available;
   response.body = service.metrics.Text(now);
   return response;
 }

@@ -1,10 +1,34 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Jobs: what runs in the background.
+#include <chrono>
+
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
+
+namespace {
+
+constexpr double kLongestWaitS = 60;
+
+// The job as it is, or, when that was asked for, as soon as it has ended.
+Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& parameters) {
+  const std::string id = request.captures.at("id");
+  const JobStatus job = jobs.Get(id);
+  const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
+  if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
+    return JsonResponse(JobJson(job));
+  }
+  jobs.LookNow();  // another server may have just made it
+  Response later;
+  later.wait = Wait{
+      std::chrono::steady_clock::now() + std::chrono::ceil<std::chrono::milliseconds>(patience),
+      [&jobs, id](JobWaiters::Wake wake) { return jobs.WhenEnded(id, std::move(wake)); }};
+  return later;
+}
+
+}  // namespace
 
 void AddJobRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "jobs.list",
@@ -23,12 +47,15 @@ void AddJobRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "jobs.get",
                     .method = "GET",
                     .pattern = "/v1/jobs/{id}",
-                    .summary = "How far a job is",
+                    .summary = "How far a job is; with `wait`, as soon as it has ended",
+                    .parameters = {Parameter("wait", "longest time in seconds to wait for its end")
+                                       .Number(0, kLongestWaitS)
+                                       .Default("0")},
                     .answers = {{200, "the job", "Job"}},
                     .codes = {"job_not_found"},
-                    .example = R"(curl "$PLIANT/v1/jobs/$JOB")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return JsonResponse(JobJson(service.jobs->Get(request.captures.at("id"))));
+                    .example = R"(curl "$PLIANT/v1/jobs/$JOB?wait=10")",
+                    .handler = [&service](const Request& request, const Parameters& parameters) {
+                      return JobAnswer(*service.jobs, request, parameters);
                     }});
   routes.push_back({.name = "jobs.cancel",
                     .method = "DELETE",

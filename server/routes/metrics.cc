@@ -71,6 +71,8 @@ class Metrics::Impl {
   prometheus::Gauge& words =
       Gauge("pliant_vocabulary_words", "Words of the active vocabulary of the default collection");
   prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database file");
+  prometheus::Gauge& disk_free_bytes =
+      Gauge("pliant_disk_free_bytes", "Free space on the disk of the database");
   prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
   prometheus::Gauge& resident_bytes =
       Gauge("process_resident_memory_bytes", "Memory of the process");
@@ -168,6 +170,7 @@ std::string Metrics::Text(const MetricsNow& now) {
     m.images.Set(static_cast<double>(stats.images));
     m.objects.Set(static_cast<double>(stats.objects));
     m.database_bytes.Set(static_cast<double>(stats.database_bytes));
+    m.disk_free_bytes.Set(static_cast<double>(now.disk_free_bytes));
     m.index_bytes.Set(static_cast<double>(stats.index_bytes));
     if (stats.vocabulary) {
       m.words.Set(static_cast<double>(stats.vocabulary->words));

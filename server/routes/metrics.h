@@ -20,7 +20,8 @@ struct MetricsNow {
   WorkerPool::Load load = {};
   const EngineStats* stats = nullptr;  // null = the index is still loading
   std::map<JobState, std::size_t> jobs = {};
-  std::size_t decoders = 0;  // processes
+  std::size_t decoders = 0;            // processes
+  std::uintmax_t disk_free_bytes = 0;  // for the database
 };
 
 // Thread-safe.

@@ -8,6 +8,7 @@
 #include "server/http/problem.h"
 #include "server/routes/changes.h"
 #include "server/routes/common.h"
+#include "server/routes/lists.h"
 #include "server/routes/objects.h"
 #include "server/routes/routes.h"
 
@@ -34,21 +35,25 @@ namespace {
   throw ProblemError("object_not_found", "There is no picture of an object '" + object + "'.");
 }
 
+const Orders<ObjectOrder>& ObjectOrders() {
+  static const Orders<ObjectOrder> orders = {{"object", ObjectOrder::kName},
+                                             {"created", ObjectOrder::kCreated},
+                                             {"updated", ObjectOrder::kUpdated},
+                                             {"images", ObjectOrder::kImages}};
+  return orders;
+}
+
 Response List(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
-  const int limit = PageLimit(parameters);
-  const std::string name = ToText(Json::array({"objects", collection}));
-  const std::string after = AfterFromCursor(parameters, name);
-  std::vector<ObjectRecord> objects = service.engine().ListObjects(collection, after, limit + 1);
-  const bool more = objects.size() > static_cast<std::size_t>(limit);
-  if (more) objects.resize(static_cast<std::size_t>(limit));
+  ObjectListing list;
+  list.which = SelectionOf(parameters, CollectionOf(request));
+  const std::string identity = ListIdentity("objects", list.which, parameters);
+  static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
+  list.order = OrderOf(parameters, ObjectOrders());
+  const ObjectPage page = ListPageOf(service.engine(), list);
   Json items = Json::array();
-  for (const ObjectRecord& object : objects) {
-    items.push_back(ObjectJson(service, collection, object));
-  }
-  return JsonResponse(
-      {{"objects", items},
-       {"next", more ? Json(MakeCursor(name, objects.back().object)) : Json(nullptr)}});
+  for (const ListedObject& object : page.records) items.push_back(ListedObjectJson(object));
+  return JsonResponse(PageJson("objects", std::move(items), page.next, page.total, page.facets,
+                               parameters, identity));
 }
 
 Response Get(Service& service, const Request& request) {
@@ -60,14 +65,17 @@ Response Get(Service& service, const Request& request) {
 
 Response Remove(Service& service, const Request& request) {
   const std::string& object = request.captures.at("o");
-  const std::uint64_t removed = service.engine().RemoveObject(CollectionOf(request), object);
+  const std::uint64_t removed = service.engine().RemoveObject(
+      CollectionOf(request), object, [&](const ObjectRecord& now, const std::string& image_id) {
+        CheckConditionsOf(request, ObjectJson(now, image_id));
+      });
   if (removed == 0) ThrowNoObject(object);
   return JsonResponse({{"object", object}, {"deleted", removed}});
 }
 
-Response Locate(Service& service, const Request& request) {
+Response Locate(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const UploadedImage image = ImageOf(request);
+  const UploadedImage image = ImageOf(request, parameters);
   ObjectLocation found;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     found = service.engine().Locate(image.bytes, CollectionOf(request), request.captures.at("o"),
@@ -84,13 +92,16 @@ Response Locate(Service& service, const Request& request) {
 }  // namespace
 
 void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
+  std::vector<Parameter> listing = ListParameters(NamesOf(ObjectOrders()));
+  listing.push_back(CursorParameter());
+  listing.push_back(LimitParameter());
   routes.push_back({.name = "objects.list",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/objects",
-                    .summary = "Objects in order of their names, page by page",
-                    .parameters = {CursorParameter(), LimitParameter()},
+                    .summary = "Objects, page by page: some or all, in the order asked for",
+                    .parameters = std::move(listing),
                     .answers = {{200, "a page", "ObjectList"}},
-                    .example = R"(curl "$PLIANT/v1/collections/default/objects")",
+                    .example = R"(curl "$PLIANT/v1/collections/default/objects?sort=-images")",
                     .handler = [&service](const Request& request, const Parameters& parameters) {
                       return List(service, request, parameters);
                     }});
@@ -98,7 +109,8 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/objects/{o}",
                     .summary = "One object: how many pictures show it",
-                    .answers = {{200, "the object", "Object"}},
+                    .answers = {{200, "the object, with ETag", "Object"},
+                                {304, "If-None-Match names its ETag", "", ""}},
                     .codes = {"object_not_found"},
                     .example = R"(curl "$PLIANT/v1/collections/default/objects/mug")",
                     .handler = [&service](const Request& request, const Parameters&) {
@@ -108,13 +120,13 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
                     .method = "POST",
                     .pattern = "/v1/collections/{c}/objects/{o}/locate",
                     .summary = "Where the object is in the picture sent",
-                    .body = BodyKind::kImage,
+                    .body = BodyKind::kImageOrJson,
                     .answers = {{200, "where, or that it is not found", "Location"}},
                     .codes = {"object_not_found"},
                     .example = R"(curl -F image=@mug.png )"
                                R"("$PLIANT/v1/collections/default/objects/mug/locate")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Locate(service, request);
+                    .handler = [&service](const Request& request, const Parameters& parameters) {
+                      return Locate(service, request, parameters);
                     }});
   routes.push_back({.name = "objects.delete",
                     .method = "DELETE",
@@ -124,9 +136,9 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
                     .answers = {{200, "how many are gone", "ObjectDeleted"}},
                     .codes = {"object_not_found"},
                     .example = R"(curl -X DELETE "$PLIANT/v1/collections/default/objects/mug")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Remove(service, request);
-                    }});
+                    .handler = [&service](const Request& request,
+                                          const Parameters&) { return Remove(service, request); },
+                    .takes_if_match = true});
 }
 
 }  // namespace pliant::server

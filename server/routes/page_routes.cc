@@ -22,7 +22,8 @@ void AddPageRoutes(std::vector<Route>& routes) {
                       .pattern = asset.path,
                       .summary = "The web page",
                       .scope = Scope::kPublic,
-                      .answers = {{200, "the page or a part of it", "", asset.content_type}},
+                      .answers = {{200, "the page or a part of it", "", asset.content_type},
+                                  {304, "If-None-Match names its ETag", "", ""}},
                       .handler =
                           [asset](const Request& request, const Parameters&) {
                             const std::string etag = std::string("\"") + asset.sha256 + "\"";

@@ -8,13 +8,18 @@ std::vector<Route> MakeRoutes(Service& service) {
   std::vector<Route> routes;
   AddPageRoutes(routes);
   AddHealthRoutes(service, routes);
+  AddMeRoute(routes);
+  AddKeyRoutes(service, routes);
   AddCollectionRoutes(service, routes);
   AddImageRoutes(service, routes);
   AddImageDataRoutes(service, routes);
   AddChangeRoutes(service, routes);
   AddBatchRoutes(service, routes);
+  AddBulkRoutes(service, routes);
   AddObjectRoutes(service, routes);
+  AddExportRoutes(service, routes);
   AddSearchRoutes(service, routes);
+  AddCompareRoutes(service, routes);
   AddVocabularyRoutes(service, routes);
   AddDemoRoutes(service, routes);
   AddJobRoutes(service, routes);

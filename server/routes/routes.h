@@ -15,15 +15,20 @@ std::vector<Route> MakeRoutes(Service& service);
 
 // Each adds its routes to the table.
 void AddPageRoutes(std::vector<Route>& routes);
+void AddMeRoute(std::vector<Route>& routes);
+void AddKeyRoutes(Service& service, std::vector<Route>& routes);
 void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);
 void AddImageRoutes(Service& service, std::vector<Route>& routes);
 void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
 void AddChangeRoutes(Service& service, std::vector<Route>& routes);
 void AddBatchRoutes(Service& service, std::vector<Route>& routes);
+void AddBulkRoutes(Service& service, std::vector<Route>& routes);
 void AddBackupRoutes(Service& service, std::vector<Route>& routes);
 void AddObjectRoutes(Service& service, std::vector<Route>& routes);
+void AddExportRoutes(Service& service, std::vector<Route>& routes);
 void AddSearchRoutes(Service& service, std::vector<Route>& routes);
+void AddCompareRoutes(Service& service, std::vector<Route>& routes);
 void AddVocabularyRoutes(Service& service, std::vector<Route>& routes);
 void AddDemoRoutes(Service& service, std::vector<Route>& routes);
 // Last: it describes all others.

@@ -5,75 +5,22 @@
 
 #include <spdlog/spdlog.h>
 
+#include "descriptor/base/parallel.h"
 #include "index/json/result_json.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
+#include "server/routes/item_result.h"
 #include "server/routes/routes.h"
+#include "server/routes/search_drawing.h"
+#include "server/routes/search_options.h"
 
 namespace pliant::server {
 
 namespace {
 
-constexpr std::int64_t kLargestOffset = 1'000'000;
-constexpr std::int64_t kLargestLimit = 1'000;
-constexpr std::int64_t kLargestDepth = 10'000;
-constexpr std::int64_t kMostInstances = 100;
-constexpr double kLargestCoordinate = 1e6;
 // How long the first search after the first uploads waits for the vocabulary.
 constexpr std::chrono::milliseconds kVocabularyWait{15'000};
-
-Region RegionOf(const std::vector<double>& numbers) {
-  const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
-  for (const double number : numbers) {
-    if (number < -kLargestCoordinate || number > kLargestCoordinate) {
-      ThrowInvalid("region", "region lies outside any picture.");
-    }
-  }
-  if (region.width <= 0 || region.height <= 0) {
-    ThrowInvalid("region", "region is x,y,width,height in pixels; width and height must be > 0.");
-  }
-  return region;
-}
-
-Filter FilterOf(const std::string& text) {
-  try {
-    return ParseFilter(text);
-  } catch (const Error& error) {
-    ThrowInvalid("filter", error.what());
-  }
-}
-
-SearchOptions OptionsOf(const Request& request, const Parameters& parameters) {
-  SearchOptions options;
-  options.collection = CollectionOf(request);
-  options.limit = static_cast<std::size_t>(parameters.Integer("limit").value_or(10));
-  options.offset = static_cast<std::size_t>(parameters.Integer("offset").value_or(0));
-  options.group_by =
-      parameters
-          .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
-          .value_or(options.group_by);
-  options.rank = parameters
-                     .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
-                                                  {"tfidf", RankMethod::kTfIdf},
-                                                  {"histogram", RankMethod::kHistogram}})
-                     .value_or(options.rank);
-  options.verify = parameters
-                       .Choice<Verification>(
-                           "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
-                       .value_or(options.verify);
-  options.min_score = parameters.Number("min_score").value_or(0);
-  options.object = parameters.Text("object");
-  options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
-  if (const auto expand = parameters.Integer("expand")) {
-    options.expand = static_cast<int>(*expand);
-  }
-  options.max_instances =
-      static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
-  if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
-  options.explain = parameters.Flag("explain").value_or(options.explain);
-  if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
-  return options;
-}
+constexpr std::size_t kMostSearches = 100;  // of one batch
 
 // A search stores nothing, so it is not told that nothing can be stored but what follows from that.
 std::optional<JobStatus> TrainingOf(AutoTrainer& trainer, const std::string& collection) {
@@ -114,90 +61,150 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
   }
 }
 
-SearchResult SearchOnPool(Service& service, const Request& request, const Parameters& parameters,
-                          const SearchOptions& options) {
-  const std::optional<std::string> image_id = parameters.Text("image_id");
-  const bool has_picture = request.has_body && request.content_type != "application/json" &&
-                           !(image_id && request.is_multipart() && request.parts.size() == 1);
-  if (image_id && has_picture) {
-    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
-  }
-  const UploadedImage image = image_id ? UploadedImage{} : ImageOf(request);
-  if (image_id) service.engine().Get(options.collection, *image_id);  // or 404, whatever else lacks
-  if (!service.engine().HasVocabulary(options.collection)) {
-    AwaitVocabulary(service, options.collection);
-  }
+SearchResult SearchOnPool(Service& service, const SearchQuery& query) {
+  const std::string& collection = query.options.collection;
+  // Or 404, whatever else lacks.
+  if (query.image_id) service.engine().Get(collection, *query.image_id);
+  for (const std::string& id : query.image_ids) service.engine().Get(collection, id);
+  if (!service.engine().HasVocabulary(collection)) AwaitVocabulary(service, collection);
   SearchResult result;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
-    SearchOptions with_cores = options;
-    with_cores.threads = cores;
-    result = image_id ? service.engine().SearchStored(*image_id, with_cores)
-                      : service.engine().Search(image.bytes, with_cores);
+    SearchOptions options = query.options;
+    options.threads = cores;
+    Engine& engine = service.engine();
+    result = query.image_id             ? engine.SearchStored(*query.image_id, options)
+             : !query.image_ids.empty() ? engine.SearchExamples(query.image_ids, options)
+                                        : engine.Search(query.image.bytes, options);
   });
+  service.metrics.OnSearch(result.timings);
   return result;
+}
+
+// A picture in place of the JSON: the query with the outlines and names of the hits.
+Response Drawing(Service& service, const Request& request, const SearchQuery& query,
+                 const SearchResult& result) {
+  std::vector<std::uint8_t> stored;
+  if (query.image_id) {
+    stored = service.engine().GetContent(query.options.collection, *query.image_id);
+  }
+  const bool png = PrefersPng(request.header("Accept"));
+  std::string picture;
+  service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
+    picture = DrawSearch(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
+                         service.options.engine.extraction.decode, service.decode(), result, png);
+  });
+  Response response;
+  response.content_type = png ? "image/png" : "image/jpeg";
+  response.body = std::move(picture);
+  response.headers.emplace_back("Cache-Control", "no-store");
+  return response;
 }
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const SearchOptions options = OptionsOf(request, parameters);
-  const SearchResult result = SearchOnPool(service, request, parameters, options);
-  service.metrics.OnSearch(result.timings);
+  const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(request));
+  const bool draws = parameters.Flag("draw").value_or(false);
+  if (draws && !query.image_ids.empty()) {
+    ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
+  }
+  const SearchResult result = SearchOnPool(service, query);
+  if (draws) return Drawing(service, request, query, result);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   return JsonResponse(SearchResultJson(result, took.count()));
 }
 
-std::vector<Parameter> SearchParameters() {
-  return {
-      {"image_id", "a stored picture to search with, instead of sending one"},
-      Parameter("limit", "hits per page; 0 = all").Integer(0, kLargestLimit).Default("10"),
-      Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
-      Parameter("group_by", "each object once, by its best picture, or each picture")
-          .Choice({"object", "image"})
-          .Default("object"),
-      Parameter("rank",
-                "votes of nearest neighbours, words by tf-idf, or the paper's histogram distance")
-          .Choice({"neighbours", "tfidf", "histogram"})
-          .Default("neighbours"),
-      Parameter("verify",
-                "whether the best hits must agree with the query on one smooth warp; by "
-                "default tps, and none if rank is histogram")
-          .Choice({"none", "tps"}),
-      Parameter("verify_depth",
-                "how many of the best pictures are verified; by default 100, or the square "
-                "root of the collection's size if that is more")
-          .Integer(1, kLargestDepth),
-      Parameter("expand",
-                "query expansion: how many of the best verified pictures are used as further "
-                "queries, for views that the query alone does not reach; by default 3 by "
-                "image and 0 by object")
-          .Integer(0, kMostExpansions),
-      Parameter("instances", "maximum number of instances of one object in the query picture")
-          .Integer(1, kMostInstances)
-          .Default("4"),
-      Parameter("region", "x,y,width,height in pixels of the query picture: only this part is used")
-          .Numbers(4),
-      Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
-      {"object", "only pictures of this object"},
-      {"filter", "only pictures whose metadata pass: a JSON object of conditions"},
-      Parameter("explain", "explain every hit").Boolean().Default("false")};
+// The parameters of a single search, which those of a batch are checked against.
+const Route& SingleSearch() {
+  static const Route route = [] {
+    Route made;
+    made.name = "search";
+    made.body = BodyKind::kImageOrJson;
+    made.parameters = SearchParameters();
+    return made;
+  }();
+  return route;
+}
+
+Json ResultOf(Service& service, const Request& batch, const Json& item) {
+  const auto start = std::chrono::steady_clock::now();
+  return ItemResult([&]() -> Json {
+    if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
+    Request request;
+    request.id = batch.id;
+    request.content_type = "application/json";
+    request.body = ToText(item);
+    request.has_body = true;
+    const Parameters parameters(SingleSearch(), request);
+    const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(batch));
+    const SearchResult found = SearchOnPool(service, query);
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+    return {{"status", 200}, {"answer", SearchResultJson(found, took.count())}};
+  });
+}
+
+Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {
+  service.engine().GetCollection(CollectionOf(request));  // or it is not found, once for all
+  const Json searches = parameters.JsonList("searches").value_or(Json::array());
+  if (searches.empty() || searches.size() > kMostSearches) {
+    ThrowInvalid("searches",
+                 "searches must be 1 to " + std::to_string(kMostSearches) + " searches.");
+  }
+  std::vector<Json> results(searches.size());
+  ParallelFor(searches.size(), service.pool.cores(),
+              [&](std::size_t i) { results[i] = ResultOf(service, request, searches[i]); });
+  Json list = Json::array();
+  std::size_t failed = 0;
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    if (results[i].contains("problem")) ++failed;
+    Json entry = {{"index", i}};
+    entry.update(results[i]);
+    list.push_back(std::move(entry));
+  }
+  return JsonResponse({{"failed", failed}, {"results", std::move(list)}}, 207);
 }
 
 }  // namespace
 
 void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
+  std::vector<Parameter> parameters = SearchParameters();
+  parameters.push_back(Parameter("draw",
+                                 "answer with the query picture, outlines and names drawn into it: "
+                                 "a JPEG, or a PNG where Accept prefers one")
+                           .Boolean()
+                           .Default("false"));
   routes.push_back({.name = "search",
                     .method = "POST",
                     .pattern = "/v1/collections/{c}/search",
                     .summary = "Which object is this?",
                     .body = BodyKind::kImageOrJson,
-                    .parameters = SearchParameters(),
-                    .answers = {{200, "hits, best first", "SearchAnswer"}},
-                    .codes = {"image_not_found", "no_vocabulary"},
+                    .parameters = std::move(parameters),
+                    .answers = {{200, "hits, best first", "SearchAnswer"},
+                                {200, "with draw: the query picture", "", "image/jpeg"},
+                                {200, "with draw: the query picture", "", "image/png"}},
+                    .codes = {"image_not_found", "no_vocabulary", "content_not_kept"},
                     .example = R"(curl -F image=@mug.png -F limit=3 )"
                                R"("$PLIANT/v1/collections/default/search")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Search(service, request, parameters);
+                    .handler = [&service](const Request& request, const Parameters& given) {
+                      return Search(service, request, given);
                     }});
+  routes.push_back(
+      {.name = "search.batch",
+       .method = "POST",
+       .pattern = "/v1/collections/{c}/search:batch",
+       .summary = "Several searches; each has an answer or a problem of its own",
+       .body = BodyKind::kJson,
+       .parameters = {Parameter("searches",
+                                "up to 100 objects, each with the parameters of a search, and "
+                                "image_id, image_ids or a picture as base64 in image")
+                          .JsonList()
+                          .Required()},
+       .answers = {{207, "a result for each search, in their order", "SearchBatchAnswer"}},
+       .example = R"(curl -H "Content-Type: application/json" )"
+                  R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}" )"
+                  R"("$PLIANT/v1/collections/default/search:batch")",
+       .handler = [&service](const Request& request, const Parameters& given) {
+         return SearchBatch(service, request, given);
+       }});
 }
 
 }  // namespace pliant::server

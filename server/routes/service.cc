@@ -9,6 +9,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/store/open_store.h"
+#include "server/jobs/bulk_import.h"
 #include "server/jobs/import_job.h"
 #include "server/jobs/training_job.h"
 
@@ -67,6 +68,7 @@ void Service::Open() {
   };
   RegisterImportJob(*jobs, *engine_, pool,
                     {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
+  RegisterBulkImportJob(*jobs, *engine_, pool, on_added);
   RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
   backups.RegisterJob(*jobs, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);

@@ -43,6 +43,7 @@ class Service {
   const ImageDecoder& decode() const { return decode_; }
   const DecoderPool* decoders() const { return decoders_.get(); }  // null when decoding inside
   bool ready() const { return ready_; }
+  ServiceStore& store() { return *store_; }                    // API keys; not before Open()
   double loaded() const { return loaded_; }                    // which share of the index, 0..1
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
 

@@ -1,6 +1,6 @@
 # Writes OUT, a C++ file that holds the web page. Run as
 #   cmake -DWEB=<folder> -DOUT=<file> -DFILES=<names> -P EmbedFiles.cmake
-# FILES: names in the folder, separated by commas. index.html is served at /, the others at
+# FILES: names in the folder, separated by commas. index.html is served at /, NAME.html at /NAME, the others at
 # /assets/NAME; all are UTF-8.
 string(REPLACE "," ";" names "${FILES}")
 set(type_html text/html)
@@ -14,6 +14,8 @@ foreach(name IN LISTS names)
   set(path "/assets/${name}")
   if(name STREQUAL "index.html")
     set(path "/")
+  elseif(name MATCHES "^(.*)\\.html$")
+    set(path "/${CMAKE_MATCH_1}")
   endif()
   string(REGEX REPLACE ".*\\." "" suffix "${name}")
   set(type "${type_${suffix}}")

@@ -2,13 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view where pictures are added: many at once, each with its object's name.
 import * as api from "./api.js";
-import { acceptDrops, byId, count, say } from "./dom.js";
+import { readable } from "./convert.js";
+import { byId, count, say } from "./dom.js";
 import { renameOffer } from "./edit.js";
 import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
+import { acceptDrops, acceptPastes } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName } from "./names.js";
-import { isLeaving, settle } from "./undo.js";
+import { isLeaving, notify, settle } from "./undo.js";
 import { kDone, kFailed, kSending, kWaiting, makeItem, nameOf, setState } from "./upload_row.js";
 
 const kAtOnce = 2;  // the server describes them one after the other anyway
@@ -94,8 +96,9 @@ const wasNamed = (item) => item.typed || Boolean(commonName());
 
 // Uploads it. What was deleted a moment ago, the object or the very picture, does not take it along.
 async function upload(item, given, { collection, ...more }) {
+  const file = await readable(item.file);
   await settle(api.objectPath(given.object, collection));
-  const add = () => api.addPicture({ file: item.file, collection, ...given }, more);
+  const add = () => api.addPicture({ file, collection, ...given }, more);
   const leaving = (id) => id && isLeaving(api.imagePath(id, "", collection));
   try {
     const answer = await add();
@@ -195,11 +198,19 @@ for (const id of ["add-files", "add-folder", "add-camera"]) {
     event.target.value = "";
   });
 }
-acceptDrops(byId("view-add"), enqueue);
-document.addEventListener("paste", (event) => {
-  if (byId("view-add").hidden) return;
-  enqueue([...event.clipboardData.files].map((file) => ({ file, folder: "" })));
-});
+function enqueueReceived({ files, stored, problem }) {
+  if (stored) notify("This picture is in a collection already.", true);
+  else if (problem) notify(problem, true);
+  else enqueue(files);
+}
+acceptDrops(byId("view-add"), enqueueReceived);
+acceptPastes(byId("view-add"), enqueueReceived);
 addEventListener("beforeunload", (event) => { if (stopper) event.preventDefault(); });
 
-export const addView = { title: "Add pictures", show() { offerObjectNames(); } };
+export const addView = {
+  title: "Add pictures",
+  show(parameters) {
+    if (parameters.has("object")) byId("add-object").value = parameters.get("object");
+    offerObjectNames();
+  },
+};

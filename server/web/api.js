@@ -31,8 +31,9 @@ export const address = (rest = "", collection = current) =>
 
 function problemOf(status, body, retryAfter) {
   const retryAfterS = Math.max(0, Number(retryAfter) || 0);
+  const isWrong = status === 401 && Boolean(getKey());
   if (status === 401) document.dispatchEvent(new CustomEvent("pliant-key-wanted"));
-  return new Problem(problemWords(status, body, retryAfterS),
+  return new Problem(problemWords(status, body, retryAfterS, isWrong),
                      { status, code: body?.code ?? "", retryAfterS, imageId: body?.image_id ?? "" });
 }
 
@@ -89,6 +90,8 @@ export const patch = (path, changes, etag = null) => ask(path, {
   method: "PATCH", body: JSON.stringify(changes),
   headers: { "Content-Type": "application/merge-patch+json", ...(etag && { "If-Match": etag }) } });
 
+export const plainText = async (path) => (await patiently(() => answerOf(path))).text();
+
 // Bytes of a picture, for canvases.
 export async function pictureBlob(path) {
   const answer = await patiently(() => answerOf(path));
@@ -122,14 +125,23 @@ export const collections = () => ask("/v1/collections");
 export const collection = () => ask(address());
 export const deletePath = (path, options) => ask(path, { method: "DELETE", ...options });
 
-// query: { file } or { id }; settings: the parameters of a search.
+// Of the parameters of a search, which are text in a form, and have types in a JSON body.
+const kNumbers = new Set(["limit", "offset", "min_score", "verify_depth", "expand", "instances"]);
+
+const typed = (settings) => Object.fromEntries(Object.entries(settings).map(([name, value]) => {
+  if (kNumbers.has(name)) return [name, Number(value)];
+  if (name === "region") return [name, String(value).split(",").map(Number)];
+  return [name, name === "explain" ? String(value) === "true" : value];
+}));
+
+// query: { file } or { id }, a stored picture, which is no answer itself; settings: the parameters of a search.
 export function search(query, settings, signal) {
   if (query.id) {
     return ask(address("/search"), {
       method: "POST",
       signal,
       headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ image_id: query.id, ...settings }),
+      body: JSON.stringify({ image_id: query.id, ...typed(settings) }),
     });
   }
   const form = new FormData();
@@ -138,6 +150,13 @@ export function search(query, settings, signal) {
   }
   form.append("image", query.file);
   return ask(address("/search"), { method: "POST", body: form, signal });
+}
+
+// Where an object is in a picture; asked once: the next frame of a camera is better than a late answer.
+export async function locate(object, file) {
+  const answer = await answerOf(`${objectPath(object)}/locate`, {
+    method: "POST", headers: { "Content-Type": file.type }, body: file });
+  return answer.json();
 }
 
 function sendOnce(path, form, onProgress, signal) {

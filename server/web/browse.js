@@ -1,149 +1,19 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Objects and pictures, page by page; each can be deleted.
+// Objects and pictures, to look through.
 import * as api from "./api.js";
-import { byId, count, make, say, shortTime, shorten } from "./dom.js";
-import { editButton, renameButton } from "./edit.js";
-import { refreshHeader } from "./header.js";
-import { objectName } from "./names.js";
-import { labelList, thumbnail } from "./results.js";
+import { objectCard, pictureCard } from "./cards.js";
+import { byId } from "./dom.js";
+import { makeFinder, noneFound } from "./finder.js";
+import { makeList } from "./list.js";
 import { link, showCurrent } from "./router.js";
-import { deleteLater, isLeaving } from "./undo.js";
+import { makeSelection } from "./select.js";
 
-const kPage = 24;
-
-// The lists of both views: where a page begins is a cursor of the server, kept in the address.
-function makeList({ view, fetchPage, card, none }) {
-  const list = byId(`${view}-list`);
-  const status = byId(`${view}-status`);
-  const pager = byId(`${view}-pager`);
-  const trail = [];  // cursors of the pages before this one
-  let latest = 0;
-
-  function showPager(parameters, cursor, next) {
-    const to = (after) => link(view, { ...parameters, after });
-    const links = [];
-    if (cursor) {
-      const back = trail[trail.length - 1];
-      links.push(make("a", { class: "button", href: to(back || undefined),
-                             text: trail.length ? "Previous page" : "First page",
-                             onclick: () => trail.pop() }));
-    }
-    if (next) {
-      links.push(make("a", { class: "button", href: to(next), text: "Next page",
-                             onclick: () => trail.push(cursor) }));
-    }
-    pager.replaceChildren(...links);
-    pager.hidden = !links.length;
-  }
-
-  return async function show(parameters, isNew) {
-    const number = ++latest;
-    const cursor = parameters.after ?? "";
-    if (isNew && !cursor) trail.length = 0;
-    list.setAttribute("aria-busy", "true");
-    try {
-      const { items, next } = await fetchPage(parameters, cursor);
-      if (number !== latest) return;
-      list.replaceChildren(...items.map((item) => card(item, list)).filter(Boolean));
-      showPager(parameters, cursor, next);
-      say(status, list.children.length ? "" : none(parameters));
-      if (!isNew) scrollTo(0, 0);
-    } catch (error) {
-      if (number !== latest) return;
-      list.replaceChildren();
-      say(status, error.message, true);
-    } finally {
-      list.removeAttribute("aria-busy");
-    }
-  };
-}
-
-const pageQuery = (cursor, more = {}) => {
-  const query = new URLSearchParams({ limit: kPage, ...more });
+export const listQuery = (cursor, limit, more = {}) => {
+  const query = new URLSearchParams({ limit, ...more });
   if (cursor) query.set("cursor", cursor);
   return query;
 };
-
-// A card that goes at once, and comes back on undo or when deleting failed.
-function deleteButton({ card, path, label, text }) {
-  return make("button", {
-    type: "button", class: "small", text: "Delete", "aria-label": label,
-    onclick: () => {
-      const list = card.parentElement;
-      const after = card.nextSibling;
-      const neighbour = card.nextElementSibling ?? card.previousElementSibling;
-      card.remove();
-      deleteLater({
-        path, text, done: refreshHeader,
-        restore(error) {
-          list.insertBefore(card, after?.parentElement === list ? after : null);
-          if (error) card.append(make("p", { class: "error", text: error.message }));
-          card.querySelector("button").focus();
-        },
-      });
-      (neighbour?.querySelector("button") ?? byId("main")).focus();
-    },
-  });
-}
-
-function objectCard({ object, images, image_id: id }) {
-  if (isLeaving(api.objectPath(object))) return null;
-  const name = object || "Without a name";
-  const card = make("li", { class: "card" });
-  card.append(
-    make("a", { href: link("pictures", { object }) }, thumbnail(id),
-         make("span", { class: "name", text: name })),
-    make("span", { class: "quiet", text: images ? count(images, "picture") : "pictures that nobody has named" }));
-  if (object) {
-    card.dataset.object = object;
-    card.append(make("div", { class: "row" },
-      renameButton({ card, object, onRenamed: showRenamed }),
-      deleteButton({
-        card, path: api.objectPath(object), label: `Delete ${name} with its pictures`,
-        text: `Deleted: ${name}, ${count(images, "picture")}.`,
-      })));
-  }
-  return card;
-}
-
-// The list anew, and the focus on what was renamed, if it is on this page.
-async function showRenamed(name) {
-  await showCurrent();
-  const card = [...byId("objects-list").children].find((one) => one.dataset.object === name);
-  (card?.querySelector("a") ?? byId("objects-title")).focus();
-}
-
-function pictureCard(image) {
-  const path = api.imagePath(image.id);
-  if (isLeaving(path) || isLeaving(api.objectPath(image.object))) return null;
-  const name = objectName(image.object, image.source);
-  const file = image.source || image.id.slice(0, 12);
-  const card = make("li", { class: "card" });
-  card.append(...[
-    make("a", { href: link("search", { image: image.id }), title: "Search with this picture" },
-         thumbnail(image.id), make("span", { class: "name", text: name }),
-         make("span", { class: "hidden-text", text: `, ${file}: search with this picture` })),
-    make("span", { class: "quiet", text: shorten(file, 32), title: file }),
-    make("span", { class: "quiet", title: `Added ${shortTime(image.added_at)}`,
-                   text: `${image.width} × ${image.height}, ${count(image.keypoints, "key point")}` }),
-    labelList(image.metadata),
-    make("div", { class: "row" },
-         editButton({ card, image, onChanged(now) {
-           const fresh = pictureCard(now);
-           if (!fresh) {  // of an object that is being deleted
-             card.remove();
-             byId("pictures-title").focus();
-             return;
-           }
-           card.replaceWith(fresh);
-           fresh.querySelector("button").focus();
-         } }),
-         deleteButton({ card, path, label: `Delete the picture ${file} of ${name}`,
-                        text: `Deleted: ${file}.` })),
-  ].filter(Boolean));
-  return card;
-}
 
 // Pictures that nobody has named belong to no object, so they are no entry of the server's list: one
 // entry for all of them, if there are any.
@@ -152,28 +22,46 @@ async function pictureWithoutName() {
   return images.map(({ id }) => ({ object: "", image_id: id }));
 }
 
-const showObjects = makeList({
-  view: "objects",
-  async fetchPage(parameters, cursor) {
-    const [{ objects, next }, unnamed] = await Promise.all([
-      api.ask(api.address(`/objects?${pageQuery(cursor)}`)), cursor ? [] : pictureWithoutName()]);
-    return { items: [...unnamed, ...objects], next };
+const objectFinder = makeFinder({
+  view: "objects", bar: byId("objects-bar"), word: "object",
+  sorts: [["object", "by name"], ["-created", "newest first"], ["-updated", "changed last"], ["-images", "most pictures first"]] });
+const pictureFinder = makeFinder({
+  view: "pictures", bar: byId("pictures-bar"), word: "picture",
+  sorts: [["-created", "newest first"], ["created", "oldest first"], ["-updated", "changed last"], ["object", "by name"], ["source", "by file"]] });
+
+const objects = makeList({
+  place: "objects",
+  async fetchPage({ q, sort }, cursor, limit) {
+    const wantsUnnamed = !cursor && !q && sort === "object";
+    const query = listQuery(cursor, limit, { sort, ...(q && { q }), ...(!cursor && { count: true }) });
+    const [{ objects: some, next, total }, unnamed] = await Promise.all([
+      api.ask(api.address(`/objects?${query}`)), wantsUnnamed ? pictureWithoutName() : []]);
+    if (!cursor) objectFinder.say(total);
+    return { items: [...unnamed, ...some], next };
   },
   card: objectCard,
-  none: () => "There are no objects yet. Add pictures with the name of what they show.",
+  none: ({ q }) => (q ? noneFound(q) : "There are no objects yet. Add pictures with the name of what they show."),
 });
 
-const showPictures = makeList({
-  view: "pictures",
-  async fetchPage({ object }, cursor) {
-    const query = pageQuery(cursor, object === undefined ? {} : { object });
-    const { images, next } = await api.ask(api.address(`/images?${query}`));
-    return { items: images, next };
-  },
+// onTotal(n) is told how many there are.
+export async function picturesPage({ object, q, sort = "-created" }, cursor, limit, onTotal = () => {}) {
+  const query = listQuery(cursor, limit, { sort, ...(q && { q }), ...(object !== undefined && { object }), ...(!cursor && { count: true }) });
+  const { images, next, total } = await api.ask(api.address(`/images?${query}`));
+  if (!cursor) onTotal(total);
+  return { items: images, next };
+}
+
+const pictures = makeList({
+  place: "pictures",
+  fetchPage: (wanted, cursor, limit) => picturesPage(wanted, cursor, limit, pictureFinder.say),
   card: pictureCard,
-  none: ({ object }) => (object === undefined ? "There are no pictures yet." :
-                                                "No picture of this object is left."),
+  none: ({ object, q }) => (q ? noneFound(q) : object === undefined ? "There are no pictures yet." : "No picture without a name is left."),
 });
+
+const objectSelection = makeSelection({
+  list: objects.list, bar: byId("objects-bar"), word: "object", refresh: showCurrent });
+const pictureSelection = makeSelection({
+  list: pictures.list, bar: byId("pictures-bar"), word: "picture", refresh: showCurrent });
 
 function markTabs(view) {
   for (const tab of document.querySelectorAll(`#view-${view} [data-tab]`)) tab.href = link(tab.dataset.tab);
@@ -184,20 +72,22 @@ const plain = (parameters, ...names) => Object.fromEntries(
 
 export const objectsView = {
   title: "Objects",
-  show(parameters, isNew) {
+  show(parameters, how) {
     markTabs("objects");
-    return showObjects(plain(parameters, "after"), isNew);
+    return objects.show({ ...objectFinder.read(parameters), in: api.collectionName() }, how);
   },
+  hide: objectSelection.end,
 };
 
 export const picturesView = {
   title: "Pictures",
-  show(parameters, isNew) {
+  show(parameters, how) {
     markTabs("pictures");
-    const wanted = plain(parameters, "object", "after");
+    const wanted = plain(parameters, "object");
     byId("pictures-title").textContent =
       wanted.object === undefined ? "Pictures" :
       wanted.object ? `Pictures of ${wanted.object}` : "Pictures without a name";
-    return showPictures(wanted, isNew);
+    return pictures.show({ ...wanted, ...pictureFinder.read(parameters, wanted), in: api.collectionName() }, how);
   },
+  hide: pictureSelection.end,
 };

@@ -56,7 +56,7 @@ function vocabularyRow(vocabulary) {
   if (vocabulary.active) use.append("yes");
   else {
     use.append(make("button", {
-      type: "button", class: "small", text: "Use", "aria-label": `Use vocabulary ${vocabulary.id}`,
+      type: "button", class: "small", text: "Use", "data-needs": "write", "aria-label": `Use vocabulary ${vocabulary.id}`,
       onclick: () => change(
         () => api.ask(api.address(`/vocabularies/${vocabulary.id}/active`), { method: "PUT" }),
         ({ state }) => (state ? "The switch has begun: pictures are written in its words first." :
@@ -108,7 +108,7 @@ function collectionItem(name) {
                                `#/collection?${new URLSearchParams({ in: name })}`, text: name }));
   if (name !== "default") {
     item.append(" ", make("button", {
-      type: "button", class: "small", text: "Delete", "aria-label": `Delete the collection ${name}`,
+      type: "button", class: "small", text: "Delete", "data-needs": "admin", "aria-label": `Delete the collection ${name}`,
       onclick: (event) => askBeforeDeleting(event.target, name),
     }));
   }

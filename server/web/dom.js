@@ -39,48 +39,17 @@ export const shortTime = (iso) =>
 
 export const wait = (ms) => new Promise((wake) => setTimeout(wake, ms));
 
+// Calls action(item) for each, a few at a time. Those that failed: [{ item, error }].
+export async function eachOf(items, action, atOnce = 4) {
+  const queue = [...items];
+  const failed = [];
+  const work = async () => {
+    for (let item; queue.length && (item = queue.shift());) await action(item).catch((error) => failed.push({ item, error }));
+  };
+  await Promise.all(Array.from({ length: atOnce }, work));
+  return failed;
+}
+
 // The longest part of a name that fits; the middle goes first, so that the type stays visible.
 export const shorten = (name, most = 40) =>
   name.length <= most ? name : `${name.slice(0, most - 14)}…${name.slice(-13)}`;
-
-// Calls `use` with the files of a drop; folders are walked through. Each comes with its folder.
-export async function droppedFiles(transfer) {
-  const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
-  if (!entries.some((entry) => entry?.isDirectory)) {
-    return [...transfer.files].map((file) => ({ file, folder: "" }));
-  }
-  const found = [];
-  for (const entry of entries) if (entry) await walk(entry, "", found);
-  return found;
-}
-
-async function walk(entry, folder, found) {
-  if (entry.isFile) {
-    const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder });
-    return;
-  }
-  const reader = entry.createReader();
-  for (;;) {  // a reader gives at most 100 at once
-    const some = await new Promise((done, fail) => reader.readEntries(done, fail));
-    if (!some.length) return;
-    for (const inner of some) await walk(inner, entry.name, found);
-  }
-}
-
-// Lets files be dropped on `place`.
-export function acceptDrops(place, use) {
-  let depth = 0;  // dragenter and dragleave come for every child
-  const mark = (change) => {
-    depth = Math.max(0, depth + change);
-    place.classList.toggle("over", depth > 0);
-  };
-  place.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
-  place.addEventListener("dragover", (event) => event.preventDefault());
-  place.addEventListener("dragleave", () => mark(-1));
-  place.addEventListener("drop", async (event) => {
-    event.preventDefault();
-    mark(-depth);
-    use(await droppedFiles(event.dataTransfer));
-  });
-}

@@ -60,15 +60,17 @@ const nameField = (label, value) => {
   return [make("label", { text: label }, input), input];
 };
 
-function button(label, open) {
-  const opener = make("button", { type: "button", class: "small", text: "Edit", "aria-label": label });
+// `large`: on a page of its own, in place of a card.
+function button(label, large, open) {
+  const opener = make("button", { type: "button", class: large ? "" : "small", text: "Edit", "data-needs": "write",
+                                 "aria-label": label });
   opener.addEventListener("click", () => open(opener));
   return opener;
 }
 
 // onRenamed(name) is called when the object has another name.
-export function renameButton({ card, object, onRenamed }) {
-  return button(`Rename ${object}`, (opener) => {
+export function renameButton({ card, object, large = false, onRenamed }) {
+  return button(`Rename ${object}`, large, (opener) => {
     const [field, input] = nameField("Name", object);
     const rename = async (merge, name = input.value.trim()) => {
       if (!name) throw new Error("An object needs a name.");
@@ -93,9 +95,9 @@ export function renameButton({ card, object, onRenamed }) {
 
 // onChanged(record) gets the record as it is then. What somebody else has changed since the form was
 // opened is not overwritten.
-export function editButton({ card, image, onChanged }) {
+export function editButton({ card, image, large = false, onChanged }) {
   const name = objectName(image.object, image.source);
-  return button(`Edit the picture ${image.source || image.id} of ${name}`, async (opener) => {
+  return button(`Edit the picture ${image.source || image.id} of ${name}`, large, async (opener) => {
     if (card.classList.contains("editing")) return;
     let before = null;
     try {

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The top of the page: which collection, and the key where the server wants one.
 import * as api from "./api.js";
-import { byId, count, make } from "./dom.js";
+import { byId, count, make, say } from "./dom.js";
 import { forgetQueries } from "./kept.js";
+import { refreshMe } from "./me.js";
 import { go, showCurrent } from "./router.js";
+import { kWrongKey } from "./words.js";
 
 const choice = byId("collection-choice");
 const dialog = byId("key-dialog");
@@ -32,13 +34,14 @@ choice.addEventListener("change", () => {
 
 let wanted = false;  // the server has asked for a key
 
-function showKeyState() {
+export function showKeyState() {
   byId("key-button").hidden = !api.getKey() && !wanted;
 }
 
 function openKeyDialog() {
   if (dialog.open) return;
   byId("key-input").value = api.getKey();
+  say(byId("key-problem"), "");
   dialog.showModal();
 }
 
@@ -46,6 +49,7 @@ document.addEventListener("pliant-key-wanted", () => {
   wanted = true;
   showKeyState();
   openKeyDialog();
+  if (api.getKey()) say(byId("key-problem"), kWrongKey, true);
 });
 byId("key-button").addEventListener("click", openKeyDialog);
 byId("key-cancel").addEventListener("click", () => dialog.close());
@@ -55,12 +59,19 @@ byId("key-forget").addEventListener("click", () => {
   showKeyState();
   dialog.close();
 });
-byId("key-form").addEventListener("submit", (event) => {
+byId("key-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const before = api.getKey();
   api.setKey(byId("key-input").value.trim());
   if (before && before !== api.getKey()) forgetQueries().catch(() => {});
   showKeyState();
+  try {
+    await refreshMe();
+  } catch (error) {  // the dialog stays
+    say(byId("key-problem"), error.message, true);
+    byId("key-input").select();
+    return;
+  }
   dialog.close();
   refreshHeader();
   showCurrent();

@@ -3,6 +3,7 @@
 // Work that the server does in the background.
 import { ask, deletePath } from "./api.js";
 import { count, make, shortTime, wait } from "./dom.js";
+import { problemWords } from "./words.js";
 
 const kPollMs = 1000;
 
@@ -23,7 +24,7 @@ export async function follow(id, onProgress = () => {}) {
   for (;;) {
     const job = await ask(`/v1/jobs/${encodeURIComponent(id)}`);
     onProgress(job);
-    if (job.state === "failed") throw new Error(job.problem?.detail ?? "The work failed.");
+    if (job.state === "failed") throw new Error(job.problem ? problemWords(500, job.problem, 0) : "The work failed.");
     if (!isActive(job)) return job;
     await wait(kPollMs);
   }
@@ -36,11 +37,11 @@ export function jobItem(job, onChange) {
                     make("span", { class: "quiet", text: `${kStates[job.state] ?? job.state}, ` +
                       shortTime(job.finished_at ?? job.created_at) }));
   if (job.failed) item.append(make("span", { class: "error", text: `${count(job.failed, "item")} failed` }));
-  if (job.problem) item.append(make("span", { class: "error", text: job.problem.detail }));
+  if (job.problem) item.append(make("span", { class: "error", text: problemWords(500, job.problem, 0) }));
   if (!isActive(job)) return item;
   item.append(make("progress", { max: job.total || 1, value: job.done, "aria-label": name }));
   item.append(make("button", {
-    type: "button", text: "Stop", "aria-label": `Stop: ${name}`,
+    type: "button", text: "Stop", "data-needs": "write", "aria-label": `Stop: ${name}`,
     onclick: async (event) => {
       event.target.disabled = true;
       await deletePath(`/v1/jobs/${encodeURIComponent(job.id)}`).catch(() => {});

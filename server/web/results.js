@@ -12,11 +12,12 @@ const weak = byId("weaker");
 const toggle = byId("weaker-toggle");
 
 // A picture of the collection, or an empty frame where it cannot be shown.
-export function thumbnail(id, alt = "") {
-  const image = make("img", { alt, loading: "lazy", width: 320, height: 240 });
+// sha256: of the picture, where its record is known; the browser then keeps the preview.
+export function thumbnail(id, sha256 = "") {
+  const image = make("img", { alt: "", loading: "lazy", width: 320, height: 240 });
   image.addEventListener("error", () => image.replaceWith(make("span", { class: "blank" })),
                          { once: true });
-  showPicture(image, imagePath(id, "/thumbnail"));
+  showPicture(image, imagePath(id, sha256 ? `/thumbnail?sha256=${sha256}` : "/thumbnail"));
   return image;
 }
 

@@ -4,14 +4,16 @@
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
-import { acceptDrops, byId, count, make, say } from "./dom.js";
+import { readable } from "./convert.js";
+import { byId, count, make, say } from "./dom.js";
 import { decode, storedPicture } from "./draw.js";
 import { filterSettings, isFiltered, whenFiltersChange } from "./filters.js";
+import { acceptDrops, acceptPastes } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
 import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "./results.js";
-import { link } from "./router.js";
+import { link, pushAddress } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
 import { isWeak, verdictWords } from "./words.js";
@@ -107,7 +109,7 @@ function showAnswer(answer, offset, how) {
   addHits(fresh, coloursOf(hits), choose);
   byId("results-panel").hidden = false;
   showRest(total - received);
-  const verdict = verdictWords({ hits, found: answer.found, filtered: isFiltered(), ...how });
+  const verdict = verdictWords({ hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how });
   const results = count(answer.total, hits.length && hits.every(isWeak) ? "weak result" : "result");
   say(status, "");
   status.append(make("strong", { class: "verdict", text: verdict }),
@@ -143,10 +145,17 @@ function forget() {
 
 // --- ways in
 
-async function searchFile(file) {
-  if (!file) return;
+async function searchFile(given) {
+  if (!given) return;
+  let file = null;
+  try {
+    file = await readable(given);
+  } catch (error) {
+    say(status, error.message, true);
+    return;
+  }
   const key = await keepQuery(file);
-  history.pushState(null, "", link("search", { photo: key }));
+  pushAddress(link("search", { photo: key }));
   if (await setQuery({ file, key })) run();
 }
 
@@ -156,11 +165,14 @@ for (const id of ["search-file", "search-camera"]) {
     event.target.value = "";  // so that the same file can be chosen again
   });
 }
-acceptDrops(byId("view-search"), (dropped) => searchFile(dropped[0]?.file));
-document.addEventListener("paste", (event) => {
-  if (byId("view-search").hidden) return;
-  searchFile([...event.clipboardData.files].find((file) => file.type.startsWith("image/")));
-});
+function searchReceived({ files, stored, problem }) {
+  const here = stored?.collection === api.collectionName();
+  if (stored) location.hash = link("search", { image: stored.id, ...(!here && { in: stored.collection }) });
+  else if (problem) say(status, problem, true);
+  else searchFile((files.find(({ file }) => file.type.startsWith("image/")) ?? files[0]).file);
+}
+acceptDrops(byId("view-search"), searchReceived);
+acceptPastes(byId("view-search"), searchReceived);
 
 whenExampleIsChosen(searchFile);
 whenFolded(() => showRest(total - received));

@@ -65,6 +65,7 @@ export function drawStage(query, hits, chosen) {
   if (focused) {  // the same name's new tag
     tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
   }
+  separate();
   note.textContent = said.length ? `Outlined: ${said.join("; ")}` : "";
   canvas.setAttribute("aria-label", ["Your picture", note.textContent].filter(Boolean).join(". "));
 }
@@ -75,12 +76,30 @@ function tag(hit, polygon, colour, query, isChosen) {
   const [x, y] = polygon.reduce((best, point) => (point[1] < best[1] ? point : best));
   const button = make("button", { type: "button", class: "tag", text: name, title: name,
                                   "aria-pressed": String(isChosen), onclick: () => pick(hit) });
-  const within = (share, least) => `${100 * Math.min(1 - least, Math.max(least, share))}%`;
-  button.style.left = within(x / query.width, 0.12);
-  button.style.top = within(y / query.height, 0.06);
+  const within = (share, least) => Math.min(1 - least, Math.max(least, share));
+  button.middle = [within(x / query.width, 0.12), within(y / query.height, 0.06)];
   button.style.borderColor = colour;
   return button;
 }
+
+// Names do not lie on each other: a later one moves down or up to the next free place.
+function separate() {
+  const { clientWidth: width, clientHeight: height } = stage;
+  const placed = [];
+  for (const tag of tags.children) {
+    const [w, h] = [tag.offsetWidth + 4, tag.offsetHeight + 4];
+    const x = Math.min(width - w / 2, Math.max(w / 2, tag.middle[0] * width));
+    const first = tag.middle[1] * height;
+    const isFree = (y) => placed.every((one) => Math.abs(one.x - x) >= (one.w + w) / 2 || Math.abs(one.y - y) >= (one.h + h) / 2);
+    const tries = [first];
+    for (let step = h / 2; step < height; step += h / 2) tries.push(first + step, first - step);
+    const y = tries.find((one) => one >= h / 2 && one <= height - h / 2 && isFree(one)) ?? first;
+    placed.push({ x, y, w, h });
+    tag.style.left = width ? `${(100 * x) / width}%` : `${100 * tag.middle[0]}%`;
+    tag.style.top = height ? `${(100 * y) / height}%` : `${100 * tag.middle[1]}%`;
+  }
+}
+new ResizeObserver(separate).observe(stage);
 
 const areaOf = (polygon) => Math.abs(polygon.reduce((sum, [x, y], i) => {
   const [u, v] = polygon[(i + 1) % polygon.length];

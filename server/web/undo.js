@@ -3,10 +3,11 @@
 // Deleting with time to think: what is deleted disappears at once, but the server is told only when
 // the notice with "Undo" has run out, or when the page is left.
 import { deletePath, getKey } from "./api.js";
-import { byId, make } from "./dom.js";
+import { byId, eachOf, make } from "./dom.js";
 
 const kUndoMs = 8000;
 const kTickMs = 200;
+const kMayMoveMs = 1000;
 const kLongestMs = 60_000;  // also while the pointer rests on the notice
 
 const pending = new Map();  // path -> what is to be deleted
@@ -18,9 +19,10 @@ export const isLeaving = (path) => pending.has(path);
 // go with it. Where it cannot be deleted, it is back.
 export const settle = async (path) => { await pending.get(path)?.commit(); };
 
-// path: what DELETE is sent to. text: the notice. restore: called on undo, and when deleting failed
-// (with the error). done: called when it is really gone.
-export function deleteLater({ path, text, restore, done }) {
+// paths: what DELETE is sent to. text: the notice. restore(error, some): called on undo with null and all
+// paths, and when deleting failed with the reason and the paths that are still there. done: called when
+// all are really gone.
+export function deleteLater({ paths, text, restore, done }) {
   const bar = make("progress", { max: kUndoMs, value: kUndoMs, "aria-label": "Time left to undo" });
   const undo = make("button", { type: "button", text: "Undo" });
   const notice = make("div", { class: "notice" },
@@ -29,7 +31,7 @@ export function deleteLater({ path, text, restore, done }) {
   const born = Date.now();
   const finish = () => {
     clearInterval(timer);
-    pending.delete(path);
+    for (const path of paths) pending.delete(path);
     const hadFocus = notice.contains(document.activeElement);
     notice.remove();
     if (hadFocus) byId("main").focus();
@@ -39,15 +41,16 @@ export function deleteLater({ path, text, restore, done }) {
   const remove = async () => {
     clearInterval(timer);
     undo.disabled = true;
-    try {
-      await deletePath(path);
-      finish();
-      done?.();
-    } catch (error) {
-      finish();
-      if (error.status === 404) done?.();  // somebody else was faster
-      else restore(error);
-    }
+    const failed = await eachOf(paths, async (path) => {
+      try {
+        await deletePath(path);
+      } catch (error) {
+        if (error.status !== 404) throw error;  // else somebody was faster
+      }
+    });
+    finish();
+    if (failed.length) restore(failed[0].error, failed.map(({ item }) => item));
+    else done?.();
   };
   const timer = setInterval(() => {
     const held = notice.matches(":hover") || notice.contains(document.activeElement);
@@ -57,9 +60,9 @@ export function deleteLater({ path, text, restore, done }) {
   }, kTickMs);
   undo.addEventListener("click", () => {
     finish();
-    restore(null);
+    restore(null, paths);
   });
-  pending.set(path, { commit });
+  for (const path of paths) pending.set(path, { commit });
   byId("notices").append(notice);
 }
 
@@ -69,7 +72,10 @@ export function notify(text, isError = false) {
   const notice = make("div", { class: `notice${isError ? " error" : ""}` }, make("p", { text }), close);
   close.addEventListener("click", () => notice.remove());
   byId("notices").append(notice);
-  if (!isError) setTimeout(() => notice.remove(), kUndoMs);
+  if (isError) return;
+  setTimeout(() => notice.remove(), kUndoMs);
+  // Nor does it lie over what one goes to next; going there may be what it tells of.
+  setTimeout(() => addEventListener("hashchange", () => notice.remove(), { once: true }), kMayMoveMs);
 }
 
 // Leaving the page is no undo: what was deleted is deleted.

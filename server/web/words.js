@@ -4,6 +4,22 @@
 import { fileSize } from "./dom.js";
 
 const kProblems = {
+  first_key_admin: "The first key has to be one that may do everything: else nobody could make more.",
+  last_admin_key: "This is the last key that may do everything: without it nobody could make more. Make another one first.",
+  key_not_found: "This key is revoked already.",
+  no_vocabulary: "There is nothing to find yet, or the first pictures are still being prepared. Add pictures, or try again in a moment.",
+  no_pictures: "There are no pictures to choose words from. Add some first.",
+  interrupted: "The server ended while this was at work. Start it again.",
+  content_not_kept: "The original of this picture is not kept.",
+  image_not_found: "This picture is no longer there.",
+  object_not_found: "There is no such object.",
+  collection_not_found: "There is no collection of this name.",
+  request_timeout: "It took too long to send. Is the connection slow?",
+  range_not_satisfiable: "The server cannot give that part of the file.",
+  cross_site: "The server takes changes from its own page only.",
+  host_not_allowed: "The server does not answer by this name. Its operator can allow it (--allowed-hosts).",
+  read_only: "The server may not write where it keeps the pictures.",
+  too_many_open_files: "The server is busy.",
   image_type_unknown: "This is not a picture that Pliant reads. It reads JPEG, PNG, WebP, BMP and TIFF.",
   unsupported_content_type: "This is not a picture that Pliant reads. It reads JPEG, PNG, WebP, BMP and TIFF.",
   image_empty: "The file is empty.",
@@ -21,6 +37,8 @@ const kProblems = {
   starting: "The server is still loading its index. Try again in a moment.",
 };
 
+export const kWrongKey = "This key does not work: it is mistyped, or it was revoked. Enter another one under \"Key\".";
+
 const kStatuses = {
   401: "This server asks for a key. Enter yours under \"Key\".",
   403: "The key in use is not allowed to do this.",
@@ -33,8 +51,9 @@ function tooLarge(detail) {
   return `The file is larger than ${bytes ? `the ${fileSize(Number(bytes))} that` : ""} this server takes.`;
 }
 
-// `body` is the problem document of the answer, or null.
-export function problemWords(status, body, retryAfterS) {
+// `body` is the problem document of the answer, or null. isWrongKey: there was a key, and it was refused.
+export function problemWords(status, body, retryAfterS, isWrongKey = false) {
+  if (isWrongKey) return kWrongKey;
   const known = kProblems[body?.code] ?? kStatuses[status];
   const wait = retryAfterS && (status === 429 || status === 503) ?
     ` Try again in ${retryAfterS} s.` : "";
@@ -43,7 +62,6 @@ export function problemWords(status, body, retryAfterS) {
                          "This picture is there already, without a name or with other labels.";
   }
   if (body?.code === "body_too_large") return tooLarge(body.detail);
-  if (status === 401 && body?.code === "invalid_key") return `${body.detail} ${kStatuses[401]}`;
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 
@@ -88,8 +106,9 @@ function listed(names, many, word) {
 
 // What an answer comes to, in a sentence. hits: in the order of the answer, each with its `name`;
 // found: how many the server counts, over all pages, or null: objects where the hits are grouped by
-// object, else pictures. inPart, filtered: what it was limited to.
-export function verdictWords({ hits, found, grouped = true, inPart = false, filtered = false }) {
+// object, else pictures. inPart, filtered: what it was limited to. stored: a picture of the collection was
+// searched with, and is itself left out.
+export function verdictWords({ hits, found, grouped = true, inPart = false, filtered = false, stored = false }) {
   const where = inPart ? " inside the part" : "";
   const names = (list) => [...new Set(list.map(({ name }) => name))];
   const sure = names(hits.filter(isFound));
@@ -103,5 +122,6 @@ export function verdictWords({ hits, found, grouped = true, inPart = false, filt
   }
   if (perhaps.length) return `Not sure${where}: perhaps ${listed(perhaps, perhaps.length, "or")}.`;
   if (filtered) return `Not found${where} among what the filters leave.`;
+  if (stored) return `Nothing else in your collection is like it${where}.`;
   return inPart ? "Nothing of your collection is inside the part." : "Not in your collection.";
 }

@@ -3,7 +3,7 @@
 // A real server, a real browser, and what the cases ask of them. Set by run.sh: PLIANT_BIN (folder of
 // the programs) and PLIANT_OUT (where screenshots go).
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
@@ -12,13 +12,15 @@ import { after } from "node:test";
 import { chromium } from "playwright-core";
 
 const kBrowsers = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
-const kPatienceMs = 120_000;
+const kPatienceMs = Number(process.env.PLIANT_PATIENCE_MS ?? 120_000);
 const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 export const out = process.env.PLIANT_OUT;
 const bin = process.env.PLIANT_BIN;
 assert.ok(out && bin, "run this by tests/browser/run.sh");
 mkdirSync(out, { recursive: true });
+
+const started = new Set();  // of servers that run: what ends them
 
 // A server with an empty database of its own. RootSIFT describes quickly; `flags` may say otherwise.
 export async function startServer(...flags) {
@@ -29,6 +31,12 @@ export async function startServer(...flags) {
   let log = "";
   program.stderr.on("data", (text) => { log += text; });
   const ended = new Promise((end) => program.once("exit", end));
+  const end = async () => {
+    program.kill("SIGTERM");
+    await ended;
+    rmSync(folder, { recursive: true, force: true });
+  };
+  started.add(end);
   const address = await new Promise((ready, fail) => {
     let said = "";
     program.stdout.on("data", (text) => {
@@ -42,10 +50,12 @@ export async function startServer(...flags) {
     address,
     database: join(folder, "test.db"),
     log: () => log,
+    createKey: (scope) => execFileSync(join(bin, "pliant-server"), [
+      "keys", "create", "--scope", scope, "--name", scope, "--db", join(folder, "test.db")],
+      { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] }).trim(),
     async stop() {
-      program.kill("SIGTERM");
-      await ended;
-      rmSync(folder, { recursive: true, force: true });
+      started.delete(end);
+      await end();
     },
   };
 }
@@ -57,24 +67,29 @@ export function server(name, ...flags) {
   return servers.get(name);
 }
 
-let launched = null;
-const browser = () => (launched ??= startBrowser());
+// Browsers by what they are started with beside what all have.
+const launched = new Map();
+function browser(flags) {
+  const key = flags.join(" ");
+  if (!launched.has(key)) launched.set(key, startBrowser(flags));
+  return launched.get(key);
+}
 
 after(async () => {
-  await (await launched)?.close();
-  for (const one of servers.values()) await (await one).stop();
+  for (const one of launched.values()) await (await one).close();
+  for (const end of started) await end();  // also where a case has failed before it stopped its own
 });
 
-async function startBrowser() {
+async function startBrowser(flags) {
   const executablePath = kBrowsers.find(existsSync);
   assert.ok(executablePath, "Debian's chromium package is not installed");
   // No sandbox inside: tests run as root and in containers.
-  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"] });
+  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", ...flags] });
 }
 
 // A page of its own context. page.faults: what must never happen, wherever it happens.
-export async function openPage(url, { width = 1200, height = 900, ...more } = {}) {
-  const context = await (await browser()).newContext({ viewport: { width, height }, ...more });
+export async function openPage(url, { width = 1200, height = 900, flags = [], ...more } = {}) {
+  const context = await (await browser(flags)).newContext({ viewport: { width, height }, ...more });
   const page = await context.newPage();
   page.setDefaultTimeout(kPatienceMs);
   page.faults = [];
@@ -97,8 +112,9 @@ export async function openPage(url, { width = 1200, height = 900, ...more } = {}
 async function servePageFrom(page, folder) {
   if (!folder) return;
   const types = { html: "text/html", css: "text/css", js: "text/javascript" };
-  await page.route(/\/(assets\/[^?]*)?$/, (route) => {
-    const name = new URL(route.request().url()).pathname.replace("/assets/", "").replace(/^\/$/, "index.html");
+  await page.route(/\/(docs|assets\/[^?]*)?$/, (route) => {
+    const name = new URL(route.request().url()).pathname.replace("/assets/", "").replace(/^\/$/, "index.html")
+      .replace(/^\/docs$/, "docs.html");
     return route.fulfill({ body: readFileSync(join(folder, name)),
                            contentType: `${types[name.split(".").pop()]}; charset=utf-8` });
   });
@@ -126,6 +142,30 @@ export async function checkWidth(page, where) {
   const [content, window] = await page.evaluate(
     () => [document.documentElement.scrollWidth, innerWidth]);
   assert.ok(content <= window, `${where}: ${content} px wide in a window of ${window} px`);
+}
+
+// Nothing that is to be read or pressed lies on something else of that kind: elements with text or a use of
+// their own, where neither is inside the other. notices: those may lie over the page, as they go by themselves.
+export async function checkOverlaps(page, where, { notices = false } = {}) {
+  const found = await page.evaluate((skipNotices) => {
+    const uses = "a, button, input, select, textarea, img, canvas, progress, summary, h1, h2, p, dt, dd, th, td, span, label";
+    const skipped = [".tag, .region, .grip", ".hidden-text, .skip, .file", "#stage *", ".top", ".selection", ".notice", ...(skipNotices ? ["#notices *"] : [])].join();
+    const list = [...document.querySelectorAll(uses)].filter((one) => one.checkVisibility() && !one.closest(skipped) &&
+      (one.matches("img, canvas, input, select, textarea, progress, button, .button") || one.innerText?.trim()));
+    const seen = list.map((one) => [one, one.getBoundingClientRect()]).filter(([, box]) => box.width > 1 && box.height > 1);
+    const words = (one) => `${one.tagName.toLowerCase()}${one.id ? `#${one.id}` : ""} "${(one.innerText ?? one.ariaLabel ?? "").slice(0, 40)}"`;
+    const bad = [];
+    for (const [i, [a, p]] of seen.entries()) {
+      for (const [b, q] of seen.slice(i + 1)) {
+        if (a.contains(b) || b.contains(a)) continue;
+        const across = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+        const down = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+        if (across > 2 && down > 2) bad.push(`${words(a)} lies on ${words(b)} by ${Math.round(across)} x ${Math.round(down)}`);
+      }
+    }
+    return bad.slice(0, 5);
+  }, notices);
+  assert.deepEqual(found, [], where);
 }
 
 export const text = (page, selector) => page.locator(selector).innerText();

@@ -36,23 +36,103 @@ function png(width, height, grey) {
                         chunk("IDAT", deflateSync(rows)), chunk("IEND", Buffer.alloc(0))]);
 }
 
+// --- things that are told apart: triangles of many shades
+
+const kThing = [320, 240];  // pixels
+
+function thingShades(seed) {
+  const random = randomOf(seed);
+  const triangles = Array.from({ length: 140 }, () => {
+    const [x, y] = [random() * kThing[0], random() * kThing[1]];
+    const corners = Array.from({ length: 3 }, () => [x + 70 * (random() - 0.5), y + 70 * (random() - 0.5)]);
+    return { x, y, corners, shade: Math.floor(256 * random()) };
+  });
+  const side = ([ax, ay], [bx, by], x, y) => (bx - ax) * (y - ay) - (by - ay) * (x - ax);
+  return (x, y) => {
+    let shade = 128;
+    for (const { x: u, y: v, corners: [a, b, c], shade: own } of triangles) {
+      if (Math.abs(x - u) > 35 || Math.abs(y - v) > 35) continue;
+      const signs = [side(a, b, x, y) > 0, side(b, c, x, y) > 0, side(c, a, x, y) > 0];
+      if (signs[0] === signs[1] && signs[1] === signs[2]) shade = own;
+    }
+    return shade;
+  };
+}
+
+export const thing = (seed) => png(...kThing, thingShades(seed));
+
+// A photograph of things: each of `parts` is { seed, x, y (its middle), scale, angle (degrees) }.
+export function photograph(parts, width = 640, height = 480) {
+  const placed = parts.map(({ seed, x, y, scale = 1, angle = 0 }) => {
+    const [c, s] = [Math.cos(angle * Math.PI / 180) / scale, Math.sin(angle * Math.PI / 180) / scale];
+    return { shade: thingShades(seed), inside: (px, py) => {
+      const [u, v] = [px - x, py - y];
+      return [c * u + s * v + kThing[0] / 2, c * v - s * u + kThing[1] / 2];
+    } };
+  });
+  return png(width, height, (px, py) => {
+    let grey = 200 + 10 * Math.sin(px / 37);
+    for (const { shade, inside } of placed) {
+      const [u, v] = inside(px, py);
+      if (u >= 0 && v >= 0 && u < kThing[0] && v < kThing[1]) grey = 20 + 0.8 * shade(u, v);  // not as bright as it was
+    }
+    return Math.round(grey);
+  });
+}
+
+// A GIF of 128 grey values. Its codes are not compressed: a clear code comes before the table would grow.
+function gif(width, height, grey) {
+  const kClear = 128, kEnd = 129, kBits = 8, kUntilClear = 100;
+  const codes = [];
+  for (let i = 0; i < width * height; ++i) {
+    if (i % kUntilClear === 0) codes.push(kClear);
+    codes.push(grey(i % width, Math.floor(i / width)) >> 1);
+  }
+  const bytes = Buffer.from([...codes, kEnd]);  // eight bits each
+  const blocks = [];
+  for (let at = 0; at < bytes.length; at += 255) {
+    const block = bytes.subarray(at, at + 255);
+    blocks.push(Buffer.from([block.length]), block);
+  }
+  const size = [width & 255, width >> 8, height & 255, height >> 8];
+  const palette = Array.from({ length: 128 }, (_, i) => [2 * i, 2 * i, 2 * i]).flat();
+  return Buffer.concat([Buffer.from("GIF89a", "latin1"), Buffer.from([...size, 0xf6, 0, 0, ...palette]),
+                        Buffer.from([0x2c, 0, 0, 0, 0, ...size, 0, kBits - 1]), ...blocks, Buffer.from([0, 0x3b])]);
+}
+
+export const thingGif = (seed) => gif(...kThing, thingShades(seed));
+
 export const blank = () => png(240, 180, () => 255);
 
-// Blobs whose places, sizes and shades follow from the seed.
-export function blobs(seed, width = 240, height = 180) {
+function randomOf(seed) {
   let state = seed * 2654435761 % 2 ** 32;
-  const random = () => {  // mulberry32
+  return () => {  // mulberry32
     state = (state + 0x6d2b79f5) | 0;
     let t = Math.imul(state ^ (state >>> 15), 1 | state);
     t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
     return ((t ^ (t >>> 14)) >>> 0) / 2 ** 32;
   };
+}
+
+// Blobs whose places, sizes and shades follow from the seed: grey(x, y). scale: of what is drawn; half the width and
+// height at scale 0.5 is the same picture at half its size.
+function blobShades(seed, width, height, scale) {
+  const random = randomOf(seed);
   const list = Array.from({ length: 60 }, () => ({
-    x: random() * width, y: random() * height, r: 4 + 12 * random(), shade: Math.floor(256 * random()),
+    x: random() * width, y: random() * height, r: scale * (4 + 12 * random()), shade: Math.floor(256 * random()),
   }));
-  return png(width, height, (x, y) => {
+  return (x, y) => {
     let shade = 128;
     for (const blob of list) if (Math.hypot(x - blob.x, y - blob.y) < blob.r) shade = blob.shade;
     return shade;
-  });
+  };
+}
+
+export const blobs = (seed, width = 240, height = 180, scale = 1) =>
+  png(width, height, blobShades(seed, width, height, scale));
+
+// The part of blobs(seed, width, height) from (left, top) on.
+export function partOfBlobs(seed, width, height, left, top) {
+  const grey = blobShades(seed, width, height, 1);
+  return png(width - left, height - top, (x, y) => grey(x + left, y + top));
 }

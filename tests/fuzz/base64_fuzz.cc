@@ -17,6 +17,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Require(pliant::server::Base64UrlDecode(encoded, &bytes) && bytes == text,
           "what is encoded can be decoded");
   std::string padded = pliant::server::Base64(text.data(), text.size());
+  std::vector<std::uint8_t> decoded;
+  Require(pliant::server::Base64Decode(padded, &decoded) &&
+              std::string(decoded.begin(), decoded.end()) == text,
+          "the usual form can be decoded");
+  Require(pliant::server::Base64Decode("data:x/y;base64," + padded, &decoded), "also as a URL");
+  if (pliant::server::Base64Decode(text, &decoded) && !text.starts_with("data:")) {
+    const std::string again = pliant::server::Base64(decoded.data(), decoded.size());
+    Require(again.substr(0, again.find('=')) == text.substr(0, text.find('=')),
+            "bytes have one form");
+  }
   Require(padded.size() % 4 == 0, "the usual form is padded");
   std::replace(padded.begin(), padded.end(), '+', '-');
   std::replace(padded.begin(), padded.end(), '/', '_');

@@ -24,5 +24,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     one.conditions.push_back(condition);
     Require(!passes || pliant::Passes(one, metadata), "all conditions hold");
   }
+  for (const pliant::Filter& part : filter.all_of) {
+    Require(!passes || pliant::Passes(part, metadata), "all parts hold");
+  }
+  for (const pliant::Filter& part : filter.none_of) {
+    Require(!passes || !pliant::Passes(part, metadata), "no part of a not holds");
+  }
+  // Of what is JSON, either passes; of what is none, neither.
+  if (canonical.empty() || filter.empty()) return 0;
+  const pliant::Filter opposite{.none_of = {filter}};
+  Require(pliant::Passes(opposite, metadata) != passes, "not is the opposite");
+  Require(pliant::Passes(pliant::Filter{.any_of = {{filter, opposite}}}, metadata),
+          "one of the two holds");
+  Require(!pliant::Passes(pliant::Filter{.all_of = {filter, opposite}}, metadata), "never both");
   return 0;
 }

@@ -35,7 +35,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Require(valid == IsUtf8(text), "UTF-8 is what others take for it");
   const std::string display = pliant::ToDisplayText(text);
   Require(pliant::IsValidUtf8(display) && !HasControl(display), "what is displayed is harmless");
-  Require(display == text || !valid || HasControl(text), "harmless text is displayed as it is");
+  const bool escaped = display.find("\\u{") != std::string::npos;
+  Require(display == text || !valid || HasControl(text) || escaped,
+          "harmless text is displayed as it is");
+  Require(display.size() > 4096 || Accepts([&] { pliant::CheckSource(display); }),
+          "what is displayed may be a source");
   const std::string encoded = pliant::PercentEncode(text, "-._~");
   Require(std::all_of(encoded.begin(), encoded.end(),
                       [](char c) { return c > ' ' && c < 0x7F && c != '/'; }),

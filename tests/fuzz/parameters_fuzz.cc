@@ -20,6 +20,7 @@ const pliant::server::Route& TestRoute() {
       .name = "test",
       .method = "POST",
       .pattern = "/test",
+      .body = pliant::server::BodyKind::kImageOrJson,
       .parameters = {Parameter("whole", "").Integer(-5, 1000), Parameter("number", "").Number(0, 1),
                      Parameter("region", "").Numbers(4), Parameter("rank", "").Choice({"a", "b"}),
                      Parameter("on", "").Boolean(), Parameter("filter", "").Json(),
@@ -88,7 +89,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Request request = RequestOf(pliant::fuzz::TextOf({data, size}));
   Answers([&] { CheckValues(Parameters(TestRoute(), request)); });
   Answers([&] {
-    const std::string& filename = pliant::server::ImageOf(request).filename;
+    const Parameters parameters(TestRoute(), request);
+    const std::string filename = pliant::server::ImageOf(request, parameters).filename;
     Require(filename.find('/') == std::string::npos && pliant::IsValidUtf8(filename),
             "the name of a file is no path");
   });

@@ -138,6 +138,35 @@ TEST_F(CliMatching, MatchJudgesPicturesOfAScene) {
   EXPECT_EQ(ReadImageHeader(testing::ReadBytes(drawing)).width, 320 + 320 + 8);
 }
 
+// As the files of HPatches are.
+TEST_F(CliMatching, PpmIsReadAsPngIs) {
+  const auto write = [this](const std::string& stem, const std::vector<std::uint8_t>& png) {
+    const Image image = DecodeImage(png, {.max_side_px = 0, .colour = true}).image;
+    std::string ppm =
+        "P6\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n255\n";
+    ppm.append(image.pixels.begin(), image.pixels.end());
+    testing::WriteText(out_ / (stem + ".ppm"), ppm);
+    testing::WriteBytes(out_ / (stem + ".png"), png);
+  };
+  write("1", testing::RandomPng(5));
+  write("2", testing::OtherViewPng(5));
+  const auto matches = [this](const std::string& extension) {
+    const ProgramResult result =
+        RunProgram({"match", (out_ / ("1" + extension)).string(),
+                    (out_ / ("2" + extension)).string(), "--descriptor", "rootsift", "--draw",
+                    (out_ / ("drawn" + extension + ".png")).string(), "--json"});
+    EXPECT_EQ(result.status, 0) << result.err;
+    return result.json()["matches"];
+  };
+  EXPECT_GT(matches(".ppm").size(), 30U);
+  EXPECT_EQ(matches(".ppm"), matches(".png"));
+  EXPECT_EQ(testing::ReadBytes(out_ / "drawn.ppm.png"), testing::ReadBytes(out_ / "drawn.png.png"));
+  EXPECT_EQ(RunProgram({"describe", (out_ / "1.ppm").string(), "--descriptor", "orb", "--out",
+                        (out_ / "1.npz").string()})
+                .status,
+            0);
+}
+
 TEST_F(CliMatching, MatchJudgesByAHomography) {
   testing::WriteBytes(out_ / "a.png", testing::RandomPng(5));
   testing::WriteBytes(out_ / "b.png", testing::OtherViewPng(5));  // shifted by (5, 3)

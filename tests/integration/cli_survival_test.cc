@@ -222,5 +222,28 @@ TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
   fs::permissions(folder_.path(), fs::perms(0755));
 }
 
+TEST_F(SurvivalTest, WithTooFewOpenFilesItSaysSo) {
+  WritePictures("p", 2000, 8);
+  int refused = 0;
+  bool done = false;
+  for (std::uint64_t files = 4; files <= 60 && !done; ++files) {
+    const ProgramResult result = RunProgram(IndexArguments("p"), {.max_open_files = files});
+    if (result.err.find("error while loading shared libraries") != std::string::npos) {
+      continue;  // so many are open already that the program cannot even be loaded
+    }
+    done = result.status == 0;
+    if (done) break;
+    ASSERT_EQ(result.status, 1) << files << " files: " << result.out << result.err;
+    ++refused;
+    EXPECT_EQ(result.json()["error"]["code"], "too_many_open_files") << files << result.out;
+    EXPECT_THAT(result.err, HasSubstr("ulimit -n")) << files;
+  }
+  EXPECT_TRUE(done);
+  EXPECT_GT(refused, 2);
+  EXPECT_EQ(Committed(), 8);
+  ExpectSound();
+  EXPECT_EQ(StrayFiles(), 0U);
+}
+
 }  // namespace
 }  // namespace pliant::testing

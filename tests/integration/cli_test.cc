@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The command line as scripts use it: indexing, asking, describing; JSON forms and exit statuses.
 #include <cstring>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
@@ -15,6 +16,41 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
+
+// The names below "Subcommands:".
+std::vector<std::string> SubcommandsIn(const std::string& help) {
+  std::vector<std::string> names;
+  std::istringstream lines(help);
+  std::string line;
+  while (std::getline(lines, line) && line != "Subcommands:") {
+  }
+  while (std::getline(lines, line) && line.starts_with("  ")) {
+    if (line[2] != ' ') names.push_back(line.substr(2, line.find(' ', 2) - 2));
+  }
+  return names;
+}
+
+int ExpectExamples(const std::vector<std::string>& command) {
+  std::vector<std::string> asked = command;
+  asked.push_back("--help");
+  const ProgramResult help = RunProgram(asked);
+  EXPECT_EQ(help.status, 0);
+  std::string name = "pliant";
+  for (const std::string& word : command) name += " " + word;
+  const std::vector<std::string> below = SubcommandsIn(help.out);
+  if (!command.empty()) {
+    EXPECT_THAT(help.out, HasSubstr("Example:  " + name + " ")) << help.out;
+  }
+  int count = 1;
+  for (const std::string& word : below) {
+    std::vector<std::string> longer = command;
+    longer.push_back(word);
+    count += ExpectExamples(longer);
+  }
+  return count;
+}
+
+TEST_F(CliTest, EveryHelpHasAnExample) { EXPECT_GE(ExpectExamples({}), 22); }
 
 TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
   const ProgramResult version = RunProgram({"--version"});
@@ -267,12 +303,46 @@ TEST_F(CliTest, DescribeWritesWhatTheNameSays) {
   ASSERT_EQ(describe("q.npz").status, 0);
   const std::vector<std::uint8_t> bytes = ReadBytes(folder_ / "q.npz");
   EXPECT_EQ(std::string(bytes.begin(), bytes.begin() + 4), "PK\x03\x04");
-  for (const std::string name : {"q.npy", "q.txt", "q", "q.npz.bak"}) {
+  for (const std::string name : {"q.npy", "q.txt", "q", "q.npz.bak", "q.h5"}) {
     const ProgramResult result = describe(name);
     EXPECT_EQ(result.status, 2);
     EXPECT_THAT(result.err, HasSubstr(".npz (NumPy) or .safetensors")) << name;
     EXPECT_FALSE(std::filesystem::exists(folder_ / name));
+    EXPECT_EQ(std::string::npos == result.err.find("h5py"), name != "q.h5");
   }
+}
+
+// That NumPy reads it is tests/python's, too.
+TEST_F(CliTest, DescribeTakesAFolder) {
+  WriteObjects(3);
+  WriteBytes(folder_ / "objects" / "o2" / "small.png",
+             EncodePng({4, 4, 1, std::vector<std::uint8_t>(16)}));
+  const auto describe = [&](const std::string& folder, const std::string& out) {
+    return RunProgram({"describe", (folder_ / folder).string(), "--descriptor", "orb", "--out",
+                       (folder_ / out).string(), "--json"});
+  };
+  const ProgramResult some = describe("objects", "all.safetensors");
+  EXPECT_EQ(some.status, 3) << some.err;
+  EXPECT_EQ(some.json()["images"], 3);
+  EXPECT_EQ(some.json()["skipped"][0]["file"], "o2/small.png");
+  EXPECT_EQ(some.json()["skipped"][0]["code"], "image_too_small");
+  const std::vector<std::uint8_t> bytes = ReadBytes(folder_ / "all.safetensors");
+  std::uint64_t length = 0;
+  std::memcpy(&length, bytes.data(), 8);
+  const Json header =
+      Json::parse(bytes.begin() + 8, bytes.begin() + 8 + static_cast<std::ptrdiff_t>(length));
+  EXPECT_EQ(Json::parse(header["__metadata__"]["names"].get<std::string>()),
+            (Json{"o1/view.png", "o2/view.png", "o3/view.png"}));
+  EXPECT_EQ(header["starts"]["shape"], Json{4});
+  EXPECT_EQ(header["keypoints"]["shape"], (Json{some.json()["keypoints"], 6}));
+  std::filesystem::remove(folder_ / "objects" / "o2" / "small.png");
+  EXPECT_EQ(describe("objects", "all.npz").status, 0);
+  std::filesystem::create_directory(folder_ / "empty");
+  const ProgramResult none = describe("empty", "none.npz");
+  EXPECT_EQ(none.status, 1);
+  EXPECT_EQ(none.json()["error"]["code"], "no_pictures");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "none.npz"));
+  EXPECT_EQ(describe("objects", "all.h5").status, 2);
 }
 
 }  // namespace

@@ -82,16 +82,32 @@ class OpenApiTest : public ::testing::Test {
         std::string upper = method;
         for (char& c : upper) c = static_cast<char>(std::toupper(c));
         operations.push_back({path, upper, json});
+        ResolveBody(operations.back().json);
       }
     }
     return operations;
   }
 
+  // Puts the schemas of bodies in the place of references to them.
+  static void ResolveBody(Json& operation) {
+    if (!operation.contains("requestBody")) return;
+    for (Json& media : operation["requestBody"]["content"]) {
+      const Json schema = media.value("schema", Json::object());
+      if (!schema.contains("$ref")) continue;
+      media["schema"] =
+          document_.at(Json::json_pointer(schema["$ref"].get<std::string>().substr(1)));
+    }
+  }
+
   static std::string Filled(std::string path) {
     const std::pair<std::string, std::string> values[] = {
-        {"{c}", "default"},   {"{o}", "mug"},
-        {"{v}", vocabulary_}, {"{b}", "first.db"},
-        {"{n}", "0"},         {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
+        {"{c}", "default"},
+        {"{o}", "mug"},
+        {"{v}", vocabulary_},
+        {"{b}", "first.db"},
+        {"{k}", "00000000"},
+        {"{n}", "0"},
+        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
     for (const auto& [name, value] : values) {
       const std::size_t at = path.find(name);
       if (at != std::string::npos) path.replace(at, name.size(), value);

@@ -29,6 +29,10 @@ std::string ReadText(const std::filesystem::path& path) {
     const rlimit limit{limits.max_file_bytes, limits.max_file_bytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
   }
+  if (limits.max_open_files != 0) {
+    const rlimit limit{limits.max_open_files, limits.max_open_files};
+    ::setrlimit(RLIMIT_NOFILE, &limit);
+  }
   if (limits.unprivileged && ::getuid() == 0 &&
       (::setgid(kNobody) != 0 || ::setuid(kNobody) != 0)) {
     ::_exit(126);

@@ -88,10 +88,51 @@ TEST_F(RestoreTest, ALinkStaysALink) {
   EXPECT_EQ(Images(link), 2);
 }
 
+TEST_F(RestoreTest, NeitherTheDatabaseNorTheBackupHasALogAfterwards) {
+  MakeBackup(2);
+  const auto expect_no_log = [&] {
+    for (const std::string& file : {db_, backup_}) {
+      EXPECT_FALSE(fs::exists(file + "-wal")) << file;
+      EXPECT_FALSE(fs::exists(file + "-shm")) << file;
+    }
+  };
+  for (const bool there :
+       {true, false}) {  // a damaged log, and an index of it, that are not its own
+    if (!there) fs::remove(db_);
+    WriteText(db_ + "-wal", "of another database");
+    WriteText(db_ + "-shm", "of another database");
+    const ProgramResult restored = Restore({"--replace"});
+    ASSERT_EQ(restored.status, 0) << restored.err;
+    expect_no_log();
+    fs::remove(restored.json()["before"].get<std::string>() + "-wal");
+  }
+  EXPECT_EQ(Images(db_), 2);
+  ExpectSound(db_);
+}
+
+TEST_F(RestoreTest, ABackupWithALogIsReadWithIt) {
+  MakeBackup(2);
+  backup_ = (folder_ / "crashed.db").string();  // a copy of a database in use: some is in the log
+  {
+    SQLite::Database open(db_, SQLite::OPEN_READONLY);
+    EXPECT_EQ(open.execAndGet("SELECT count(*) FROM pictures").getInt(), 2);
+    WriteObjects(4);
+    ASSERT_EQ(Index().status, 0);
+    ASSERT_GT(fs::file_size(db_ + "-wal"), 0U);
+    fs::copy_file(db_, backup_);
+    fs::copy_file(db_ + "-wal", backup_ + "-wal");
+  }
+  const ProgramResult restored = Restore({"--replace"});
+  ASSERT_EQ(restored.status, 0) << restored.err;
+  EXPECT_EQ(restored.json()["images"], 4);
+  EXPECT_EQ(Images(db_), 4);
+}
+
 TEST_F(RestoreTest, MakesADatabaseWhereNoneIs) {
   MakeBackup(2);
   fs::remove(db_);
   std::ofstream(db_ + "-wal") << "of a database that is gone";
+  std::ofstream(db_ + "-shm") << "of it, too";
   const ProgramResult restored = Restore();
   ASSERT_EQ(restored.status, 0) << restored.err;
   EXPECT_EQ(Images(db_), 2);

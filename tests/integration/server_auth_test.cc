@@ -60,6 +60,17 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   EXPECT_EQ(reader.Get("/v1/collections")->status, 200);
   EXPECT_EQ(CodeOf(reader.Post(kImages, picture, "image/png")), "forbidden");
   EXPECT_EQ(writer.Post(kImages, picture, "image/png")->status, 201);
+  const std::string some = std::string(kImages) + "?filter=%7B%22n%22%3A1%7D";
+  EXPECT_EQ(CodeOf(reader.Delete(some)), "forbidden");
+  EXPECT_EQ(writer.Delete(some)->status, 200);
+  const std::string import = std::string(kImages) + ":import";
+  EXPECT_EQ(CodeOf(reader.Post(import, "{}", "application/x-ndjson")), "forbidden");
+  EXPECT_EQ(writer.Post(import, "{}", "application/x-ndjson")->status, 202);
+  EXPECT_EQ(reader.Get("/v1/collections/default/export")->status, 200);
+  EXPECT_EQ(reader.Get(std::string(kImages) + "?sort=-created&count=true")->status, 200);
+  const httplib::MultipartFormDataItems both = {{"image", picture, "a.png", "image/png"},
+                                                {"image", picture, "b.png", "image/png"}};
+  EXPECT_EQ(reader.Post("/v1/compare", both)->status, 200);
   EXPECT_EQ(writer.Get(kImages)->status, 200);
   EXPECT_EQ(CodeOf(writer.Put("/v1/collections/toys")), "forbidden");
   EXPECT_EQ(owner.Put("/v1/collections/toys")->status, 201);
@@ -91,6 +102,97 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
     EXPECT_THAT(bytes.str(), Not(HasSubstr(secret)));
     EXPECT_THAT(server.Log(), Not(HasSubstr(secret)));
     EXPECT_THAT(server.Log(), HasSubstr("key=" + key.substr(4, 8)));
+  }
+}
+
+TEST_F(AuthTest, AKeyIsToldWhatItMayDo) {
+  const ServerProcess server(database(), {"--auto-train", "false"});
+  auto stranger = server.Client();
+  const Json everybody = Json::parse(stranger.Get("/v1/me")->body);
+  EXPECT_EQ(everybody, Json::parse(R"({"keys_required": false, "key": null,
+                                       "scopes": ["read", "write", "admin"]})"));
+  // A key that is not needed is not looked at.
+  EXPECT_EQ(stranger.Get("/v1/me", {{"X-API-Key", "plk_00000000_x"}})->status, 200);
+  const std::vector<std::pair<std::string, Json>> scopes = {
+      {"read", {"read"}}, {"write", {"read", "write"}}, {"admin", {"read", "write", "admin"}}};
+  for (const auto& [scope, allowed] : scopes) {
+    const std::string key = Create(scope, "for " + scope);
+    const auto answer = With(server, key).Get("/v1/me");
+    ASSERT_EQ(answer->status, 200) << answer->body;
+    EXPECT_EQ(answer->get_header_value("Cache-Control"), "no-store");
+    const Json me = Json::parse(answer->body);
+    EXPECT_EQ(me["keys_required"], true);
+    EXPECT_EQ(me["scopes"], allowed);
+    EXPECT_EQ(me["key"],
+              (Json{{"id", key.substr(4, 8)}, {"name", "for " + scope}, {"scope", scope}}));
+    EXPECT_THAT(answer->body, Not(HasSubstr(key.substr(13))));
+  }
+  EXPECT_EQ(CodeOf(stranger.Get("/v1/me")), "unauthorized");
+  EXPECT_EQ(CodeOf(With(server, "plk_00000000_x").Get("/v1/me")), "unauthorized");
+  EXPECT_EQ(CodeOf(stranger.Post("/v1/me")), "method_not_allowed");
+}
+
+TEST_F(AuthTest, KeysAreMadeAndRevokedOverHttp) {
+  ServerProcess server(database(), {"--auto-train", "false"});
+  auto anybody = server.Client();
+  const auto make = [](httplib::Client& client, const std::string& name, const std::string& scope) {
+    return client.Post("/v1/keys", Json{{"name", name}, {"scope", scope}}.dump(),
+                       "application/json");
+  };
+  EXPECT_EQ(Json::parse(anybody.Get("/v1/keys")->body), Json::parse(R"({"keys": []})"));
+  // Whoever makes the first one must be able to make more.
+  EXPECT_EQ(CodeOf(make(anybody, "page", "read")), "first_key_admin");
+  const auto first = make(anybody, "me", "admin");
+  ASSERT_EQ(first->status, 201) << first->body;
+  EXPECT_EQ(first->get_header_value("Cache-Control"), "no-store");
+  const Json admin = Json::parse(first->body);
+  EXPECT_THAT(admin["key"].get<std::string>(), MatchesRegex("plk_[0-9a-f]{8}_[A-Za-z0-9_-]{43}"));
+  EXPECT_EQ(first->get_header_value("Location"), "/v1/keys/" + admin["id"].get<std::string>());
+  EXPECT_EQ(CodeOf(anybody.Get("/v1/keys")), "unauthorized") << "it is closed from now on";
+
+  auto owner = With(server, admin["key"]);
+  const Json read = Json::parse(make(owner, "page", "read")->body);
+  auto reader = With(server, read["key"]);
+  EXPECT_EQ(reader.Get("/v1/collections")->status, 200) << "it works at once";
+  EXPECT_EQ(CodeOf(reader.Get("/v1/keys")), "forbidden");
+  EXPECT_EQ(CodeOf(make(reader, "more", "admin")), "forbidden");
+  EXPECT_EQ(CodeOf(make(owner, "", "read")), "missing_parameter");
+  for (const std::string name : {"a\nb", "\u202e"}) {
+    const auto refused = make(owner, name, "read");
+    EXPECT_EQ(CodeOf(refused), "invalid_parameter") << name;
+    EXPECT_EQ(Json::parse(refused->body)["parameter"], "name");
+  }
+
+  const Json list = Json::parse(owner.Get("/v1/keys")->body)["keys"];
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[1]["name"], "page");
+  EXPECT_EQ(list[1]["scope"], "read");
+  EXPECT_TRUE(list[1]["revoked_at"].is_null());
+  EXPECT_FALSE(list[1].contains("key"));
+  EXPECT_FALSE(list[1].contains("hash"));
+
+  const auto revoke = [&](const Json& key) {
+    return owner.Delete("/v1/keys/" + key["id"].get<std::string>());
+  };
+  EXPECT_EQ(revoke(read)->status, 204);
+  EXPECT_EQ(CodeOf(reader.Get("/v1/collections")), "unauthorized") << "at once, too";
+  EXPECT_EQ(CodeOf(revoke(read)), "key_not_found");
+  EXPECT_FALSE(Json::parse(owner.Get("/v1/keys")->body)["keys"][1]["revoked_at"].is_null());
+  EXPECT_EQ(CodeOf(owner.Delete("/v1/keys/me")), "key_not_found") << "a name is no id";
+  EXPECT_EQ(CodeOf(revoke(admin)), "last_admin_key");
+  const Json second = Json::parse(make(owner, "me too", "admin")->body);
+  EXPECT_EQ(revoke(admin)->status, 204) << "there is another one";
+  EXPECT_EQ(With(server, second["key"]).Get("/v1/keys")->status, 200);
+
+  // What is kept is no key, nor is what is logged.
+  EXPECT_EQ(server.Stop(), 0);
+  std::ifstream file(database(), std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  for (const Json& made : {admin, read, second}) {
+    const std::string secret = made["key"].get<std::string>().substr(13);
+    EXPECT_THAT(bytes.str(), Not(HasSubstr(secret)));
+    EXPECT_THAT(server.Log(), Not(HasSubstr(secret)));
   }
 }
 

@@ -61,6 +61,8 @@ class ChangesTest : public ServerTest {
 TEST_F(ChangesTest, APictureIsChangedAsAMergePatchSays) {
   Json before = Read(Picture("a"));
   Json now = Changed(Picture("a"), R"({"metadata": {"shelf": 5, "colour": null, "x": {"y": 1}}})");
+  EXPECT_GT(now["updated_at"], before["updated_at"]);
+  before["updated_at"] = now["updated_at"];
   before["metadata"] = {{"shelf", 5}, {"x", {{"y", 1}}}};
   EXPECT_EQ(now, before) << "nothing else changes";
   now = Changed(Picture("a"), R"({"object": "bowl", "source": "bowl.png", "metadata": null})");
@@ -124,8 +126,9 @@ TEST_F(ChangesTest, IfMatchIsHonoured) {
   ExpectProblem(Patch(Picture("a"), R"({"object": "y"})", kPatchType, etag), 412,
                 "precondition_failed");
   EXPECT_EQ(Patch(Picture("a"), R"({"object": "mug"})", kPatchType, "*")->status, 200);
-  ExpectProblem(client_->Delete(Picture("a"), {{"If-Match", etag}}), 412, "precondition_failed");
-  ExpectProblem(client_->Put(Picture("a"), {{"If-Match", etag}}, TestPicture(9), "image/png"), 412,
+  const httplib::Headers other = {{"If-Match", "\"other\""}};
+  ExpectProblem(client_->Delete(Picture("a"), other), 412, "precondition_failed");
+  ExpectProblem(client_->Put(Picture("a"), other, TestPicture(9), "image/png"), 412,
                 "precondition_failed");
   EXPECT_EQ(Read(Picture("a"))["object"], "mug") << "it is there, and the picture it was";
 

@@ -25,7 +25,7 @@ TEST_F(ServerErrorsTest, AddressesAndUnknownNames) {
       {"GET", "/" + std::string(9000, 'a'), "", "", 414, "uri_too_long"},
       {"POST", "/livez", "", "", 405, "method_not_allowed"},
       {"PUT", images, p, kPng, 405, "method_not_allowed"},
-      {"DELETE", images, "", "", 405, "method_not_allowed"},
+      {"PUT", images, "", "", 405, "method_not_allowed"},
       {"GET", search, "", "", 405, "method_not_allowed"},
       {"PATCH", images, p, kPng, 405, "method_not_allowed"},
       {"OPTIONS", images, "", "", 405, "method_not_allowed"},
@@ -69,7 +69,7 @@ TEST_F(ServerErrorsTest, MethodNotAllowedNamesThoseThatAre) {
   auto client = server_->Client();
   EXPECT_EQ(client.Post(std::string(kImages) + "/one")->get_header_value("Allow"),
             "DELETE, GET, HEAD, PATCH, PUT");
-  EXPECT_EQ(client.Put(kImages)->get_header_value("Allow"), "GET, HEAD, POST");
+  EXPECT_EQ(client.Put(kImages)->get_header_value("Allow"), "DELETE, GET, HEAD, POST");
   EXPECT_EQ(client.Get(kSearch)->get_header_value("Allow"), "POST");
 }
 

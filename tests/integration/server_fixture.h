@@ -3,6 +3,7 @@
 // A server of one's own for each test, and the requests that most tests send.
 #pragma once
 
+#include <cstdint>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -36,6 +37,22 @@ inline std::vector<std::string> ImageIds(const Json& hits) {
   std::vector<std::string> ids;
   for (const Json& hit : hits) ids.push_back(hit["image_id"]);
   return ids;
+}
+
+inline std::string Base64Of(const std::string& bytes) {
+  constexpr const char* kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t group = 0;
+    for (std::size_t j = 0; j < 3; ++j) {
+      group = group << 8 | (i + j < bytes.size() ? static_cast<unsigned char>(bytes[i + j]) : 0U);
+    }
+    for (std::size_t j = 0; j < 4; ++j) {
+      text += i + j <= bytes.size() ? kDigits[group >> (18 - 6 * j) & 63] : '=';
+    }
+  }
+  return text;
 }
 
 class ServerTest : public ::testing::Test {

@@ -3,6 +3,7 @@
 // The examples of the OpenAPI document run and are answered in the documented form.
 #include <cstdio>
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -18,12 +19,37 @@ using ::testing::IsEmpty;
 
 class ExamplesTest : public OpenApiTest {
  protected:
+  static ProgramResult Keys(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "keys");
+    arguments.insert(arguments.end(), {"--db", (folder_->path() / "test.db").string()});
+    return Program(arguments, {}, ServerPath()).Wait();
+  }
+
+  // A server that has keys answers nobody without one: only the routes about keys meet any.
+  struct WithKeys {
+    WithKeys() {
+      Keys({"create", "--name", "other"});
+      const ProgramResult made = Keys({"create", "--name", "admin", "--scope", "admin", "--json"});
+      admin = made.json()["key"];
+      id = Keys({"list", "--json"}).json()["keys"][0]["id"];
+    }
+    ~WithKeys() {
+      const Json list = Keys({"list", "--json"}).json();
+      for (const Json& key : list["keys"]) Keys({"revoke", key["id"]});
+      Keys({"purge"});
+    }
+    std::string admin, id;
+  };
+
   // Runs `example` in the folder of the pictures; the status, and the body in `body`.
   static int RunExample(const std::string& example, std::string* body) {
+    std::optional<WithKeys> keys;
+    if (example.find("$ADMIN_KEY") != std::string::npos) keys.emplace();
     const std::string script =
         "cd '" + folder_->path().string() +
         "' && PLIANT=http://127.0.0.1:" + std::to_string(server_->port()) +
         " IMAGE=mug-1 JOB=" + job_ + " VOCABULARY=" + vocabulary_ + " BACKUP=first.db" +
+        (keys ? " ADMIN_KEY=" + keys->admin + " KEY_ID=" + keys->id : "") +
         " && curl() { command curl -sS -o answer -w '%{http_code}' \"$@\"; } && rm -f answer && " +
         example;
     FILE* pipe = popen(script.c_str(), "r");

@@ -54,9 +54,13 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
                                              {"metadata", R"({"year": 2021})", "", ""}})
                                    ->body;
   const Json filter = {{"year", {{"gte", 2020}}}};
-  const auto tagged = client.Post(
-      kSearch, Json{{"image_id", "tagged"}, {"filter", filter}, {"group_by", "image"}}.dump(),
-      "application/json");
+  const auto tagged = client.Post(kSearch,
+                                  Json{{"image_id", "tagged"},
+                                       {"exclude_self", false},
+                                       {"filter", filter},
+                                       {"group_by", "image"}}
+                                      .dump(),
+                                  "application/json");
   ASSERT_EQ(tagged->status, 200) << tagged->body << filtered;
   EXPECT_THAT(ImageIds(Json::parse(tagged->body)["hits"]), ::testing::ElementsAre("tagged"));
   EXPECT_EQ(SearchFor(client, query, "?filter=%7B%22year%22%3A1999%7D")["total"], 0);

@@ -156,6 +156,20 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
            {"--mask", Path("frames/f8.png"), "--region", "0,0,5,5"}}) {
     EXPECT_EQ(Track("frames", wrong).status, 2) << ::testing::PrintToString(wrong);
   }
+  for (const char* input : {"frames", "nowhere.mp4"}) {  // said before anything is looked at
+    const ProgramResult gif = Track(input, {"--out", Path("o.gif")});
+    EXPECT_EQ(gif.status, 2);
+    EXPECT_THAT(gif.err, HasSubstr(".gif files are not written"));
+    EXPECT_FALSE(std::filesystem::exists(Path("o.gif")));
+    EXPECT_EQ(Track(input, {"--out", Path("nowhere/x.mp4")}).status, 1);
+  }
+  const ProgramResult picture = Track("reference.png");
+  EXPECT_THAT(picture.err, HasSubstr("is a picture"));
+  EXPECT_EQ(picture.out, "");
+  for (const char* folder : {"run.2", "o.gif/"}) {
+    EXPECT_EQ(Track("frames", {"--out", Path(folder), "--every", "4"}).status, 0);
+    EXPECT_TRUE(std::filesystem::exists(Path(folder) + "/frame_000000.jpg"));
+  }
   EXPECT_EQ(Track("frames", {"--out", "/nowhere/at/all/x.mp4"}).status, 1);
   EXPECT_EQ(Track("frames", {"--out", "/proc/nowhere"}).status, 1);
 

@@ -23,7 +23,7 @@ std::string Form(const std::vector<std::pair<std::string, std::string>>& fields)
 WrongRequests::WrongRequests(const Operation& operation, std::string path,
                              const std::function<std::string(std::string)>& filled)
     : operation_(operation),
-      path_(std::move(path)),
+      path_(WithRequired(path)),
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_only_(operation.Takes("multipart/form-data") && !image_) {
@@ -61,11 +61,30 @@ std::vector<std::string> WrongRequests::RequiredFields() const {
       "required", std::vector<std::string>{});
 }
 
+std::string WrongRequests::WithQuery(const std::string& path, const std::string& query) {
+  return path + (path.find('?') == std::string::npos ? '?' : '&') + query;
+}
+
+std::string WrongRequests::WithRequired(const std::string& path) const {
+  std::string whole = path;
+  for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
+    if (parameter["in"] != "query" || !parameter.value("required", false)) continue;
+    const std::string value = parameter.contains("content") ? "%7B%22a%22%3A1%7D" : "1";
+    whole = WithQuery(whole, parameter["name"].get<std::string>() + "=" + value);
+  }
+  return whole;
+}
+
 std::string WrongRequests::GoodBody() const {
   if (image_) return TestPicture(1);
   if (form_only_) return Form({{"image", TestPicture(1)}});
   Json body = Json::object();
-  for (const std::string& field : RequiredFields()) body[field] = "shelf";
+  for (const std::string& field : RequiredFields()) {
+    const Json& schema =
+        operation_
+            .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
+    body[field] = schema["type"] == "array" ? Json::array({Json{{"image_id", "mug-1"}}}) : "shelf";
+  }
   return json_ ? body.dump() : "";
 }
 
@@ -101,8 +120,10 @@ void WrongRequests::AddMissingFields() {
   if (!image_ && !form_only_) return;
   Add("missing field", "body", path_, "", image_ ? "" : kForm, 400, "missing_parameter");
   const bool limit = operation_.path.ends_with("/search");
+  const bool compare = operation_.path.ends_with("/compare");
   const bool locate = operation_.path.ends_with("/locate");  // it has no other fields
-  const auto others = Form({{limit ? "limit" : "object", "1"}});
+  const auto others =
+      compare ? Form({{"explain", "true"}}) : Form({{limit ? "limit" : "object", "1"}});
   Add("missing field", "image", path_, locate ? Form({}) : others, kForm, 400,
       locate ? "bad_request" : "missing_parameter");
   if (json_)
@@ -110,15 +131,15 @@ void WrongRequests::AddMissingFields() {
 }
 
 void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>& filled) {
-  Add("oversized address", "query", path_ + "?x=" + std::string(9000, 'a'), body_, type_, 414,
-      "uri_too_long");
+  Add("oversized address", "query", WithQuery(path_, "x=" + std::string(9000, 'a')), body_, type_,
+      414, "uri_too_long");
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
     const std::string name = parameter["name"];
     if (parameter["in"] != "path") continue;
     const auto with = [&](const std::string& value) {
       std::string path = operation_.path;
       const std::string place = "{" + name + "}";
-      return filled(path.replace(path.find(place), place.size(), value));
+      return WithRequired(filled(path.replace(path.find(place), place.size(), value)));
     };
     Add("oversized address", name, with(std::string(2100, 'a')), body_, type_, 414, "uri_too_long");
     if (Makes(name)) {
@@ -127,7 +148,8 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
     }
     static const std::map<std::string, std::string> codes = {
         {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
-        {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"}};
+        {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"},
+        {"k", "key_not_found"}};
     const bool job = operation_.path.starts_with("/v1/jobs");
     Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
         job ? "job_not_found" : codes.at(name));
@@ -135,7 +157,7 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
 }
 
 void WrongRequests::AddParameterFaults() {
-  Add("unknown parameter", "in the query", path_ + "?no_such=1", body_, type_, 400,
+  Add("unknown parameter", "in the query", WithQuery(path_, "no_such=1"), body_, type_, 400,
       "unknown_parameter");
   if (form_only_ || image_) {
     Add("unknown parameter", "in a form", path_,
@@ -147,17 +169,22 @@ void WrongRequests::AddParameterFaults() {
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
     if (parameter["in"] != "query") continue;
     const std::string name = parameter["name"];
-    const auto with = [&](const std::string& value) { return path_ + "?" + name + "=" + value; };
+    const bool required = parameter.value("required", false);
+    const std::string at = required ? path_.substr(0, path_.find('?')) : path_;
+    const auto with = [&](const std::string& value) { return WithQuery(at, name + "=" + value); };
+    if (required) Add("missing field", name, at, body_, type_, 400, "missing_parameter");
     Add("bad parameter", name + " not UTF-8", with("%ff"), body_, type_, 400, "invalid_parameter");
     Add("bad parameter", name + " twice", with("1") + "&" + name + "=2", body_, type_, 400,
         IsText(parameter) ? "duplicate_parameter" : "");
     if (parameter.contains("content")) {
       Add("bad parameter", name, with("{"), body_, type_, 400, "invalid_json");
+      const std::string type = parameter["content"]["application/json"]["schema"]["type"];
+      if (json_) AddWrongTypes(name, type == "array" ? "array of anything" : type);
       continue;
     }
     const Json& schema = parameter["schema"];
     std::vector<std::string> bad;
-    if (schema.contains("enum")) bad = {"no-such-word", ""};
+    if (schema.contains("enum") || schema["type"] == "boolean") bad = {"no-such-word", "1", ""};
     if (schema["type"] == "integer" || schema["type"] == "number") {
       bad = {std::to_string(schema["minimum"].get<double>() - 1), "x", ""};
     }
@@ -165,8 +192,30 @@ void WrongRequests::AddParameterFaults() {
     for (const std::string& value : bad) {
       Add("bad parameter", name, with(value), body_, type_, 400, "invalid_parameter");
     }
+    if (json_) AddWrongTypes(name, schema["type"]);
     if (name == "cursor") Add("bad cursor", name, with("x"), body_, type_, 400, "invalid_cursor");
   }
+}
+
+// A value of each JSON type but that which the field has: none is taken for another.
+void WrongRequests::AddWrongTypes(const std::string& name, const std::string& type) {
+  if (operation_.Takes("application/merge-patch+json")) return;  // it has no parameters in its body
+  const std::pair<const char*, const char*> values[] = {{"string", R"("5")"},
+                                                        {"integer", "1.5"},
+                                                        {"boolean", "true"},
+                                                        {"object", "{}"},
+                                                        {"array", R"(["x"])"}};
+  for (const auto& [of, value] : values) {
+    const bool number = type == "number" && of == std::string("integer");
+    if ((of == type && type != "integer" && type != "array") || number) continue;
+    if (type == "array of anything" && of == std::string("array")) continue;
+    Json body = Json::parse(json_ && !image_ ? body_ : "{}");
+    body[name] = Json::parse(value);
+    Add("wrong type in JSON", name + ": " + value, path_, body.dump(), "application/json", 400,
+        "invalid_parameter");
+  }
+  Add("no JSON", name + " twice", path_, "{\"" + name + "\": null, \"" + name + "\": null}",
+      "application/json", 400, "invalid_json");
 }
 
 bool WrongRequests::IsText(const Json& parameter) {

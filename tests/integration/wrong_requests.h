@@ -38,11 +38,15 @@ class WrongRequests {
   // PUT makes what its path names last.
   bool Makes(const std::string& name) const;
   std::vector<std::string> RequiredFields() const;
+  // The path with what must stand in its query: "/a", "/a?b=c".
+  std::string WithRequired(const std::string& path) const;
+  static std::string WithQuery(const std::string& path, const std::string& query);
   std::string GoodBody() const;
   void AddBodyFaults();
   void AddMissingFields();
   void AddPathFaults(const std::function<std::string(std::string)>& filled);
   void AddParameterFaults();
+  void AddWrongTypes(const std::string& name, const std::string& type);
   // Any text will do, so that it is only wrong to give it twice.
   static bool IsText(const Json& parameter);
 

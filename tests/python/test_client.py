@@ -55,7 +55,10 @@ class Served(FolderCase):
         self.assertEqual(answer["hits"][0]["object"], "mug")
         self.assertEqual(len(answer["hits"]), 2)
         self.assertIn("mesh", answer["hits"][0]["explain"])
-        self.assertEqual(shelf.search(image_id=record["id"])["hits"][0]["image_id"], record["id"])
+        stored = shelf.search(image_id=record["id"], exclude_self=False)
+        self.assertEqual(stored["hits"][0]["image_id"], record["id"])
+        self.assertNotIn(record["id"], [hit["image_id"] for hit in shelf.search(image_id=record["id"])["hits"]])
+        self.assertNotIn(record["id"], [hit["image_id"] for hit in shelf.search(image_ids=[record["id"]])["hits"]])
         self.assertEqual([hit["object"] for hit in shelf.search(path, filter={"year": {"gte": 2020}})["hits"]], ["mug"])
         self.assertTrue(shelf.locate(other_view(0), "mug")["found"])
 

@@ -33,6 +33,25 @@ class Describe(FolderCase):
             np.testing.assert_array_equal(loaded.descriptors, ours.descriptors)
         np.testing.assert_allclose(np.linalg.norm(pliant.describe(path).descriptors, axis=1), 1, atol=1e-5)
 
+    def test_of_a_folder(self):
+        (self.folder / "set" / "deep").mkdir(parents=True)
+        for name, seed in (("set/b.png", 1), ("set/deep/Mütze.png", 2), ("set/c.uv.png", 3)):
+            self.write(name, picture(seed))
+        run("describe", self.folder / "set", "--descriptor", "rootsift", "--out", self.folder / "x.npz", "--json")
+        found = pliant.Features.load_folder(self.folder / "x.npz")
+        self.assertEqual(list(found), ["b.png", "deep/Mütze.png"])
+        for name, features in found.items():
+            expected = pliant.describe(self.folder / "set" / name, descriptor="rootsift")
+            np.testing.assert_array_equal(features.keypoints, expected.keypoints)
+            np.testing.assert_array_equal(features.descriptors, expected.descriptors)
+            self.assertEqual((features.width, features.height, features.model_id), (160, 120, expected.model_id))
+        with self.assertRaises(pliant.InvalidArgumentError) as wrong:
+            pliant.Features.load(self.folder / "x.npz")
+        self.assertEqual(wrong.exception.code, "features_of_folder")
+        found["b.png"].save(self.folder / "one.npz")
+        with self.assertRaises(pliant.InvalidArgumentError):
+            pliant.Features.load_folder(self.folder / "one.npz")
+
     def test_forms_of_a_picture(self):
         grey = picture(2)
         colour = np.dstack([grey, picture(3), 255 - grey])

@@ -10,6 +10,9 @@ import subprocess
 import sys
 import unittest
 
+import cv2
+import numpy as np
+
 import pliant
 from support import FolderCase, other_view, picture
 
@@ -89,10 +92,15 @@ class Package(FolderCase):
             self.write(f"shop/o{seed}/a.png", picture(seed, 320, 240))
         query = self.write("query.png", other_view(2))
         self.write("shop/o2/a.png", picture(2))
-        done = subprocess.run([sys.executable, SOURCE / "examples" / "find_in_folder.py", self.folder / "shop", query,
-                               self.folder / "out.png"], stdout=subprocess.PIPE, text=True, check=True, timeout=300)
-        self.assertIn(f"{self.folder / 'shop' / 'o2' / 'a.png'}: ", done.stdout)
-        self.assertEqual((self.folder / "out.png").read_bytes()[:4], b"\x89PNG")
+        script = SOURCE / "examples" / "find_in_folder.py"
+        subprocess.run([sys.executable, script, self.folder / "shop", query, self.folder / "out.png"],
+                       env={name: value for name, value in os.environ.items() if name != "DISPLAY"}, check=True, timeout=300)
+        drawn = (self.folder / "out.png").read_bytes()
+        self.assertIn(f"Title\0{self.folder / 'shop' / 'o2' / 'a.png'}".encode(), drawn)
+        image = cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR).astype(int)
+        self.assertGreater((np.ptp(image, axis=2) > 60).sum(), 2000)  # coloured lines over grey pictures
+        code = script.read_text().split('"""')[2].strip().splitlines()
+        self.assertEqual(len([line for line in code if line]), 15)
 
 
 if __name__ == "__main__":

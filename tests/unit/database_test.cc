@@ -212,6 +212,33 @@ TEST_F(DatabaseTest, MigrationsRunOnceInOrderAndWholly) {
   ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { Migrate(db, first); });
 }
 
+TEST_F(DatabaseTest, PicturesOfAnOlderSchemaWereUpdatedWhenTheyWereAdded) {
+  SQLite::Database db(file_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  Migrate(db, Migrations().first(7));
+  db.exec(
+      "INSERT INTO models VALUES (1, 'fake', 'fake:1', 0, 8, NULL, NULL);"
+      "INSERT INTO collections (name, model, created_ms) VALUES ('default', 1, 1);"
+      "INSERT INTO pictures (collection, id, sha256, media_type, width, height, bytes, keypoints, "
+      "metadata, source, added_ms) VALUES (1, 'a', zeroblob(32), '', 1, 1, 1, 1, '{}', '', 1234), "
+      "(1, 'b', zeroblob(32), '', 1, 1, 1, 1, '{}', '', 99)");
+  Migrate(db, Migrations());
+  EXPECT_EQ(db.execAndGet("SELECT group_concat(updated_ms) FROM "
+                          "(SELECT updated_ms FROM pictures ORDER BY id)")
+                .getString(),
+            "1234,99");
+  // Lists by time read no more than a page.
+  for (const char* column : {"added_ms", "updated_ms"}) {
+    SQLite::Statement plan(
+        db, std::string("EXPLAIN QUERY PLAN SELECT p.id FROM pictures p JOIN collections c ON "
+                        "c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
+                        "WHERE p.collection = 1 AND (p.") +
+                column + ", p.id) > (5, 'x') ORDER BY p." + column + ", p.id LIMIT 3");
+    while (plan.executeStep()) {
+      EXPECT_EQ(plan.getColumn(3).getString().find("TEMP B-TREE"), std::string::npos) << column;
+    }
+  }
+}
+
 TEST_F(DatabaseTest, ABackupIsWholeAndNeverOverwrites) {
   CreateDatabase(file_, kModel);
   Connection db = Open();

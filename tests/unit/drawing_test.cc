@@ -5,10 +5,14 @@
 #include <cstdlib>
 #include <limits>
 #include <set>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/plot/lettering.h"
 
 namespace pliant {
 namespace {
@@ -81,6 +85,85 @@ TEST(Drawing, WordsHaveTheirWidth) {
   Image image = BlankPicture(200, 30);
   DrawText(image, 5, 20, "found", colours::kWhite, 14);
   EXPECT_GT(Changed(image), 60);
+}
+
+Image Written(const std::string& text) {
+  Image image = BlankPicture(200, 60);
+  DrawText(image, 10, 40, text, colours::kWhite, 20);
+  return image;
+}
+
+// Of the first column (of the last, from the right) with ink: its highest pixel with ink.
+int TopOfEdge(const Image& image, bool from_right) {
+  for (int i = 0; i < image.width; ++i) {
+    const int x = from_right ? image.width - 1 - i : i;
+    for (int y = 0; y < image.height; ++y) {
+      if (At(image, x, y).red > 60) return y;
+    }
+  }
+  return -1;
+}
+
+TEST(Drawing, NamesAreWrittenAsTheyAre) {
+  if (!HasFonts()) {
+    EXPECT_EQ(Written("Rote M\u00fctze").pixels, Written("Rote M?tze").pixels);  // one a character
+    EXPECT_EQ(TextWidth("\u5e3d\u5b50"), TextWidth("??"));
+    EXPECT_EQ(Written("a\xff\tb").pixels, Written("a??b").pixels);
+    return;
+  }
+  EXPECT_EQ(TextWidth("M\u00fctze"), TextWidth("Mutze"));
+  EXPECT_EQ(TextWidth("Mu\u0308tze"), TextWidth("Mutze"));  // the dots are a character of their own
+  const Image plain = Written("u");
+  const Image dotted = Written("\u00fc");
+  int above = 0;
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      if (At(plain, x, y) == At(dotted, x, y)) continue;
+      EXPECT_LT(y, 26) << "the letter below its dots changed at " << x;
+      ++above;
+    }
+  }
+  EXPECT_GT(above, 4);
+  EXPECT_NE(Written("\u041a\u0435\u043f\u043a\u0430").pixels, Written("?????").pixels);
+}
+
+TEST(Drawing, HebrewIsWrittenFromTheRight) {
+  if (!HasFonts()) GTEST_SKIP() << "the system has no fonts";
+  const Image english = Written("xx.");
+  EXPECT_GT(TopOfEdge(english, true), 34);
+  EXPECT_LT(TopOfEdge(english, false), 34);
+  const Image hebrew = Written("\u05e9\u05e9.");  // the full stop ends the line: it is on the left
+  EXPECT_GT(TopOfEdge(hebrew, false), 34);
+  EXPECT_LT(TopOfEdge(hebrew, true), 34);
+}
+
+TEST(Drawing, AnyBytesCanBeWritten) {
+  std::string bytes;
+  for (int value = 255; value >= 0; --value) bytes += static_cast<char>(value);
+  Image image = BlankPicture(50, 20);
+  DrawText(image, 0, 15, bytes, colours::kWhite);
+  DrawText(image, 0, 15, std::string(100'000, 'w'), colours::kWhite, 1);
+  DrawText(image, 0, 15, "", colours::kWhite);
+  DrawText(image, std::numeric_limits<int>::max(), std::numeric_limits<int>::min(), "w",
+           colours::kWhite);
+  EXPECT_LE(TextWidth(""), 1);
+  EXPECT_GT(TextWidth("\xf0\x9f\x91\x92"), 0);  // in a font or not
+}
+
+TEST(Drawing, ManyThreadsWriteTheSame) {
+  const Image alone = Written("M\u00fctze 12");
+  std::vector<Image> drawn(4);
+  std::vector<std::thread> threads;
+  for (Image& image : drawn) {
+    threads.emplace_back([&image] {
+      for (int i = 0; i < 20; ++i) {
+        image = Written("M\u00fctze 12");
+        TextWidth("other", 9 + i);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const Image& image : drawn) EXPECT_EQ(image.pixels, alone.pixels);
 }
 
 TEST(Drawing, ColoursDiffer) {

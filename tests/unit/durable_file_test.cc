@@ -26,6 +26,8 @@ TEST(DurableFile, OnlyAFullDiskIsNoSpace) {
   ExpectFor(EACCES, ErrorCode::kReadOnly, "permission_denied");
   ExpectFor(EPERM, ErrorCode::kReadOnly, "permission_denied");
   ExpectFor(EROFS, ErrorCode::kReadOnly, "read_only_file_system");
+  ExpectFor(EMFILE, ErrorCode::kUnavailable, "too_many_open_files");
+  ExpectFor(ENFILE, ErrorCode::kUnavailable, "too_many_open_files");
   ExpectFor(EIO, ErrorCode::kInternal, "io_error");
 }
 

@@ -119,6 +119,28 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   EXPECT_EQ(Add(engine, RandomPng(3), "\U0001F469\u200D\U0001F4BB").outcome, AddOutcome::kCreated);
 }
 
+TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
+  Engine engine(Options());
+  const auto stored = [&](std::uint64_t picture, const std::string& name) {
+    const std::vector<std::uint8_t> png = RandomPng(picture);
+    AddRequest request;
+    request.bytes = png;
+    request.source = name;
+    return engine.Add(request).image.source;
+  };
+  EXPECT_EQ(stored(1, "shirt\u202Egpj.exe"), "shirt\\u{202e}gpj.exe");
+  EXPECT_EQ(stored(2, "shi\u200Brt\n\xff.jpg"), "shi\\u{200b}rt\\x0a\\xff.jpg");
+  EXPECT_EQ(stored(3, "\u202E\u200D\u0645\u200C\u062E"), "\\u{202e}\\u{200d}\u0645\u200C\u062E");
+  EXPECT_EQ(stored(4, "\u0645\xff\u200D."), "\u0645\\xff\\u{200d}.");
+  const std::string id = engine.List({}).at(0).id;
+  for (const std::string name : {"shirt\u202Egpj.exe", "a\nb", "\xff"}) {
+    PictureChange change;  // said by a person, so it is refused
+    change.source = name;
+    ExpectError(ErrorCode::kInvalidArgument, "source_invalid",
+                [&] { engine.Change("default", id, change); });
+  }
+}
+
 TEST_F(EngineTest, RemovedIsGoneAtOnceAndAfterReopening) {
   {
     Engine engine(Options());

@@ -89,9 +89,12 @@ void Age(const std::filesystem::path& file) {
   db.exec("ALTER TABLE vocabularies DROP COLUMN codebook");
   db.exec("ALTER TABLE models DROP COLUMN max_keypoints");
   db.exec("ALTER TABLE models DROP COLUMN max_side");
-  db.exec("DROP TABLE api_keys");
-  db.exec("DROP TABLE jobs");
-  for (const char* table : {"original_files", "originals_directory", "dropped_originals"}) {
+  for (const char* index : {"pictures_by_added", "pictures_by_updated"}) {
+    db.exec(std::string("DROP INDEX ") + index);
+  }
+  db.exec("ALTER TABLE pictures DROP COLUMN updated_ms");
+  for (const char* table : {"api_keys", "job_inputs", "job_items", "jobs", "original_files",
+                            "originals_directory", "dropped_originals"}) {
     db.exec(std::string("DROP TABLE ") + table);
   }
   for (const char* trigger : {"picture_counted", "picture_uncounted", "object_counted",

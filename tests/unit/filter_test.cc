@@ -96,6 +96,98 @@ TEST(Filter, OneEntryOfAListIsEnoughAndAllKeysMustHold) {
   EXPECT_FALSE(Passes(ParseFilter(R"({"a": 1})"), "no JSON"));
 }
 
+TEST(Filter, NotEqual) {
+  const std::string ne = R"({"colour": {"ne": "red"}})";
+  EXPECT_TRUE(Pass(ne, R"({"colour": "blue"})"));
+  EXPECT_FALSE(Pass(ne, R"({"colour": "red"})"));
+  EXPECT_TRUE(Pass(ne, R"({"colour": 7})"));
+  EXPECT_TRUE(Pass(ne, R"({"colour": null})"));
+  EXPECT_FALSE(Pass(ne, R"({"shade": "blue"})")) << "a picture without the key";
+  EXPECT_TRUE(Pass(ne, R"({"colour": ["blue", "green"]})"));
+  EXPECT_FALSE(Pass(ne, R"({"colour": ["blue", "red"]})")) << "no entry may be it";
+  EXPECT_TRUE(Pass(ne, R"({"colour": []})"));
+  EXPECT_TRUE(Pass(ne, R"({"colour": {"red": "red"}})"));
+  EXPECT_FALSE(Pass(R"({"n": {"ne": null}})", R"({"n": null})"));
+  EXPECT_TRUE(Pass(R"({"n": {"ne": 9007199254740992}})", R"({"n": 9007199254740993})"));
+  EXPECT_FALSE(Pass(R"({"n": {"ne": 1}})", R"({"n": 1.0})"));
+  EXPECT_TRUE(Pass(R"({"n": {"ne": 4, "gt": 3}})", R"({"n": [1, 5]})"));
+  EXPECT_FALSE(Pass(R"({"n": {"ne": 4, "gt": 3}})", R"({"n": [4, 5]})"));
+}
+
+TEST(Filter, Exists) {
+  for (const char* there : {R"({"n": 0})", R"({"n": null})", R"({"n": []})", R"({"n": {}})"}) {
+    EXPECT_TRUE(Pass(R"({"n": {"exists": true}})", there)) << there;
+    EXPECT_FALSE(Pass(R"({"n": {"exists": false}})", there)) << there;
+  }
+  EXPECT_FALSE(Pass(R"({"n": {"exists": true}})", R"({"m": {"n": 1}})"));
+  EXPECT_TRUE(Pass(R"({"n": {"exists": false}})", R"({"m": {"n": 1}})"));
+  EXPECT_FALSE(Passes(ParseFilter(R"({"n": {"exists": false}})"), "no JSON"));
+  EXPECT_TRUE(Pass(R"({"n": {"exists": true, "gt": 1}})", R"({"n": 2})"));
+}
+
+TEST(Filter, AndOrNot) {
+  const std::string either = R"({"or": [{"shop": "east"}, {"year": {"lt": 2000}, "sold": true}]})";
+  EXPECT_TRUE(Pass(either, R"({"shop": "east"})"));
+  EXPECT_TRUE(Pass(either, R"({"year": 1999, "sold": true})"));
+  EXPECT_FALSE(Pass(either, R"({"year": 1999, "sold": false})"));
+  const std::string both = R"({"n": {"gt": 0}, "and": [{"n": {"gt": 2}}, {"n": {"lt": 8}}]})";
+  EXPECT_TRUE(Pass(both, R"({"n": [1, 9]})")) << "different entries meet them";
+  EXPECT_FALSE(Pass(both, R"({"n": 1})"));
+  EXPECT_FALSE(Pass(both, R"({"n": 9})"));
+  EXPECT_TRUE(Pass(R"({"not": {"n": 1}})", "{}")) << "not negates all of it";
+  EXPECT_FALSE(Pass(R"({"not": {"n": 1}})", R"({"n": 1})"));
+  EXPECT_TRUE(Pass(R"({"not": {"n": 1, "m": 2}})", R"({"n": 1})"));
+  EXPECT_FALSE(Passes(ParseFilter(R"({"not": {"n": 1}})"), "no JSON"));
+  EXPECT_TRUE(Pass(R"({"a": 1, "or": [{"b": 2}, {"b": 3}], "not": {"c": 4}})",
+                   R"({"a": 1, "b": 3, "c": 5})"));
+  EXPECT_FALSE(Pass(R"({"a": 1, "or": [{"b": 2}, {"b": 3}], "not": {"c": 4}})",
+                    R"({"a": 1, "b": 3, "c": 4})"));
+  EXPECT_FALSE(Pass(R"({"a": 1, "or": [{"b": 2}, {"b": 3}], "not": {"c": 4}})",
+                    R"({"a": 2, "b": 3, "c": 5})"));
+  EXPECT_TRUE(Pass(R"({"not": {"or": [{"a": 1}, {"not": {"b": 2}}]}})", R"({"a": 2, "b": 2})"));
+}
+
+TEST(Filter, AnyKeyCanBeNamed) {
+  EXPECT_TRUE(Pass(R"({"\\and": 1})", R"({"and": 1})"));
+  EXPECT_TRUE(Pass(R"({"\\not": {"gt": 1}})", R"({"not": 2})"));
+  EXPECT_TRUE(Pass(R"({"\\\\x": 1})", R"({"\\x": 1})"));
+  EXPECT_TRUE(Pass(R"({"in": 1, "exists": 2})", R"({"in": 1, "exists": 2})"));
+  EXPECT_TRUE(Pass(R"({"": 1})", R"({"": 1})"));
+}
+
+TEST(Filter, DepthAndNumberOfTermsHaveLimits) {
+  const auto nested = [](int nots) {
+    std::string filter = R"({"n": {"in": [1]}})";
+    for (int i = 0; i < nots; ++i) filter = R"({"not": )" + filter + "}";
+    return filter;
+  };
+  const auto ors = [](int depth) {
+    std::string filter = R"({"n": {"in": [1]}})";
+    for (int i = 0; i < depth; ++i) filter = R"({"or": [)" + filter + "]}";
+    return filter;
+  };
+  EXPECT_EQ(Pass(nested(kMaxFilterDepth - 1), R"({"n": 1})"), kMaxFilterDepth % 2 == 1);
+  EXPECT_TRUE(Pass(ors(kMaxFilterDepth - 1), R"({"n": 1})"));
+  for (const std::string& deep :
+       {nested(kMaxFilterDepth), ors(kMaxFilterDepth), nested(5000), ors(5000)}) {
+    ExpectError(ErrorCode::kInvalidArgument, "filter_invalid", [&] { ParseFilter(deep); });
+  }
+  const auto many = [](std::size_t terms) {
+    std::string filter = R"({"or": [{"n": 0})";
+    for (std::size_t i = 2; i < terms; ++i) filter += R"(,{"n": )" + std::to_string(i) + "}";
+    return filter + "]}";
+  };
+  EXPECT_TRUE(Pass(many(kMaxFilterTerms), R"({"n": 5})"));
+  ExpectError(ErrorCode::kInvalidArgument, "filter_invalid",
+              [&] { ParseFilter(many(kMaxFilterTerms + 1)); });
+  Filter filter;  // not read from text
+  filter.conditions.push_back({.key = "n", .exists = true});
+  for (int i = 0; i < kMaxFilterDepth; ++i) filter = Filter{.none_of = {filter}};
+  ExpectError(ErrorCode::kInvalidArgument, "filter_invalid", [&] { CheckFilter(filter); });
+  ExpectError(ErrorCode::kInvalidArgument, "filter_invalid",
+              [&] { CheckFilter(Filter{.any_of = {{}}}); });
+}
+
 TEST(Filter, WhatIsNoFilterIsNamed) {
   const auto refused = [](const std::string& text, const std::string& part) {
     try {
@@ -117,13 +209,31 @@ TEST(Filter, WhatIsNoFilterIsNamed) {
   refused(R"({"a": {"gt": true}})", "number or text");
   refused(R"({"a": {"gt": [1]}})", "number or text");
   refused(R"({"a": {"gt": 1, "gte": 2}})", "two bounds");
-  refused(R"({"a": {"in": [[[[1]]]]}})", "deep");
+  refused(R"({"a": {"in": [[[[1]]]]}})", "\"in\" must list");
+  refused(R"({"a": )" + std::string(30, '[') + std::string(30, ']') + "}", "deep");
+  refused(R"({"a": {"ne": [1]}})", "filter.a: \"ne\"");
+  refused(R"({"a": {"exists": 1}})", "filter.a: \"exists\"");
+  refused(R"({"a": {"exists": false, "ne": 1}})", "passes no other test");
+  refused(R"({"and": {"a": 1}})", "filter.and: must be a list");
+  refused(R"({"or": []})", "filter.or: has no filter");
+  refused(R"({"and": []})", "filter.and: has no filter");
+  refused(R"({"or": "x"})", "filter.or: must be a list");
+  refused(R"({"not": 3})", "filter.not: must be a JSON object");
+  refused(R"({"not": {}})", "filter.not: is empty");
+  refused(R"({"or": [{"a": 1}, {}]})", "filter.or[1]: is empty");
+  refused(R"({"or": [{"a": 1}, 7]})", "filter.or[1]: must be a JSON object");
+  refused(R"({"a": 1, "or": [{"a": 1}, {"not": {"year": {"in": 3}}}]})",
+          "filter.or[1].not.year: \"in\" must be a list");
+  refused(R"({"a": 1, "a": 2})", "\"a\" twice");
+  refused(R"({"a": {"gt": 1, "gt": 2}})", "\"gt\" twice");
+  refused(R"({"a": {"gt": NaN}})", "JSON object");
+  refused("{\"a\": \"\xff\"}", "JSON object");
   refused(R"({"a": )" + std::string(3000, '1') + "}", "JSON object");  // no finite number
   std::string many = R"({"a": {"in": [0)";
   for (std::size_t i = 0; i < kMaxFilterValues; ++i) many += ",1";
   refused(many + "]}}", "more than 1000");
   Filter filter;
-  filter.conditions.push_back({"a", {}, FilterBound{std::nan(""), true}, {}});
+  filter.conditions.push_back({.key = "a", .from = FilterBound{std::nan(""), true}});
   ExpectError(ErrorCode::kInvalidArgument, "filter_invalid", [&] { CheckFilter(filter); });
 }
 

@@ -208,6 +208,11 @@ TEST(Plot, LongNamesAreCutAndChangeNoSize) {
   EXPECT_LE(Sheet::TextWidth(cut, 11), 100);
   EXPECT_THAT(cut, ::testing::EndsWith("w..."));
   EXPECT_EQ(Sheet::Shortened("deal", 100, 11), "deal");
+  std::string umlauts;
+  for (int i = 0; i < 100; ++i) umlauts += "\u00fc";
+  const std::string short_umlauts = Sheet::Shortened(umlauts, 100, 11);  // whole characters
+  EXPECT_EQ(short_umlauts, umlauts.substr(0, short_umlauts.size() - 3) + "...");
+  EXPECT_EQ(short_umlauts.size() % 2, 1U);
 }
 
 TEST(Plot, DrawsWhatIsLittleOrMuch) {

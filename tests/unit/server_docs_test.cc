@@ -178,6 +178,9 @@ TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
     if (elsewhere.contains(name)) continue;
     EXPECT_TRUE(codes_seen.contains(name)) << name << " is a code of no route";
   }
+  for (const Json& tag : document["tags"]) {
+    EXPECT_NE(tag["name"], tag["description"]) << "openapi/tags.cc does not say what it means";
+  }
   std::set<std::string> references;
   CollectReferences(document, &references);
   EXPECT_GT(references.size(), 10U);

@@ -1,7 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Router, parameters and JSON helpers, without a socket.
+#include <optional>
 #include <random>
+#include <string_view>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -121,6 +124,42 @@ TEST_F(ParametersTest, ReadsQueryFormAndJsonAlike) {
   EXPECT_EQ(json.Number("x"), std::nullopt);
 }
 
+TEST_F(ParametersTest, TakesNoJsonTypeForAnother) {
+  request_.content_type = "application/json";
+  const auto refused = [&](const std::string& name, const std::string& value) {
+    request_.body = "{\"" + name + "\": " + value + "}";
+    const Problem problem = ProblemOf([&] { Make(); });
+    return problem.code == "invalid_parameter" && problem.parameter == name;
+  };
+  const std::map<std::string, std::vector<std::string>> wrong = {
+      {"n",
+       {R"("5")", "1.5", "true", "[]", "[5]", "{}", "0", "10", "1e300", "18446744073709551615"}},
+      {"x", {R"("0.5")", "false", "[]", "{}", "2"}},
+      {"list", {R"("1,2")", "1", "{}", R"([1, "2"])", "[1, null]", "[]", "[1]", "[[1], 2]"}},
+      {"kind", {"1", "true", R"(["a"])", "{}", R"("c")"}},
+      {"meta", {R"("{}")", "[]", "1", "true"}},
+      {"items", {R"("[]")", "{}", "1"}},
+      {"on", {R"("true")", "1", "[]", "{}"}},
+      {"text", {"[]", "{}", "5", "1.5", "true"}}};
+  for (const auto& [name, values] : wrong) {
+    for (const std::string& value : values) EXPECT_TRUE(refused(name, value)) << name << value;
+  }
+  request_.body = R"({"n": 5.0, "x": 1, "list": [-1.5, 2], "on": false, "text": "5"})";
+  EXPECT_EQ(Make().Integer("n"), 5);
+  EXPECT_EQ(Make().Number("x"), 1);
+  EXPECT_EQ(Make().Flag("on"), false);
+  EXPECT_EQ(Make().Text("text"), "5");
+  request_.body = R"({"q": null})";
+  EXPECT_EQ(ProblemOf([&] { Make(); }).code, "unknown_parameter") << "also without a value";
+  for (const char* twice : {R"({"n": 1, "n": 1})", R"({"meta": {"a": 1, "a": 2}})",
+                            R"({"items": [{"b": {}}, {"b": 0, "c": 1, "b": 0}]})"}) {
+    request_.body = twice;
+    EXPECT_EQ(ProblemOf([&] { Make(); }).code, "invalid_json") << twice;
+  }
+  request_.body = R"({"items": [{"b": {"b": 1}}, {"b": 0}]})";
+  EXPECT_EQ(Make().JsonList("items")->size(), 2U);
+}
+
 TEST_F(ParametersTest, NamesWhatIsWrong) {
   const auto code_for = [&](const std::string& name, const std::string& value) {
     request_.query = {{name, value}};
@@ -165,6 +204,26 @@ TEST(Json, RefusesDepthAndNonObjects) {
     EXPECT_EQ(ProblemOf([&] { ParseJsonObject(text, "it"); }).code, "invalid_json") << text;
   }
   EXPECT_EQ(ToText(Json("\xff")), "\"\xef\xbf\xbd\"");
+}
+
+TEST(Json, Base64IsDecoded) {
+  const auto decoded = [](std::string_view text) -> std::optional<std::string> {
+    std::vector<std::uint8_t> bytes;
+    if (!Base64Decode(text, &bytes)) return std::nullopt;
+    return std::string(bytes.begin(), bytes.end());
+  };
+  EXPECT_EQ(decoded(""), "");
+  for (const char* text : {"Zm9vYmFy", "Zm9vYg==", "Zm9vYg", "Zm8=", "Zm8"}) {
+    EXPECT_EQ(decoded(text), std::string("foobar").substr(0, decoded(text).value_or("").size()));
+    EXPECT_TRUE(decoded(text)) << text;
+  }
+  EXPECT_EQ(decoded("data:image/png;base64,Zm9v"), "foo");
+  EXPECT_EQ(decoded("data:;base64,Zm9v"), "foo");
+  for (const char* text : {"Z", "Zg=", "Zg===", "Zh==", "Zm9=", "Zm9v\n", " Zm9v", "Zm-_",
+                           "====", "=", "Zm9v=", "data:image/png,Zm9v", "data:Zm9v", "Zm9v\xff"}) {
+    EXPECT_FALSE(decoded(text)) << text;
+  }
+  EXPECT_FALSE(decoded(std::string_view("Zm\0v", 4)));
 }
 
 TEST(Json, Base64) {

@@ -98,6 +98,30 @@ TEST_F(JobOwnersTest, AJobIsFoundAtOnceWhereItWasNotMade) {
   EXPECT_EQ(second.jobs().Get(id).id, id);
 }
 
+TEST_F(JobOwnersTest, OfServersAtOnceOneAddsTheOnlyJob) {
+  std::vector<std::unique_ptr<Server>> servers;
+  for (int i = 0; i < 4; ++i) servers.push_back(std::make_unique<Server>(database()));
+  std::atomic<int> added{0};
+  std::vector<std::thread> threads;
+  for (const auto& server : servers) {
+    threads.emplace_back([&added, jobs = &server->jobs()] {
+      for (int i = 0; i < 5; ++i) {
+        added += jobs->AddOnly("wait", "default", Json::object()).has_value() ? 1 : 0;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(added, 1);
+  EXPECT_EQ(servers[0]->store().Jobs().size(), 1U);
+  EXPECT_TRUE(servers[0]->jobs().AddOnly("wait", "other", Json::object())) << "of a collection";
+  for (const auto& server : servers) server->Finish();
+  const std::string id = servers[0]->store().Jobs().at(0).id;
+  ASSERT_TRUE(Eventually([&] { return servers[0]->store().Jobs().at(0).state == "done"; }));
+  servers[0]->jobs().LookNow();
+  ASSERT_TRUE(Eventually([&] { return servers[0]->jobs().Get(id).state == JobState::kDone; }));
+  EXPECT_TRUE(servers[0]->jobs().AddOnly("wait", "default", Json::object())) << "it has ended";
+}
+
 TEST_F(JobOwnersTest, WhatAServerLeavesGoesToOneOther) {
   auto first = std::make_unique<Server>(database());
   const std::string running = first->jobs().Add("wait", "a", Json::object()).id;

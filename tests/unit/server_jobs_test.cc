@@ -57,6 +57,40 @@ TEST_F(JobsTest, RunReportAndAreRemembered) {
   EXPECT_EQ(kept.parameters, done.parameters);
 }
 
+TEST_F(JobsTest, TellWhoWaitsOfTheirEnd) {
+  std::atomic<int> calls{0};
+  std::atomic<int> late{0};
+  const auto count = [&calls] { ++calls; };
+  std::shared_ptr<void> outlives;
+  {
+    JobQueue jobs(store_.get());
+    jobs.Register("train", Kind(UntilStopped));
+    jobs.Start();
+    const JobStatus first = jobs.Add("train", "default", Json::object());
+    const JobStatus second = jobs.Add("train", "default", Json::object());
+    const auto unknown = jobs.WhenEnded("nothing", count);
+    EXPECT_EQ(calls, 1) << "at once, as there is nothing to wait for";
+    const auto told = jobs.WhenEnded(first.id, count);
+    const auto told_too = jobs.WhenEnded(first.id, count);
+    auto gone = jobs.WhenEnded(first.id, [&late] { ++late; });
+    gone.reset();
+    outlives = jobs.WhenEnded(second.id, count);
+    EXPECT_EQ(calls, 1);
+    jobs.Cancel(first.id);
+    EXPECT_TRUE(jobs.WaitFor(first.id, kPatience));
+    const auto begin = std::chrono::steady_clock::now();
+    while (calls < 3 && std::chrono::steady_clock::now() - begin < kPatience) {
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+    EXPECT_EQ(calls, 3);
+    const auto ended = jobs.WhenEnded(first.id, count);
+    EXPECT_EQ(calls, 4);
+  }
+  EXPECT_EQ(calls, 5) << "the end of the queue is an end of waiting";
+  EXPECT_EQ(late, 0);
+  outlives.reset();
+}
+
 TEST_F(JobsTest, FailAndAreCancelled) {
   JobQueue jobs(store_.get());
   jobs.Register("wait", Kind(UntilStopped));

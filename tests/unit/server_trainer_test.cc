@@ -119,5 +119,18 @@ TEST_F(TrainerTest, LeavesAVocabularyAloneThatSomebodyTrained) {
   EXPECT_FALSE(Train());
 }
 
+TEST_F(TrainerTest, AutomaticTrainingThatIsNoLongerDueTrainsNothing) {
+  AddPictures(1);
+  EXPECT_TRUE(Train());
+  TrainOptions options;
+  options.automatic = true;  // as another server queued it before this one's was done
+  const auto job = AddAutomaticTrainingJob(*jobs_, options);
+  ASSERT_TRUE(job);
+  ASSERT_TRUE(jobs_->WaitFor(job->id, kTrainingTime));
+  EXPECT_EQ(jobs_->Get(job->id).state, JobState::kDone);
+  EXPECT_EQ(jobs_->Get(job->id).result, "/v1/collections/default/vocabularies/1");
+  EXPECT_EQ(engine_->ListVocabularies(kDefaultCollection).size(), 1U);
+}
+
 }  // namespace
 }  // namespace pliant::server

@@ -178,11 +178,11 @@ TEST(Verification, RefusesWhatDoesNotFit) {
 
 TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
   for (const double score : {0.0, 1e-5, 0.2, 0.9, 1.0}) {
-    for (int inliers = 0; inliers <= 5; ++inliers) {  // as many agree by chance
+    for (int inliers = 0; inliers <= 4; ++inliers) {  // as many agree by chance
       EXPECT_EQ(CombineScores(score, inliers), score);
     }
     double before = score;
-    for (int inliers = 6; inliers < 500; ++inliers) {
+    for (int inliers = 5; inliers < 500; ++inliers) {
       const double combined = CombineScores(score, inliers);
       if (score < 1) {
         EXPECT_GT(combined, before);
@@ -197,8 +197,8 @@ TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
 
 // However many inliers there are, more of them and a higher score of the ranking both count.
 TEST(Verification, InliersMultiplyTheOdds) {
-  EXPECT_NEAR(CombineScores(0.5, 6), 8.0 / 9, 1e-12);
-  EXPECT_NEAR(CombineScores(0.2, 14), 250.0 / 251, 1e-12);
+  EXPECT_NEAR(CombineScores(0.5, 6), 15.625 / 16.625, 1e-12);
+  EXPECT_NEAR(CombineScores(0.2, 14), 1157.625 / 1161.625, 1e-12);
   EXPECT_GT(CombineScores(0.02, 84), CombineScores(0.02, 48));
   EXPECT_GT(CombineScores(0.02, 358), CombineScores(0.02, 200));
   EXPECT_GT(CombineScores(0.03, 200), CombineScores(0.02, 210));

@@ -45,7 +45,7 @@ struct PictureRow {
 // collections and models (catalogue_collections.cc)
 ModelRow ReadModel(Connection& db);
 // Only what is not decided yet.
-void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px);
+void StoreExtraction(Connection& db, Key model, const ExtractionLimits& limits);
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name);
 CollectionRow RequireCollection(Connection& db, const std::string& name);  // or kNotFound
 std::vector<CollectionRow> AllCollections(Connection& db);
@@ -65,9 +65,13 @@ std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const st
                                         int limit);
 
 // pictures (catalogue_pictures.cc)
+// SELECT ... FROM pictures p, with its collection c and its object o, and what a row of it is.
+std::string SelectPictureSql();
+PictureRow ToPicture(const Cursor& row);
 PictureRow RequirePicture(Connection& db, const std::string& collection,
                           const std::string& id);  // or kNotFound
 std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std::string& id);
+Key KeyOfPicture(Connection& db, Key collection, const std::string& id);  // 0 = none
 std::optional<PictureRow> FindPictureByKey(Connection& db, Key key);
 std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
                                               const std::string& sha256);
@@ -81,8 +85,8 @@ Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);
 // `picture.record` with `picture.object` as its object; returns the new key.
 Key InsertPicture(Connection& db, Key collection, const PictureRow& picture);
 std::vector<PictureRow> PicturesOf(Connection& db, Key object);
-void DescribePicture(Connection& db, Key picture, const std::string& metadata,
-                     const std::string& source);
+// Its metadata, its source and when they changed.
+void DescribePicture(Connection& db, Key picture, const ImageRecord& record);
 // Makes it one of `object` (0 = none), by a new key, so that indexes in memory hear of it, with its
 // features, words and original. Also removes an object that has no picture left.
 void MovePicture(Connection& db, Key collection, const PictureRow& picture, Key object);

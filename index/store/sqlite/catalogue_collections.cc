@@ -33,15 +33,14 @@ ModelRow ReadModel(Connection& db) {
   return {row.Int(0),
           {{row.Text(1), static_cast<DescriptorKind>(row.Int(3)), static_cast<int>(row.Int(4)),
             row.Text(2)},
-           static_cast<int>(row.Int(5)),
-           static_cast<int>(row.Int(6))}};
+           {static_cast<int>(row.Int(5)), static_cast<int>(row.Int(6))}}};
 }
 
-void StoreExtraction(Connection& db, Key model, int max_keypoints, int max_side_px) {
+void StoreExtraction(Connection& db, Key model, const ExtractionLimits& limits) {
   db.Prepare(
         "UPDATE models SET max_keypoints = coalesce(max_keypoints, nullif(?1, 0)), "
         "max_side = coalesce(max_side, nullif(?2, 0)) WHERE key = ?3")
-      .Bind(max_keypoints, max_side_px, model)
+      .Bind(limits.max_keypoints, limits.max_side_px, model)
       .Run();
 }
 

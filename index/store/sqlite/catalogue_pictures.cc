@@ -10,8 +10,12 @@ namespace {
 
 #define PLIANT_SELECT_PICTURE                                                                    \
   "SELECT p.key, p.object, c.name, p.id, o.name, p.sha256, p.media_type, p.metadata, p.source, " \
-  "p.width, p.height, p.keypoints, p.bytes, p.added_ms FROM pictures p "                         \
+  "p.width, p.height, p.keypoints, p.bytes, p.added_ms, p.updated_ms FROM pictures p "           \
   "JOIN collections c ON c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
+
+}  // namespace
+
+std::string SelectPictureSql() { return PLIANT_SELECT_PICTURE; }
 
 PictureRow ToPicture(const Cursor& row) {
   PictureRow picture;
@@ -30,8 +34,11 @@ PictureRow ToPicture(const Cursor& row) {
   record.keypoints = static_cast<std::uint32_t>(row.Int(11));
   record.bytes = static_cast<std::uint64_t>(row.Int(12));
   record.added_ms = row.Int(13);
+  record.updated_ms = row.Int(14);
   return picture;
 }
+
+namespace {
 
 std::optional<PictureRow> FirstPicture(Cursor& row) {
   if (!row.Next()) return std::nullopt;
@@ -60,6 +67,11 @@ PictureRow RequirePicture(Connection& db, const std::string& collection, const s
         "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
   }
   return *std::move(picture);
+}
+
+Key KeyOfPicture(Connection& db, Key collection, const std::string& id) {
+  Cursor row = db.Prepare("SELECT key FROM pictures WHERE collection = ? AND id = ?");
+  return row.Bind(collection, id).Next() ? row.Int(0) : 0;
 }
 
 std::optional<PictureRow> FindPictureByKey(Connection& db, Key key) {
@@ -133,10 +145,11 @@ Key InsertPicture(Connection& db, Key collection, const PictureRow& picture) {
   const std::vector<std::uint8_t> hash = Sha256Bytes(record.sha256);
   db.Prepare(
         "INSERT INTO pictures (collection, id, object, sha256, media_type, width, height, bytes, "
-        "keypoints, metadata, source, added_ms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+        "keypoints, metadata, source, added_ms, updated_ms) "
+        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
       .Bind(collection, record.id, KeyOrNull{picture.object}, hash, record.media_type, record.width,
             record.height, record.bytes, record.keypoints, record.metadata, record.source,
-            record.added_ms)
+            record.added_ms, record.updated_ms)
       .Run();
   return db.last_insert_key();
 }
@@ -149,10 +162,9 @@ std::vector<PictureRow> PicturesOf(Connection& db, Key object) {
   return pictures;
 }
 
-void DescribePicture(Connection& db, Key picture, const std::string& metadata,
-                     const std::string& source) {
-  db.Prepare("UPDATE pictures SET metadata = ?, source = ? WHERE key = ?")
-      .Bind(metadata, source, picture)
+void DescribePicture(Connection& db, Key picture, const ImageRecord& record) {
+  db.Prepare("UPDATE pictures SET metadata = ?, source = ?, updated_ms = ? WHERE key = ?")
+      .Bind(record.metadata, record.source, record.updated_ms, picture)
       .Run();
 }
 

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "index/files/text.h"
+#include "index/store/sqlite/row_tests.h"
 
 namespace pliant {
 namespace {
@@ -19,6 +20,13 @@ std::string FileName(const std::filesystem::path& path) {
 
 bool MayWrite(const std::filesystem::path& path) { return ::access(path.c_str(), W_OK) == 0; }
 
+SQLite::Database OpenImmutable(const std::string& name, int busy_timeout_ms) {
+  return {"file:" + PercentEncode(name, "/.-_") + "?immutable=1",
+          SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};
+}
+
+bool HasLog(const std::string& name) { return std::filesystem::exists(name + "-wal"); }
+
 SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeout_ms) {
   const std::string name = FileName(path);
   SQLite::Database database(name, SQLite::OPEN_READONLY, busy_timeout_ms);
@@ -26,13 +34,16 @@ SQLite::Database OpenReadOnly(const std::filesystem::path& path, int busy_timeou
   // nobody can change it there: read it as immutable. Where they could be made and were not (no
   // file descriptor left, a failing disk) others may write, and an immutable one would not see it.
   const int code = database.tryExec("SELECT 1 FROM sqlite_schema") & 0xff;
-  if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) &&
-      !std::filesystem::exists(name + "-wal") &&
+  if ((code == SQLITE_CANTOPEN || code == SQLITE_READONLY) && !HasLog(name) &&
       !MayWrite(std::filesystem::path(name).parent_path())) {
-    return {"file:" + PercentEncode(name, "/.-_") + "?immutable=1",
-            SQLite::OPEN_READONLY | SQLite::OPEN_URI, busy_timeout_ms};
+    return OpenImmutable(name, busy_timeout_ms);
   }
   return database;
+}
+
+SQLite::Database OpenCopy(const std::filesystem::path& path, int busy_timeout_ms) {
+  const std::string name = FileName(path);
+  return HasLog(name) ? OpenReadOnly(path, busy_timeout_ms) : OpenImmutable(name, busy_timeout_ms);
 }
 
 // SQLite opens a file for reading when it cannot for writing, whatever the reason; its log, too,
@@ -49,6 +60,18 @@ SQLite::Database OpenReadWrite(const std::filesystem::path& path, int busy_timeo
   }
   database.setBusyTimeout(busy_timeout_ms);
   return database;
+}
+
+SQLite::Database Open(const std::filesystem::path& path, Connection::Mode mode,
+                      int busy_timeout_ms) {
+  switch (mode) {
+    case Connection::Mode::kReadWrite:
+      return OpenReadWrite(path, busy_timeout_ms);
+    case Connection::Mode::kReadCopy:
+      return OpenCopy(path, busy_timeout_ms);
+    default:
+      return OpenReadOnly(path, busy_timeout_ms);
+  }
 }
 
 }  // namespace
@@ -79,8 +102,8 @@ void Cursor::BindOne(int index, Bytes value) {
 }
 
 Connection::Connection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms)
-    : database_(mode == Mode::kReadOnly ? OpenReadOnly(path, busy_timeout_ms)
-                                        : OpenReadWrite(path, busy_timeout_ms)) {
+    : row_tests_(std::make_unique<RowTests>()), database_(Open(path, mode, busy_timeout_ms)) {
+  AddRowTests(database_.getHandle(), row_tests_.get());
   database_.exec("PRAGMA foreign_keys = ON");
   if (mode == Mode::kReadWrite) {
     database_.exec("PRAGMA synchronous = FULL");
@@ -88,6 +111,8 @@ Connection::Connection(const std::filesystem::path& path, Mode mode, int busy_ti
     database_.exec("PRAGMA journal_size_limit = 67108864");
   }
 }
+
+Connection::~Connection() = default;
 
 Cursor Connection::Prepare(std::string_view sql) {
   if (const auto found = idle_.find(sql); found != idle_.end() && !found->second.empty()) {

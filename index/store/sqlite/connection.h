@@ -20,6 +20,7 @@
 namespace pliant {
 
 class Connection;
+struct RowTests;
 
 // Binds as NULL when 0.
 struct KeyOrNull {
@@ -83,10 +84,13 @@ class Cursor {
 
 class Connection {
  public:
-  enum class Mode { kReadOnly, kReadWrite };
+  // kReadCopy: a file that nobody works on, such as a backup. While it has no log it is read
+  // without making any beside it.
+  enum class Mode { kReadOnly, kReadWrite, kReadCopy };
 
   // Opens a file that OpenDatabase (database.h) has checked, and sets the pragmas of a connection.
   Connection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms);
+  ~Connection();
 
   SQLite::Database& database() { return database_; }
   Cursor Prepare(std::string_view sql);
@@ -95,6 +99,7 @@ class Connection {
   std::int64_t last_insert_key() const { return database_.getLastInsertRowid(); }
   int changes() const { return database_.getChanges(); }
   bool in_transaction() const;
+  RowTests& row_tests() { return *row_tests_; }  // see row_tests.h
   // Ends a transaction whose own rollback has failed (for want of memory): no other could begin.
   void EndLeftOver() {
     if (in_transaction()) database_.exec("ROLLBACK");
@@ -104,6 +109,7 @@ class Connection {
   friend class Cursor;
   void GiveBack(std::unique_ptr<SQLite::Statement> statement) noexcept;
 
+  std::unique_ptr<RowTests> row_tests_;  // before what uses it
   SQLite::Database database_;
   std::map<std::string, std::vector<std::unique_ptr<SQLite::Statement>>, std::less<>> idle_;
 };

@@ -68,6 +68,7 @@ FileState InspectDatabaseFile(const fs::path& path) {
   if (!fs::is_regular_file(status)) ThrowForeign(path, "it is no regular file");
   std::ifstream file(path, std::ios::binary);
   if (!file) {
+    if (FilesAreUsedUp()) ThrowOutOfFiles("the database " + DisplayPath(path) + " cannot be read");
     throw Error(ErrorCode::kNotFound, "cannot_open",
                 "the database " + DisplayPath(path) + " cannot be read; check its permissions");
   }

@@ -124,7 +124,10 @@ fs::path OriginalStore::PathOf(const std::string& sha256) const {
 
 std::optional<OriginalsOwner> OriginalStore::Owner() const {
   std::ifstream file(directory_ / kOwnerFile);
-  if (!file) return std::nullopt;
+  if (!file) {
+    if (FilesAreUsedUp()) ThrowOutOfFiles("cannot read " + DisplayPath(directory_ / kOwnerFile));
+    return std::nullopt;
+  }
   OriginalsOwner owner;
   if (!std::getline(file, owner.id) || !std::getline(file, owner.database) || owner.id.empty()) {
     throw Error(ErrorCode::kCorrupt, "originals_owner_invalid",
@@ -190,6 +193,7 @@ std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& 
   try {
     bytes = ReadFile(path, static_cast<std::int64_t>(size));
   } catch (const Error& reading) {
+    if (reading.code() == ErrorCode::kUnavailable) throw;         // no word about the file
     if (!fs::exists(path, error) && !error) return std::nullopt;  // removed meanwhile
     throw Error(ErrorCode::kCorrupt, "original_corrupt", reading.what());
   }

@@ -111,7 +111,7 @@ bool IsThere(const fs::path& database) {
 
 std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   {
-    Connection source(backup, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    Connection source(backup, Connection::Mode::kReadCopy, kBusyTimeoutMs);
     CopyDatabase(source, copy);
   }
   Connection made(copy, Connection::Mode::kReadWrite, kBusyTimeoutMs);

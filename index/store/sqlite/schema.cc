@@ -206,9 +206,33 @@ ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';    -- '': nobody's
 ALTER TABLE jobs ADD COLUMN cancel INTEGER NOT NULL DEFAULT 0;  -- 1: somebody asked for its end
 )sql";
 
+// Lists in order of time: until now nobody wrote down when a picture's record changed. Jobs that
+// work on what was sent, and say what became of each item.
+constexpr const char* kVersion8 = R"sql(
+ALTER TABLE pictures ADD COLUMN updated_ms INTEGER NOT NULL DEFAULT 0;
+UPDATE pictures SET updated_ms = added_ms;
+CREATE INDEX pictures_by_added ON pictures (collection, added_ms, id);
+CREATE INDEX pictures_by_updated ON pictures (collection, updated_ms, id);
+CREATE TABLE job_inputs (
+  key INTEGER PRIMARY KEY,
+  job TEXT NOT NULL UNIQUE,            -- jobs.id
+  data BLOB NOT NULL
+);
+CREATE TABLE job_items (
+  job TEXT NOT NULL,                   -- jobs.id
+  number INTEGER NOT NULL,             -- from 0
+  result TEXT NOT NULL,                -- a JSON object
+  PRIMARY KEY (job, number)
+) WITHOUT ROWID;
+CREATE TRIGGER job_forgotten AFTER DELETE ON jobs BEGIN
+  DELETE FROM job_inputs WHERE job = old.id;
+  DELETE FROM job_items WHERE job = old.id;
+END;
+)sql";
+
 constexpr std::array kMigrations = {
     Migration{kVersion1}, Migration{kVersion2}, Migration{kVersion3}, Migration{kVersion4},
-    Migration{kVersion5}, Migration{kVersion6}, Migration{kVersion7}};
+    Migration{kVersion5}, Migration{kVersion6}, Migration{kVersion7}, Migration{kVersion8}};
 
 }  // namespace
 

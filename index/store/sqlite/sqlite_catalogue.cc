@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/sqlite_catalogue.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "index/store/sqlite/catalogue_lists.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/descriptor_sample.h"
@@ -97,6 +99,18 @@ std::vector<ImageRecord> SqliteCatalogue::ListPictures(const ListOptions& option
   });
 }
 
+PicturePage SqliteCatalogue::ListPicturePage(const PictureListing& list) {
+  return access_.Read([&](Connection& db) {
+    return SelectPicturePage(db, pliant::RequireCollection(db, list.which.collection).key, list);
+  });
+}
+
+ObjectPage SqliteCatalogue::ListObjectPage(const ObjectListing& list) {
+  return access_.Read([&](Connection& db) {
+    return SelectObjectPage(db, pliant::RequireCollection(db, list.which.collection).key, list);
+  });
+}
+
 std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256) {
   if (!request.id) return FindMeant(PicturesBySha256(db, collection, sha256), request);
@@ -143,16 +157,23 @@ std::vector<std::uint8_t> SqliteCatalogue::ReadContent(const std::string& collec
 }
 
 Admission SqliteCatalogue::Admit(Key collection, const std::optional<std::string>& object,
-                                 const Filter& filter) {
+                                 const Filter& filter, const std::vector<std::string>& without) {
   Admission admission;
   admission.object = object;
   admission.filter = filter;
-  if (!object && filter.empty()) return admission;
+  admission.without = without;
+  if (!object && filter.empty() && without.empty()) return admission;
   access_.Read([&](Connection& db) {
     if (object) {
       admission.object_key = pliant::FindObject(db, collection, *object);
       admission.nothing = *admission.object_key == 0 && !object->empty();
     }
+    for (const std::string& id : without) {
+      if (const Key key = KeyOfPicture(db, collection, id)) {
+        admission.without_versions.push_back(key);
+      }
+    }
+    std::sort(admission.without_versions.begin(), admission.without_versions.end());
     if (filter.empty() || admission.nothing) return;
     admission.versions =
         std::make_shared<const std::vector<std::int64_t>>(PicturesPassing(db, collection, filter));

@@ -28,6 +28,8 @@ class SqliteCatalogue : public Catalogue {
   std::optional<ImageRecord> FindBySha256(const std::string& collection,
                                           const std::string& sha256) override;
   std::vector<ImageRecord> ListPictures(const ListOptions& options) override;
+  PicturePage ListPicturePage(const PictureListing& list) override;
+  ObjectPage ListObjectPage(const ObjectListing& list) override;
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
                                            const std::string& sha256) override;
   std::optional<StoredPicture> FindDescribed(const std::string& sha256) override;
@@ -35,8 +37,8 @@ class SqliteCatalogue : public Catalogue {
                                                          Load what) override;
   std::vector<std::uint8_t> ReadContent(const std::string& collection,
                                         const std::string& id) override;
-  Admission Admit(Key collection, const std::optional<std::string>& object,
-                  const Filter& filter) override;
+  Admission Admit(Key collection, const std::optional<std::string>& object, const Filter& filter,
+                  const std::vector<std::string>& without) override;
 
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection) override;
   std::optional<VocabularyRecord> FindVocabulary(const std::string& collection,

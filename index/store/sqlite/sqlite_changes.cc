@@ -4,6 +4,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/merge_patch.h"
 #include "index/files/text.h"
+#include "index/store/sqlite/database.h"
 #include "index/store/sqlite/sqlite_writer.h"
 
 namespace pliant {
@@ -28,16 +29,23 @@ void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
   for (const PictureRow& picture : moved) bytes += StoredBytes(db, picture);
   access.RequireSpace(bytes);
   // The last picture to go takes its object along, and with it the name.
-  for (const PictureRow& picture : moved) MovePicture(db, collection, picture, kept);
+  for (PictureRow picture : moved) {
+    picture.record.updated_ms = NowMs();
+    MovePicture(db, collection, picture, kept);
+  }
   RenameObject(db, kept, name);
+}
+
+bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
+  return a.object == b.object && a.metadata == b.metadata && a.source == b.source;
 }
 
 void Change(Access& access, Connection& db, Key collection, PictureRow picture,
             const ImageRecord& changed) {
   if (changed.metadata != picture.record.metadata || changed.source != picture.record.source) {
-    DescribePicture(db, picture.key, changed.metadata, changed.source);
-    picture.record = changed;
+    DescribePicture(db, picture.key, changed);
   }
+  picture.record = changed;
   const Key object = FindOrInsertObject(db, collection, changed.object);
   if (object == picture.object) return;
   access.RequireSpace(StoredBytes(db, picture));
@@ -45,6 +53,12 @@ void Change(Access& access, Connection& db, Key collection, PictureRow picture,
 }
 
 }  // namespace
+
+void SqliteWriter::CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
+                                  const ObjectCheck& check) {
+  const ListOptions first{/*collection=*/{}, now.object, /*after_id=*/{}, /*limit=*/1};
+  check(now, SelectPictures(db, collection, first).at(0).id);
+}
 
 ImageRecord SqliteWriter::ChangePicture(const std::string& collection, const std::string& id,
                                         const PictureChange& change) {
@@ -57,6 +71,7 @@ ImageRecord SqliteWriter::ChangePicture(const std::string& collection, const std
     if (change.object) changed.object = *change.object;
     if (change.source) changed.source = *change.source;
     if (change.metadata) changed.metadata = MergeMetadata(changed.metadata, *change.metadata);
+    if (!SameRecord(changed, picture.record)) changed.updated_ms = NowMs();
     Change(access_, db, RequireCollection(db, collection).key, picture, changed);
   });
   return changed;
@@ -74,10 +89,7 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
                   "there is no picture of an object \"" + ToDisplayText(object) + "\"");
     }
     changed = {object, CountPicturesOf(db, key)};
-    if (change.check) {
-      const ListOptions first{collection, object, /*after_id=*/{}, /*limit=*/1};
-      change.check(changed, SelectPictures(db, in, first).at(0).id);
-    }
+    if (change.check) CheckObjectNow(db, in, changed, change.check);
     if (change.name == object) return;
     changed.object = change.name;
     const Key taken = FindObject(db, in, change.name);

@@ -13,7 +13,11 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
   const std::string name = "the database " + DisplayPath(database);
   const std::string detail = std::string(" (SQLite: ") + error.what() + ")";
   const int extended = error.getExtendedErrorCode();
-  switch (error.getErrorCode() & 0xff) {
+  const int kind = error.getErrorCode() & 0xff;
+  if ((kind == SQLITE_CANTOPEN || kind == SQLITE_IOERR) && FilesAreUsedUp()) {
+    ThrowOutOfFiles(name + " cannot be opened");
+  }
+  switch (kind) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw Error(ErrorCode::kUnavailable, "database_busy",

@@ -77,11 +77,19 @@ class SqliteServiceStore : public ServiceStore {
   const std::string& Owner() override;
   bool Lives(const std::string& owner) override;
   bool SaveJob(const JobRecord& job) override;
+  void AddJob(const JobRecord& job, std::span<const std::uint8_t> input) override;
+  std::optional<std::vector<std::uint8_t>> JobInput(const std::string& id) override;
+  void AddJobItems(const std::string& id, std::uint64_t first,
+                   const std::vector<std::string>& items) override;
+  std::vector<std::string> JobItems(const std::string& id, std::uint64_t first, int limit) override;
+  bool AddOnlyJob(const JobRecord& job) override;
   bool TakeJob(const std::string& id, const std::string& from) override;
   void RequestCancel(const std::string& id) override;
   void KeepNewestJobs(std::size_t count) override;
 
  private:
+  static bool Save(Connection& db, const JobRecord& job);  // within a transaction
+
   template <typename Work>
   auto Read(Work&& work) {
     return WithDatabaseErrors(path_, [&] {
@@ -189,21 +197,76 @@ bool SqliteServiceStore::Lives(const std::string& owner) {
 }
 
 bool SqliteServiceStore::SaveJob(const JobRecord& job) {
-  return Write([&](Connection& db) {
-    db.Prepare(
-          "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
-          "attempts, result, report, created_ms, finished_ms, owner) "
-          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
-          "state = excluded.state, done = excluded.done, total = excluded.total, "
-          "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
-          "report = excluded.report, finished_ms = excluded.finished_ms "
-          "WHERE jobs.owner = excluded.owner")
-        .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
-              job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
-              job.owner)
-        .Run();
-    return db.changes() > 0;
+  return Write([&](Connection& db) { return Save(db, job); });
+}
+
+void SqliteServiceStore::AddJob(const JobRecord& job, std::span<const std::uint8_t> input) {
+  Write([&](Connection& db) {
+    Save(db, job);
+    db.Prepare("INSERT INTO job_inputs (job, data) VALUES (?, ?)").Bind(job.id, input).Run();
+    return 0;
   });
+}
+
+std::optional<std::vector<std::uint8_t>> SqliteServiceStore::JobInput(const std::string& id) {
+  return Read([&](Connection& db) -> std::optional<std::vector<std::uint8_t>> {
+    Cursor row = db.Prepare("SELECT data FROM job_inputs WHERE job = ?");
+    if (!row.Bind(id).Next()) return std::nullopt;
+    const Bytes data = row.Blob(0);
+    return std::vector<std::uint8_t>(data.begin(), data.end());
+  });
+}
+
+void SqliteServiceStore::AddJobItems(const std::string& id, std::uint64_t first,
+                                     const std::vector<std::string>& items) {
+  Write([&](Connection& db) {
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      db.Prepare("INSERT OR REPLACE INTO job_items (job, number, result) VALUES (?, ?, ?)")
+          .Bind(id, first + i, items[i])
+          .Run();
+    }
+    return 0;
+  });
+}
+
+std::vector<std::string> SqliteServiceStore::JobItems(const std::string& id, std::uint64_t first,
+                                                      int limit) {
+  return Read([&](Connection& db) {
+    Cursor row = db.Prepare(
+        "SELECT result FROM job_items WHERE job = ? AND number >= ? ORDER BY number LIMIT ?");
+    row.Bind(id, first, limit);
+    std::vector<std::string> items;
+    while (row.Next()) items.push_back(row.Text(0));
+    return items;
+  });
+}
+
+bool SqliteServiceStore::AddOnlyJob(const JobRecord& job) {
+  return Write([&](Connection& db) {
+    Cursor active = db.Prepare(
+        "SELECT 1 FROM jobs WHERE kind = ? AND collection = ? AND state IN ('queued', 'running')");
+    return !active.Bind(job.kind, job.collection).Next() && Save(db, job);
+  });
+}
+
+bool SqliteServiceStore::Save(Connection& db, const JobRecord& job) {
+  db.Prepare(
+        "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
+        "attempts, result, report, created_ms, finished_ms, owner) "
+        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
+        "state = excluded.state, done = excluded.done, total = excluded.total, "
+        "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
+        "report = excluded.report, finished_ms = excluded.finished_ms "
+        "WHERE jobs.owner = excluded.owner")
+      .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
+            job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
+            job.owner)
+      .Run();
+  if (db.changes() == 0) return false;
+  if (job.state != "queued" && job.state != "running") {  // nobody begins it again
+    db.Prepare("DELETE FROM job_inputs WHERE job = ?").Bind(job.id).Run();
+  }
+  return true;
 }
 
 bool SqliteServiceStore::TakeJob(const std::string& id, const std::string& from) {

@@ -25,9 +25,13 @@ class SqliteStore : public Store {
         writer_(&access_, &originals_, &model_) {}
 
   const StoredModel& model() const override { return model_.model; }
-  void SettleExtraction(int max_keypoints, int max_side_px) override {
-    access_.WriteAlone(
-        [&](Connection& db) { StoreExtraction(db, model_.key, max_keypoints, max_side_px); });
+  ExtractionLimits SettleExtraction(const ExtractionLimits& limits) override {
+    ExtractionLimits settled;
+    access_.WriteAlone([&](Connection& db) {
+      StoreExtraction(db, model_.key, limits);
+      settled = ReadModel(db).model.limits;
+    });
+    return settled;
   }
   void OpenOriginals(const std::optional<std::filesystem::path>& directory, bool claim) override {
     originals_.Open(directory, claim);

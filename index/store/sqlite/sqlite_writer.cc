@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "index/store/quantize_batch.h"
+#include "index/store/sqlite/catalogue_lists.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/sqlite_catalogue.h"
@@ -57,6 +58,7 @@ PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
   const CollectionRow collection = RequireCollection(db, request.collection);
   // Somebody else may have stored the same while this picture was described.
   if (const auto unchanged = FindUnchangedIn(db, collection.key, request, put.record.sha256)) {
+    if (put.check) put.check(&*unchanged);
     return {AddOutcome::kUnchanged, *unchanged};
   }
   PictureRow picture{0, 0, put.record};
@@ -65,9 +67,11 @@ PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
     picture.record.id = picture.record.sha256;
     replaced = FindPicture(db, collection.key, picture.record.id);
   }
+  if (put.check) put.check(replaced ? &replaced->record : nullptr);
   if (replaced) DeletePicture(db, *replaced);
   picture.object = FindOrInsertObject(db, collection.key, request.object);
   picture.record.added_ms = NowMs();
+  picture.record.updated_ms = picture.record.added_ms;
   const Key key = InsertPicture(db, collection.key, picture);
   InsertFeatures(db, key, model_.key, put.encoded);
   if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
@@ -85,27 +89,44 @@ PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
   return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};
 }
 
-bool SqliteWriter::Remove(const std::string& collection, const std::string& id) {
+bool SqliteWriter::Remove(const std::string& collection, const std::string& id,
+                          const PictureCheck& check) {
   bool removed = false;
   access_.Write(
       [&](Connection& db) {
         const auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
         removed = picture.has_value();
-        if (picture) DeletePicture(db, *picture);
+        if (!picture) return;
+        if (check) check(&picture->record);
+        DeletePicture(db, *picture);
       },
       {.reclaim = true});
   originals_.Tidy();
   return removed;
 }
 
-std::uint64_t SqliteWriter::RemoveObject(const std::string& collection, const std::string& object) {
+std::uint64_t SqliteWriter::RemoveObject(const std::string& collection, const std::string& object,
+                                         const ObjectCheck& check) {
   std::uint64_t removed = 0;
   access_.Write(
       [&](Connection& db) {
-        removed =
-            DeletePicturesOf(db, FindObject(db, RequireCollection(db, collection).key, object));
+        const Key in = RequireCollection(db, collection).key;
+        const Key key = FindObject(db, in, object);
+        if (check && key != 0) CheckObjectNow(db, in, {object, CountPicturesOf(db, key)}, check);
+        removed = DeletePicturesOf(db, key);
       },
       {.reclaim = true});
+  originals_.Tidy();
+  return removed;
+}
+
+std::uint64_t SqliteWriter::RemoveWhere(const Selection& which) {
+  std::uint64_t removed = 0;
+  access_.Write(
+      [&](Connection& db) {
+        removed = DeletePicturesWhere(db, RequireCollection(db, which.collection).key, which);
+      },
+      {.reclaim = true, .alone = true});  // it may be all there is
   originals_.Tidy();
   return removed;
 }

@@ -24,8 +24,11 @@ class SqliteWriter : public Writer {
                             const PictureChange& change) override;
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change) override;
-  bool Remove(const std::string& collection, const std::string& id) override;
-  std::uint64_t RemoveObject(const std::string& collection, const std::string& object) override;
+  bool Remove(const std::string& collection, const std::string& id,
+              const PictureCheck& check) override;
+  std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
+                             const ObjectCheck& check) override;
+  std::uint64_t RemoveWhere(const Selection& which) override;
   bool CreateCollection(const std::string& name) override;
   bool RemoveCollection(const std::string& name) override;
 
@@ -45,6 +48,8 @@ class SqliteWriter : public Writer {
 
  private:
   PutOutcome Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const;
+  static void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
+                             const ObjectCheck& check);
 
   Access& access_;
   OriginalsKeeper& originals_;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Browsing page by page; deleting with time to undo.
+// Browsing without an end; doing something to many; deleting with time to undo.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
@@ -22,34 +22,87 @@ async function addPictures() {
 const count = async () => (await (await fetch(`${server.address}/v1/collections/default`)).json()).images;
 const cards = (page, view) => page.locator(`#${view}-list .card`);
 
-test("pictures come page by page, and the way back", async () => {
+test("pictures come as one scrolls, or by a button", async () => {
   await addPictures();
   const page = await house.openPage(`${server.address}/#/pictures`);
   await cards(page, "pictures").first().waitFor();
   assert.equal(await cards(page, "pictures").count(), 24);
-  const first = await page.locator("#pictures-list .card a").first().getAttribute("href");
-  await page.getByRole("link", { name: "Next page" }).click();
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 6);
+  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
+  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 30);
+  const hrefs = await page.locator("#pictures-list .card > a").evaluateAll((list) => list.map((one) => one.href));
+  assert.equal(new Set(hrefs).size, kPictures, "each once");
+  assert.equal(await page.getByRole("button", { name: "Show more" }).isVisible(), false);
   await house.shoot(page, "pictures");
   await house.checkAccessibility(page, "pictures");
-  await page.getByRole("link", { name: "Previous page" }).click();
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 24);
-  assert.equal(await page.locator("#pictures-list .card a").first().getAttribute("href"), first);
+  await house.checkOverlaps(page, "pictures");
+
+  // What comes next cannot be fetched: it is said, and can be asked for again.
+  await page.route("**/images?*cursor=*", (route) => route.abort());
+  await page.reload();
+  await cards(page, "pictures").first().waitFor();
+  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
+  await house.waitForText(page, "#pictures-status.error", /cannot be reached/);
+  assert.equal(await cards(page, "pictures").count(), 24);
+  await page.unroute("**/images?*cursor=*");
+  await page.getByRole("button", { name: "Show more" }).focus();
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 30);
+  assert.equal(await page.evaluate(() => document.activeElement.getAttribute("href")),
+               hrefs[24].slice(hrefs[24].indexOf("#")));
   await house.closePage(page);
 });
 
-test("an object leads to its pictures, a picture to a search with it", async () => {
+test("an object leads to its pictures, a picture to its page", async () => {
   const page = await house.openPage(`${server.address}/#/objects`);
   await cards(page, "objects").first().waitFor();
   assert.equal(await cards(page, "objects").count(), 3);
   assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 pictures/);
   await house.checkAccessibility(page, "objects");
   await cards(page, "objects").nth(1).getByRole("link").click();
-  await house.waitForText(page, "#pictures-title", /Pictures of thing 1/);
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 10);
-  await page.locator("#pictures-list .card a").first().click();
-  await page.waitForFunction(() => !document.querySelector("#view-search").hidden);
-  assert.match(page.url(), /#\/search\?image=/);
+  await house.waitForText(page, "#object-title", /^thing 1$/);
+  await page.waitForFunction(() => document.querySelectorAll("#object-list .card").length === 10);
+  await page.locator("#object-list .card a").first().click();
+  await page.waitForFunction(() => !document.querySelector("#view-picture").hidden);
+  assert.match(page.url(), /#\/picture\?id=/);
+  await house.closePage(page);
+});
+
+test("words find pictures and objects; the order can be chosen, and stands in the address", async () => {
+  const page = await house.openPage(`${server.address}/#/pictures`);
+  const names = (view) => page.locator(`#${view}-list .name`).allInnerTexts();
+  await cards(page, "pictures").first().waitFor();
+  await house.waitForText(page, "#pictures-bar", /30 pictures/);
+  const { images } = await (await fetch(`${server.address}/v1/collections/default/images?sort=-created&limit=1`)).json();
+  assert.match(await page.locator("#pictures-list .card > a").first().getAttribute("href"), new RegExp(images[0].id));
+  const { images: some } = await (await fetch(`${server.address}/v1/collections/default/images?limit=2`)).json();
+  for (const { id } of some) {
+    await fetch(`${server.address}/v1/collections/default/images/${id}`, {
+      method: "PATCH", headers: { "Content-Type": "application/merge-patch+json" }, body: '{"source": "zebra crossing.png"}' });
+  }
+  await page.getByRole("searchbox", { name: "Find pictures" }).pressSequentially("ZEBRA thing", { delay: 20 });
+  await house.waitForText(page, "#pictures-bar", /^\D*2 pictures/);
+  assert.match((await names("pictures")).join(), /^thing \d,thing \d$/);
+  assert.match(page.url(), /#\/pictures\?q=ZEBRA\+thing$/);
+  await house.checkAccessibility(page, "found by words");
+  await house.checkOverlaps(page, "found by words");
+  await house.shoot(page, "find-pictures");
+  await page.getByRole("combobox", { name: "Order of the pictures" }).selectOption("created");
+  await page.waitForFunction(() => location.hash.includes("sort=created"));
+  await page.reload();
+  await house.waitForText(page, "#pictures-bar", /2 pictures/);
+  assert.equal(await page.getByRole("searchbox", { name: "Find pictures" }).inputValue(), "ZEBRA thing");
+  assert.equal(await page.getByRole("combobox", { name: "Order of the pictures" }).inputValue(), "created");
+  await page.getByRole("searchbox", { name: "Find pictures" }).fill("nothing like this");
+  await house.waitForText(page, "#pictures-status", /Nothing here has "nothing like this"/);
+
+  await page.goto(`${server.address}/#/objects`);
+  await house.waitForText(page, "#objects-bar", /3 objects/);
+  await page.getByRole("combobox", { name: "Order of the objects" }).selectOption("-created");
+  await page.waitForFunction(() => /^thing 2/.test(document.querySelector("#objects-list .name")?.innerText));
+  assert.deepEqual(await names("objects"), ["thing 2", "thing 1", "thing 0"]);
+  await page.getByRole("searchbox", { name: "Find objects" }).fill("1");
+  await house.waitForText(page, "#objects-bar", /1 object\s/);
+  assert.deepEqual(await names("objects"), ["thing 1"]);
   await house.closePage(page);
 });
 

@@ -4,6 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
+import { blobs } from "../pictures.mjs";
 
 const server = await house.server("demonstration");
 const kKey = "pliant_secret";
@@ -34,8 +35,9 @@ test("the page asks for a key, uses it for everything, and forgets it when told"
   await page.getByRole("button", { name: "Key", exact: true }).click();  // there is a way back
   await page.locator("#key-input").fill("wrong");
   await page.keyboard.press("Enter");
-  await page.locator("#key-dialog").waitFor();  // again
-  await house.waitForText(page, "#search-status.error", /asks for a key/);
+  await house.waitForText(page, "#key-problem.error", /does not work: it is mistyped, or it was revoked/);
+  await house.checkAccessibility(page, "a wrong key");
+  await house.shoot(page, "key-wrong");
   await page.locator("#key-input").fill(kKey);
   await page.getByRole("button", { name: "Use it" }).click();
   await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
@@ -51,6 +53,47 @@ test("the page asks for a key, uses it for everything, and forgets it when told"
   await page.getByRole("button", { name: "Forget it" }).click();
   assert.equal(await page.evaluate(() => sessionStorage.length + localStorage.length), 0);
   await page.context().close();
+});
+
+test("who may only read is offered nothing else; another key changes that at once", async () => {
+  const own = await house.startServer();
+  await fetch(`${own.address}/v1/collections/default/images/one?object=thing`, {
+    method: "PUT", headers: { "Content-Type": "image/png" }, body: blobs(900) });
+  const [reader, writer, admin] = ["read", "write", "admin"].map((scope) => own.createKey(scope));
+  const page = await house.openPage(`${own.address}/#/pictures`);
+  const enter = async (key) => {
+    if (!await page.locator("#key-dialog").isVisible()) await page.getByRole("button", { name: "Key", exact: true }).click();
+    await page.locator("#key-input").fill(key);
+    await page.getByRole("button", { name: "Use it" }).click();
+    await page.locator("#key-dialog").waitFor({ state: "hidden" });
+  };
+  await enter(reader);
+  await house.waitForText(page, "#pictures-list", /thing/);
+  const offered = () => page.evaluate(() => [...document.querySelectorAll("a, button, form")]
+    .filter((one) => one.checkVisibility()).map((one) => one.ariaLabel || one.innerText.trim()).join("; "));
+  const kChanges = /Add|Delete|Edit|Rename|Select several|Train|Make it/;
+  await page.waitForFunction(() => document.documentElement.dataset.scope === "read");
+  for (const view of ["pictures", "objects", "object?name=thing", "picture?id=one", "collection", "search"]) {
+    await page.goto(`${own.address}/#/${view}`);
+    await page.waitForLoadState("networkidle");
+    assert.doesNotMatch(await offered(), kChanges, view);
+  }
+  await house.shoot(page, "read-only");
+  await page.goto(`${own.address}/#/add`);
+  await house.waitForText(page, "#view-add", /may search and look, but not add/);
+  await house.checkAccessibility(page, "read only");
+
+  await page.goto(`${own.address}/#/objects`);
+  await enter(writer);
+  await page.getByRole("button", { name: "Delete thing with its pictures" }).waitFor();
+  await page.getByRole("link", { name: "Add", exact: true }).waitFor();
+  await page.goto(`${own.address}/#/collection`);
+  await house.waitForText(page, "#collection-facts", /Pictures\s+1/);
+  assert.equal(await page.locator("#collection-form").isVisible(), false, "only for admins");
+  await enter(admin);
+  await page.locator("#collection-form").waitFor();
+  await house.closePage(page);
+  await own.stop();
 });
 
 // Photographs that were searched with are their owner's.

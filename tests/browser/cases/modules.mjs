@@ -118,6 +118,7 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   assert.equal(await words({ hits: hits(["a", 1], ["a", 1]), found: 30, grouped: false }), "Found: a.");
   assert.equal(await words({ hits: hits(["mug", 0.89], ["tin", 0.5]), found: 0 }), "Not sure: perhaps mug or tin.");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not in your collection.");
+  assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0, stored: true }), "Nothing else in your collection is like it.");
   assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found among what the filters leave.");
   const score = (value) => [{ name: "mug", probability: null, score: value }];
   assert.equal(await words({ hits: score(0.5) }), "Not sure: perhaps mug.", "without probabilities nothing is sure");

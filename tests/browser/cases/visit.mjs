@@ -8,7 +8,7 @@ import * as house from "../house.mjs";
 
 const kLargestPage = 200_000;  // bytes
 
-const server = await house.server("demonstration");
+const server = await house.server("first visit");  // nobody else loads anything here
 
 test("an empty collection teaches what to do; the demonstration is found un-crumpled", async () => {
   const page = await house.openPage(server.address);

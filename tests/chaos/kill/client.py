@@ -253,7 +253,7 @@ class Client(threading.Thread):
         state = self.model.known.get(key)
         if state is None:
             return
-        status, data = self.connection.json("POST", search_path(state), {"image_id": key[1]})
+        status, data = self.connection.json("POST", search_path(state), {"image_id": key[1], "exclude_self": False})
         if status == 503 or (status == 409 and data["code"] == "no_vocabulary" and not self.model.has_vocabulary):
             return
         if status != 200:

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-namespace pliant::cli {
+namespace pliant {
 
 class NpzArchive {
  public:
@@ -21,6 +21,8 @@ class NpzArchive {
            std::string_view values);
   // The same of one text, of type "<U" and its length; what is no UTF-8 becomes U+FFFD.
   void AddText(std::string_view name, std::string_view text);
+  // A list of texts, of the length of the longest.
+  void AddTexts(std::string_view name, std::span<const std::string> texts);
 
   // The whole file.
   std::string Finish() const;
@@ -37,4 +39,4 @@ class NpzArchive {
   std::vector<Entry> entries_;
 };
 
-}  // namespace pliant::cli
+}  // namespace pliant

@@ -1,14 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/npz_archive.h"
+#include "index/files/npz_archive.h"
 
+#include <algorithm>
 #include <utility>
 
 #include <zlib.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/utf8.h"
 
-namespace pliant::cli {
+namespace pliant {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{1} << 31;
@@ -48,32 +50,16 @@ std::string NpyHeader(std::string_view dtype, std::span<const std::int64_t> shap
   return header + text;
 }
 
-// The code points of UTF-8.
-std::u32string Decode(std::string_view text) {
-  std::u32string points;
-  for (std::size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80 ? 1 : lead >> 5 == 6 ? 2 : lead >> 4 == 14 ? 3 : 4;
-    char32_t point = length == 1 ? lead : lead & (0xFF >> (length + 1));
-    bool good = lead < 0x80 || (lead >= 0xC2 && lead < 0xF5 && i + length <= text.size());
-    for (std::size_t j = 1; good && j < length; ++j) {
-      const auto next = static_cast<unsigned char>(text[i + j]);
-      good = next >> 6 == 2;
-      point = point << 6 | (next & 0x3F);
-    }
-    points += good ? point : U'\uFFFD';
-    i += good ? length : 1;
-  }
-  return points;
-}
-
 }  // namespace
 
 void NpzArchive::Add(std::string_view name, std::string_view dtype,
                      std::span<const std::int64_t> shape, std::string_view values) {
   const std::string header = NpyHeader(dtype, shape);
   if (files_.size() + header.size() + values.size() > kMaxBytes) {
-    throw Error(ErrorCode::kTooLarge, "archive_too_large", "An archive holds at most 2 GiB.");
+    throw Error(
+        ErrorCode::kTooLarge, "archive_too_large",
+        "A .npz holds at most 2 GiB: describe fewer pictures at once, or with fewer key points, "
+        "or write .safetensors");
   }
   const auto bytes = [](std::string_view text) {
     return reinterpret_cast<const Bytef*>(text.data());
@@ -90,11 +76,27 @@ void NpzArchive::Add(std::string_view name, std::string_view dtype,
 }
 
 void NpzArchive::AddText(std::string_view name, std::string_view text) {
-  const std::u32string points = Decode(text);
+  const std::u32string points = DecodeUtf8(text);
   std::string values;
   for (const char32_t point : points) Put(values, point, 4);
   if (values.empty()) Put(values, 0, 4);  // NumPy has no text of length 0
   Add(name, "<U" + std::to_string(values.size() / 4), {}, values);
+}
+
+void NpzArchive::AddTexts(std::string_view name, std::span<const std::string> texts) {
+  std::vector<std::u32string> decoded;
+  std::size_t longest = 1;
+  for (const std::string& text : texts) {
+    decoded.push_back(DecodeUtf8(text));
+    longest = std::max(longest, decoded.back().size());
+  }
+  std::string values;
+  for (std::u32string& points : decoded) {
+    points.resize(longest);  // NumPy fills up with zeros
+    for (const char32_t point : points) Put(values, point, 4);
+  }
+  const std::int64_t count = static_cast<std::int64_t>(texts.size());
+  Add(name, "<U" + std::to_string(longest), {&count, 1}, values);
 }
 
 std::string NpzArchive::Finish() const {
@@ -120,4 +122,4 @@ std::string NpzArchive::Finish() const {
   return files_ + directory + end;
 }
 
-}  // namespace pliant::cli
+}  // namespace pliant

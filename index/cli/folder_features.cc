@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/cli/folder_features.h"
+
+#include <algorithm>
+#include <atomic>
+#include <optional>
+#include <utility>
+
+#include "descriptor/base/parallel.h"
+#include "index/cli/output.h"
+#include "index/cli/picture_input.h"
+#include "index/cli/progress.h"
+#include "index/files/text.h"
+
+namespace pliant::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path RootOf(const std::vector<fs::path>& inputs) {
+  std::error_code error;
+  if (inputs.size() == 1 && fs::is_directory(inputs[0], error)) return fs::canonical(inputs[0]);
+  fs::path root = fs::weakly_canonical(fs::absolute(inputs[0])).parent_path();
+  for (const fs::path& input : inputs) {
+    const fs::path path = fs::weakly_canonical(fs::absolute(input));
+    while (!IsInside(root, path)) root = root.parent_path();
+  }
+  return root;
+}
+
+bool IsSurfaceMap(const fs::path& path) {  // of the simulator
+  return path.filename().string().ends_with(".uv.png");
+}
+
+}  // namespace
+
+FolderFeatures FindFolderPictures(const std::vector<fs::path>& inputs) {
+  FolderFeatures folder;
+  PictureFiles files = FindPictures(inputs, ObjectFrom::kNone);
+  folder.root = RootOf(inputs);
+  folder.skipped = std::move(files.skipped);
+  for (const PictureFile& file : files.pictures) {
+    if (IsSurfaceMap(file.path)) continue;
+    FolderPicture picture;
+    picture.path = file.path;
+    // A link keeps its own name; the folders that it lies in are those of the root.
+    const fs::path lies_in = fs::weakly_canonical(fs::absolute(file.path).parent_path());
+    picture.name =
+        (lies_in / file.path.filename()).lexically_relative(folder.root).generic_string();
+    folder.pictures.push_back(std::move(picture));
+  }
+  return folder;
+}
+
+void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
+                    const Interrupt& interrupt) {
+  const std::string descriptor =
+      engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
+  const FeatureExtractor extractor(MakeDescriptor(descriptor, engine.descriptor_options),
+                                   engine.extraction);
+  const int wanted = ResolveThreads(threads);
+  const auto at_once = static_cast<int>(
+      std::clamp<std::size_t>(folder.pictures.size(), 1, static_cast<std::size_t>(wanted)));
+  std::vector<std::optional<SkippedFile>> failures(folder.pictures.size());
+  Progress progress("pictures");
+  std::atomic<std::uint64_t> done{0};
+  ParallelFor(folder.pictures.size(), wanted, [&](std::size_t i) {
+    if (interrupt.requested()) return;
+    FolderPicture& picture = folder.pictures[i];
+    try {
+      const std::vector<std::uint8_t> bytes =
+          ReadPicture(picture.path, engine.extraction.decode.max_bytes).bytes;
+      picture.features = extractor.Extract(bytes, wanted / at_once);
+      picture.exif_orientation = ReadImageHeader(bytes).exif_orientation;
+    } catch (const Error& error) {
+      if (!ConcernsOnePicture(error.code()) && error.code() != ErrorCode::kNotFound) throw;
+      failures[i] = {ToDisplayText(picture.name), error.reason(), ToDisplayText(error.what())};
+    }
+    progress.Count(++done, folder.pictures.size());
+  });
+  std::vector<FolderPicture> described;
+  for (std::size_t i = 0; i < failures.size(); ++i) {
+    if (failures[i]) {
+      folder.skipped.push_back(*failures[i]);
+    } else {
+      described.push_back(std::move(folder.pictures[i]));
+    }
+  }
+  folder.pictures = std::move(described);
+}
+
+void ReportSkipped(const std::vector<SkippedFile>& skipped) {
+  for (const SkippedFile& s : skipped) Message("skipped " + s.file + ": " + s.reason);
+}
+
+Json SkippedJson(const std::vector<SkippedFile>& skipped) {
+  Json list = Json::array();
+  for (const SkippedFile& s : skipped) {
+    list.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
+  }
+  return list;
+}
+
+}  // namespace pliant::cli

@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Engine: whether two pictures show the same object.
+#include <chrono>
+#include <string>
+#include <utility>
+
+#include "descriptor/base/error.h"
+#include "index/engine/engine_impl.h"
+#include "index/store/feature_codec.h"
+#include "index/verify/explain.h"
+#include "index/verify/verification.h"
+
+namespace pliant {
+namespace {
+
+ComparedPicture Checked(const Features& features, const char* which) {
+  const std::size_t keypoints = features.keypoints.size();
+  if (keypoints < kMinKeypoints) {
+    throw Error(ErrorCode::kUnprocessable, "too_few_features",
+                std::string("the ") + which + " picture has " + std::to_string(keypoints) +
+                    " key points, " + std::to_string(kMinKeypoints) + " are the least");
+  }
+  return {features.width, features.height, static_cast<std::uint32_t>(keypoints)};
+}
+
+void AddUp(const ExtractionTimings& one, ExtractionTimings* sum) {
+  sum->decode_ms += one.decode_ms;
+  sum->detect_ms += one.detect_ms;
+  sum->describe_ms += one.describe_ms;
+}
+
+}  // namespace
+
+Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
+  Comparison comparison;
+  // Each as a search would have it: the first as what is stored, the second as what is asked.
+  const auto describe = [&](const FeatureExtractor& extract, Bytes bytes, const char* which,
+                            ComparedPicture* picture) {
+    ExtractionTimings timings;
+    Features features = extract.Extract(bytes, threads, &timings);
+    *picture = Checked(features, which);
+    AddUp(timings, &comparison.timings);
+    return InStoredPrecision(std::move(features));
+  };
+  const Features reference = describe(extractor(), first, "first", &comparison.first);
+  const Features query = describe(query_extractor(), second, "second", &comparison.second);
+  const auto start = std::chrono::steady_clock::now();
+  const VerificationResult result = Verifier(query, {.threads = threads}).Verify(reference);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+  comparison.verify_ms = took.count();
+  comparison.explanation = Explain(query, reference, result);
+  comparison.explanation.ranking_score = kNoResemblance;
+  for (const Vec2 p : result.outline) comparison.outline.push_back({p.x, p.y});
+  comparison.probability =
+      Probability(CombineScores(kNoResemblance, static_cast<int>(result.inliers.size())));
+  return comparison;
+}
+
+}  // namespace pliant

@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Lists of pictures and objects, a page at a time: what is listed, in which order, and what is
+// counted beside. Plain values.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "index/records/filter.h"
+#include "index/records/records.h"
+
+namespace pliant {
+
+inline constexpr std::size_t kMaxTextBytes = 512;  // of Selection::text
+inline constexpr std::size_t kMaxFacets = 16;
+inline constexpr std::size_t kFacetValues = 100;  // of one key that are listed
+
+// Which pictures of a collection. Of objects: those with such a picture.
+struct Selection {
+  std::string collection = kDefaultCollection;
+  std::optional<std::string> object;  // its pictures; "": pictures without an object
+  Filter filter;                      // whose metadata pass
+  // Words with spaces between: each must occur in the id, the object or the source (of objects: in
+  // the name), whatever its case (FoldCase of index/files/text.h). Empty: all.
+  std::string text;
+
+  bool all() const { return !object && filter.empty() && text.empty(); }
+};
+
+enum class PictureOrder { kId, kCreated, kUpdated, kObject, kSource };
+enum class ObjectOrder { kName, kCreated, kUpdated, kImages };
+
+// Of a key of the metadata: how many of what is listed have which value. A list counts once for
+// each of its values; values that are lists or objects themselves are left out.
+struct Facet {
+  struct Value {
+    FilterValue value;
+    std::uint64_t count = 0;
+  };
+  std::string key;
+  std::vector<Value> values;  // the most frequent, at most kFacetValues
+  std::uint64_t without = 0;  // how many do not have the key
+  bool complete = true;       // false: there are values that are not listed
+};
+
+// What a page of any list is asked for.
+struct PageOptions {
+  bool descending = false;
+  std::string after;   // ListPage::next of the page before, of the same selection and order
+  int limit = 100;     // 1..1000
+  bool count = false;  // fill ListPage::total
+  std::vector<std::string> facets;  // keys of the metadata; at most kMaxFacets
+};
+
+struct PictureListing : PageOptions {
+  Selection which;
+  PictureOrder order = PictureOrder::kId;  // ties by id
+};
+
+struct ObjectListing : PageOptions {
+  Selection which;
+  ObjectOrder order = ObjectOrder::kName;  // ties by name
+};
+
+// All of a page is one state of the collection. What is changed between two pages can be on both,
+// or on none, if its place in the order changed; nothing else is left out or twice.
+template <typename Record>
+struct ListPage {
+  std::vector<Record> records;
+  std::optional<std::string> next;     // absent: this is the last page
+  std::optional<std::uint64_t> total;  // over all pages
+  std::vector<Facet> facets;           // over all pages, in the order asked for
+};
+
+using PicturePage = ListPage<ImageRecord>;
+
+// An object as lists show it.
+struct ListedObject {
+  ObjectRecord record;
+  std::string image_id;         // its first picture by id
+  std::int64_t created_ms = 0;  // when its oldest picture was added
+  std::int64_t updated_ms = 0;  // when one of its pictures was added or changed last
+};
+
+using ObjectPage = ListPage<ListedObject>;
+
+// Throw kInvalidArgument: "limit_invalid", "filter_invalid", "text_invalid" (too long, not UTF-8),
+// "facets_invalid" (too many, or one twice).
+void CheckSelection(const Selection& which);
+void CheckListing(const Selection& which, const PageOptions& page);
+
+}  // namespace pliant

@@ -1,0 +1,84 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/body_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
+
+[[noreturn]] void ThrowSystem(const std::filesystem::path& directory, int number) {
+  const std::string what = directory.string() + ": " + std::strerror(number);
+  switch (number) {
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      throw Error(ErrorCode::kNoSpace, "no_space", what);
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      throw Error(ErrorCode::kReadOnly, "read_only", what);
+    case EMFILE:
+    case ENFILE:
+      throw Error(ErrorCode::kUnavailable, "too_many_open_files", what);
+    default:
+      throw Error(ErrorCode::kInternal, "io_error", what);
+  }
+}
+
+int Open(const std::filesystem::path& directory) {
+  const int nameless = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (nameless >= 0) return nameless;
+  if (errno != EOPNOTSUPP && errno != EISDIR && errno != ENOENT) ThrowSystem(directory, errno);
+  std::string name = (directory / ".pliant-answer-XXXXXX").string();  // network file systems
+  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
+  if (fd < 0) ThrowSystem(directory, errno);
+  ::unlink(name.c_str());
+  return fd;
+}
+
+}  // namespace
+
+BodyFile::BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes)
+    : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), fd_(Open(directory_)) {}
+
+BodyFile::~BodyFile() { ::close(fd_); }
+
+void BodyFile::Append(std::string_view bytes) {
+  if (size_ == 0 || size_ - checked_ >= kCheckEvery) {
+    struct statvfs disk {};
+    if (::fstatvfs(fd_, &disk) != 0) ThrowSystem(directory_, errno);
+    if (disk.f_bavail * disk.f_frsize < reserve_bytes_ + kCheckEvery + bytes.size()) {
+      ThrowSystem(directory_, ENOSPC);
+    }
+    checked_ = size_;
+  }
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) ThrowSystem(directory_, errno);
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+    size_ += static_cast<std::uint64_t>(written);
+  }
+}
+
+std::ptrdiff_t BodyFile::Read(std::uint64_t offset, char* data, std::size_t bytes) const {
+  while (true) {
+    const ssize_t got = ::pread(fd_, data, bytes, static_cast<off_t>(offset));
+    if (got >= 0 || errno != EINTR) return got;
+  }
+}
+
+}  // namespace pliant::server

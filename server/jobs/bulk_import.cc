@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/bulk_import.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "descriptor/base/parallel.h"
+#include "index/json/record_json.h"
+#include "server/http/problem.h"
+#include "server/jobs/import_job.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr const char* kKind = "bulk_import";
+constexpr int kItemsAtOnce = 500;  // read back from the store
+
+BulkDefaults DefaultsOf(const Json& parameters) {
+  return {parameters.at("object").get<std::string>(), ToText(parameters.at("metadata")),
+          parameters.at("object_from").get<std::string>()};
+}
+
+// Problems that concern the server, not the picture: the job begins again, or fails as a whole.
+bool ConcernsAll(const Problem& problem) { return problem.status >= 500; }
+
+struct Outcome {
+  Json json;
+  std::optional<SkippedItem> skipped;
+};
+
+SkippedItem SkippedOf(const std::string& name, const Json& problem) {
+  return {name, problem.value("code", ""), problem.value("detail", "")};
+}
+
+class BulkImport {
+ public:
+  BulkImport(JobQueue& jobs, Engine& engine, WorkerPool& pool, const JobStatus& job,
+             const JobContext& context, const std::function<void(const std::string&)>& on_added)
+      : jobs_(jobs),
+        engine_(engine),
+        pool_(pool),
+        job_(job),
+        context_(context),
+        on_added_(on_added) {}
+
+  void Run() {
+    const auto input = jobs_.store().JobInput(job_.id);
+    if (!input) {
+      throw Error(ErrorCode::kConflict, "interrupted", "what was sent is no longer there");
+    }
+    const BulkItems items({reinterpret_cast<const char*>(input->data()), input->size()},
+                          job_.parameters.at("type").get<std::string>(),
+                          DefaultsOf(job_.parameters));
+    std::size_t done = ReadBack();
+    context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
+    const auto at_once = static_cast<std::size_t>(std::max(1, pool_.cores() / 2));
+    while (done < items.size()) {
+      if (context_.stop().stop_requested()) {
+        throw Error(ErrorCode::kCancelled, "import_cancelled",
+                    "the import was stopped; what it has added stays");
+      }
+      const std::size_t count = std::min(at_once, items.size() - done);
+      std::vector<Outcome> outcomes(count);
+      ParallelFor(count, static_cast<int>(count),
+                  [&](std::size_t i) { outcomes[i] = AddOne(items, done + i); });
+      std::vector<std::string> texts;
+      for (const Outcome& outcome : outcomes) texts.push_back(ToText(outcome.json));
+      jobs_.store().AddJobItems(job_.id, done, texts);
+      for (const Outcome& outcome : outcomes) {
+        if (outcome.skipped) context_.Skipped(*outcome.skipped);
+      }
+      done += count;
+      context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
+    }
+  }
+
+ private:
+  // How many items an earlier attempt has said something of.
+  std::size_t ReadBack() {
+    std::size_t done = 0;
+    while (true) {
+      const auto items = jobs_.store().JobItems(job_.id, done, kItemsAtOnce);
+      for (const std::string& text : items) {
+        const Json item = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+        if (!item.is_object() || item.value("index", std::size_t{0}) != done) return done;
+        if (const auto problem = item.find("problem"); problem != item.end()) {
+          context_.Skipped(SkippedOf(item.value("source", ""), *problem));
+        }
+        ++done;
+      }
+      if (items.empty()) return done;
+    }
+  }
+
+  Outcome AddOne(const BulkItems& items, std::size_t i) {
+    const std::string name = items.NameOf(i);
+    Outcome outcome{{{"index", i}, {"source", name}}, std::nullopt};
+    try {
+      BulkItem item = items.Item(i);
+      item.request.collection = job_.collection;
+      const AddResult added = AddPatiently(engine_, pool_, item.request, context_.stop());
+      if (added.outcome != AddOutcome::kUnchanged) on_added_(job_.collection);
+      outcome.json["status"] = added.outcome == AddOutcome::kCreated ? 201 : 200;
+      outcome.json["outcome"] = OutcomeName(added.outcome);
+      outcome.json["image_id"] = added.image.id;
+      outcome.json["object"] = added.image.object;
+    } catch (...) {
+      const Problem problem = CurrentProblem();
+      if (ConcernsAll(problem)) throw;
+      if (problem.code == "collection_not_found") throw;  // it was removed meanwhile
+      Json json = {{"code", problem.code}, {"detail", problem.detail}};
+      if (!problem.parameter.empty()) json["parameter"] = problem.parameter;
+      outcome.skipped = SkippedOf(name, json);
+      outcome.json["status"] = problem.status;
+      outcome.json["problem"] = std::move(json);
+    }
+    return outcome;
+  }
+
+  JobQueue& jobs_;
+  Engine& engine_;
+  WorkerPool& pool_;
+  const JobStatus& job_;
+  const JobContext& context_;
+  const std::function<void(const std::string&)>& on_added_;
+};
+
+}  // namespace
+
+JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const std::string& body,
+                           const std::string& type, const BulkDefaults& defaults) {
+  const BulkItems items(body, type, defaults);  // says now what is wrong with the whole
+  return jobs.AddWithInput(kKind, collection,
+                           {{"type", type},
+                            {"items", items.size()},
+                            {"object", defaults.object},
+                            {"metadata", MetadataJson(defaults.metadata)},
+                            {"object_from", defaults.object_from}},
+                           {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()});
+}
+
+void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
+                           std::function<void(const std::string& collection)> on_added) {
+  jobs.Register(kKind, {[&jobs, &engine, &pool, on_added = std::move(on_added)](
+                            const JobStatus& job, const JobContext& context) {
+                  BulkImport(jobs, engine, pool, job, context, on_added).Run();
+                  return "/v1/jobs/" + job.id + "/items";
+                }});
+}
+
+}  // namespace pliant::server

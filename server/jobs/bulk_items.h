@@ -1,0 +1,59 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Many pictures in one body: lines of JSON (NDJSON) with base64, or a TAR archive.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "index/records/records.h"
+#include "server/jobs/tar_archive.h"
+
+namespace pliant::server {
+
+inline constexpr std::size_t kMostBulkItems = 10'000;
+
+// What all pictures have that do not say otherwise.
+struct BulkDefaults {
+  std::string object;           // also in place of those that a TAR's names give
+  std::string metadata = "{}";  // a JSON object
+  std::string object_from;      // of a TAR: "auto", "folder", "stem" or "none"
+};
+
+// A picture of a body. The request's bytes are those of the body, or `decoded`.
+struct BulkItem {
+  AddRequest request;
+  std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};
+};
+
+// The items of a body, which must outlive it. An item is only looked at when it is asked for.
+// Immutable and thread-safe.
+class BulkItems {
+ public:
+  // Throws ProblemError: "bad_request" for a damaged archive, "missing_parameter" for a body
+  // without items, "invalid_parameter" for too many. `type`: kTarType, or one that IsNdjsonType
+  // knows.
+  BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults);
+
+  std::size_t size() const { return lines_.size() + files_.size(); }
+  // For people; known also for items that are wrong. "line 3", or the file's name.
+  std::string NameOf(std::size_t i) const;
+  // Throws ProblemError that says what is wrong with it: "invalid_json", "missing_parameter",
+  // "invalid_parameter", "unknown_parameter".
+  BulkItem Item(std::size_t i) const;
+
+ private:
+  BulkItem OfLine(std::string_view line) const;
+  BulkItem OfFile(const TarFile& file) const;
+
+  const BulkDefaults defaults_;
+  std::vector<std::pair<std::size_t, std::string_view>> lines_;  // with their numbers, from 1
+  std::vector<TarFile> files_;
+  bool object_is_folder_ = false;
+};
+
+}  // namespace pliant::server

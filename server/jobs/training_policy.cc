@@ -1,0 +1,24 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/training_policy.h"
+
+#include "index/engine/vocabulary_size.h"
+
+namespace pliant::server {
+
+namespace {
+
+bool HasOutgrown(const CollectionRecord& record) {
+  const VocabularyOrigin& origin = record.vocabulary->origin;
+  if (origin.sampled < kFullSample) return record.descriptors >= kGrowth * origin.available;
+  return DefaultVocabularySample(record.descriptors) >= kWordGrowth * origin.sampled;
+}
+
+}  // namespace
+
+bool AutomaticTrainingIsDue(const CollectionRecord& record) {
+  if (record.descriptors == 0) return false;
+  return !record.vocabulary || (record.automatic && HasOutgrown(record));
+}
+
+}  // namespace pliant::server

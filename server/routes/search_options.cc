@@ -1,0 +1,162 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/routes/search_options.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "server/routes/lists.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::int64_t kLargestOffset = 1'000'000;
+constexpr std::int64_t kLargestLimit = 1'000;
+constexpr std::int64_t kLargestDepth = 10'000;
+constexpr std::int64_t kMostInstances = 100;
+constexpr double kLargestCoordinate = 1e6;
+Region RegionOf(const std::vector<double>& numbers) {
+  const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
+  for (const double number : numbers) {
+    if (number < -kLargestCoordinate || number > kLargestCoordinate) {
+      ThrowInvalid("region", "region lies outside any picture.");
+    }
+  }
+  if (region.width <= 0 || region.height <= 0) {
+    ThrowInvalid("region", "region is x,y,width,height in pixels; width and height must be > 0.");
+  }
+  return region;
+}
+
+SearchOptions OptionsOf(const Parameters& parameters, const std::string& collection) {
+  SearchOptions options;
+  options.collection = collection;
+  options.limit = static_cast<std::size_t>(parameters.Integer("limit").value_or(10));
+  options.offset = static_cast<std::size_t>(parameters.Integer("offset").value_or(0));
+  options.group_by =
+      parameters
+          .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
+          .value_or(options.group_by);
+  options.rank = parameters
+                     .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
+                                                  {"tfidf", RankMethod::kTfIdf},
+                                                  {"histogram", RankMethod::kHistogram}})
+                     .value_or(options.rank);
+  options.verify = parameters
+                       .Choice<Verification>(
+                           "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
+                       .value_or(options.verify);
+  options.min_score = parameters.Number("min_score").value_or(0);
+  options.object = parameters.Text("object");
+  options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
+  if (const auto expand = parameters.Integer("expand")) {
+    options.expand = static_cast<int>(*expand);
+  }
+  options.max_instances =
+      static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
+  if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
+  options.explain = parameters.Flag("explain").value_or(options.explain);
+  if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
+  return options;
+}
+
+std::vector<std::string> ExamplesOf(const Parameters& parameters) {
+  std::vector<std::string> ids;
+  const auto list = parameters.JsonList("image_ids");
+  if (!list) return ids;
+  if (list->empty() || list->size() > kMaxExamples) {
+    ThrowInvalid("image_ids",
+                 "image_ids must be 1 to " + std::to_string(kMaxExamples) + " ids of pictures.");
+  }
+  for (const Json& id : *list) {
+    if (!id.is_string()) ThrowInvalid("image_ids", "image_ids must be texts, ids of pictures.");
+    ids.push_back(id.get<std::string>());
+    if (std::count(ids.begin(), ids.end(), ids.back()) > 1) {
+      ThrowInvalid("image_ids", "image_ids has an id twice.");
+    }
+  }
+  return ids;
+}
+
+// Whether the request has a picture, beside its parameters.
+bool HasPicture(const Request& request, const Parameters& parameters) {
+  if (request.content_type == "application/json") return parameters.image_base64() != nullptr;
+  if (!request.is_multipart()) return request.has_body;
+  return std::any_of(request.parts.begin(), request.parts.end(),
+                     [](const Part& part) { return part.name == "image"; });
+}
+
+}  // namespace
+
+SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
+                          const std::string& collection) {
+  SearchQuery query;
+  query.options = OptionsOf(parameters, collection);
+  query.image_id = parameters.Text("image_id");
+  query.image_ids = ExamplesOf(parameters);
+  const bool has_picture = HasPicture(request, parameters);
+  if (query.image_id && has_picture) {
+    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
+  }
+  if (!query.image_ids.empty() && (query.image_id || has_picture)) {
+    ThrowInvalid("image_ids", "image_ids excludes image_id and a picture.");
+  }
+  if (!query.image_ids.empty() && query.options.region) {
+    ThrowInvalid("region", "region is of one picture, and image_ids are several.");
+  }
+  if (query.image_id) {
+    if (parameters.Flag("exclude_self").value_or(true)) query.options.without = {*query.image_id};
+  } else if (parameters.has("exclude_self")) {
+    ThrowInvalid("exclude_self", "exclude_self goes with image_id alone.");
+  }
+  if (!query.image_id && query.image_ids.empty()) query.image = ImageOf(request, parameters);
+  return query;
+}
+
+std::vector<Parameter> SearchParameters() {
+  return {
+      {"image_id", "a stored picture to search with, instead of sending one"},
+      Parameter("exclude_self", "whether the picture of image_id is no hit itself")
+          .Boolean()
+          .Default("true"),
+      Parameter(
+          "image_ids",
+          "stored pictures to search with, at most 16: what is like any of them, what is like "
+          "several first; they are no hits themselves")
+          .JsonList(),
+      Parameter("limit", "hits per page; 0 = all").Integer(0, kLargestLimit).Default("10"),
+      Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
+      Parameter("group_by", "each object once, by its best picture, or each picture")
+          .Choice({"object", "image"})
+          .Default("object"),
+      Parameter("rank",
+                "votes of nearest neighbours, words by tf-idf, or the paper's histogram distance")
+          .Choice({"neighbours", "tfidf", "histogram"})
+          .Default("neighbours"),
+      Parameter("verify",
+                "whether the best hits must agree with the query on one smooth warp; by "
+                "default tps, and none if rank is histogram")
+          .Choice({"none", "tps"}),
+      Parameter(
+          "verify_depth",
+          "how many of the best pictures are verified; by default 100, or the square "
+          "root of the collection's size if that is more; twice that where none of these agrees")
+          .Integer(1, kLargestDepth),
+      Parameter("expand",
+                "query expansion: how many of the best verified pictures are used as further "
+                "queries, for views that the query alone does not reach; by default 3 by "
+                "image and 0 by object")
+          .Integer(0, kMostExpansions),
+      Parameter("instances", "maximum number of instances of one object in the query picture")
+          .Integer(1, kMostInstances)
+          .Default("4"),
+      Parameter("region", "x,y,width,height in pixels of the query picture: only this part is used")
+          .Numbers(4),
+      Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
+      {"object", "only pictures of this object"},
+      FilterParameter(),
+      Parameter("explain", "explain every hit").Boolean().Default("false")};
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,31 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What a search takes, and what it is asked with.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "index/records/search.h"
+#include "server/http/parameters.h"
+#include "server/routes/common.h"
+
+namespace pliant::server {
+
+// Without "draw".
+std::vector<Parameter> SearchParameters();
+
+// What is searched with: a picture that was sent, one that is stored, or several of those.
+struct SearchQuery {
+  UploadedImage image;  // when both others are absent
+  std::optional<std::string> image_id;
+  std::vector<std::string> image_ids;  // empty = absent
+  SearchOptions options;
+};
+
+// Throws ProblemError that names the parameter.
+SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
+                          const std::string& collection);
+
+}  // namespace pliant::server

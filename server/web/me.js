@@ -1,0 +1,16 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What the person at the page may do. Elements that need more have data-needs="write" or "admin" and are
+// hidden by the style sheet; those with data-only="read" are for people who may only read.
+import { ask } from "./api.js";
+
+const kScopes = ["admin", "write", "read"];  // each includes those after it
+
+// Throws the Problem of a key that does not work. Who cannot be asked keeps what is known.
+export async function refreshMe() {
+  const { scopes } = await ask("/v1/me");
+  document.documentElement.dataset.scope = kScopes.find((scope) => scopes.includes(scope)) ?? "read";
+}
+
+export const mayWrite = () => document.documentElement.dataset.scope !== "read";
+export const isAdmin = () => document.documentElement.dataset.scope === "admin";

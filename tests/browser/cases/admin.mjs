@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Keys made and revoked on the page.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import * as house from "../house.mjs";
+
+const statusWith = async (address, key) =>
+  (await fetch(`${address}/v1/collections`, { headers: key ? { Authorization: `Bearer ${key}` } : {} })).status;
+
+test("the first key closes the server, and the page goes on with it; others are made, used and revoked", async () => {
+  const own = await house.startServer("--auto-train", "false");
+  const page = await house.openPage(own.address);
+  await page.getByRole("link", { name: "Keys", exact: true }).click();
+  await house.waitForText(page, "#keys-none", /no key yet/);
+  assert.equal(await page.locator("#keys-scope").inputValue(), "admin");
+  assert.equal(await page.locator('#keys-scope option[value="read"]').evaluate((one) => one.disabled), true);
+  await house.checkAccessibility(page, "no keys");
+  await page.getByRole("button", { name: "Make a key" }).click();
+  await house.waitForText(page, "#keys-status.error", /needs a name/);
+  await page.locator("#keys-name").fill("me");
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#keys-new", /shown only now[^]*answers nobody without a key/);
+  const admin = await page.getByLabel("The new key").inputValue();
+  assert.match(admin, /^plk_[0-9a-f]{8}_/);
+  assert.deepEqual([await statusWith(own.address, ""), await statusWith(own.address, admin)], [401, 200]);
+  await house.waitForText(page, "#keys-list", /me\s+everything[^]*this tab's/);
+  await house.shoot(page, "key-made");
+  await house.checkAccessibility(page, "a key is made");
+  await house.checkOverlaps(page, "a key is made");
+
+  await page.locator("#keys-name").fill("front desk");
+  await page.locator("#keys-scope").selectOption("read");
+  await page.getByRole("button", { name: "Make a key" }).click();
+  await page.waitForFunction((first) => document.querySelector("#keys-new input").value !== first, admin);
+  const read = await page.getByLabel("The new key").inputValue();
+  assert.equal(await statusWith(own.address, read), 200);
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.getByRole("button", { name: "Copy" }).click();
+  await house.waitForText(page, "#keys-new", /Copied/);
+  assert.equal(await page.evaluate(() => navigator.clipboard.readText()), read);
+
+  await page.getByRole("link", { name: "Collection", exact: true }).click();
+  await page.goBack();
+  await house.waitForText(page, "#keys-list", /front desk/);
+  assert.equal((await page.content()).includes(read), false, "it is shown only once");
+
+  await page.getByRole("button", { name: "Revoke the key front desk" }).click();
+  await page.getByRole("button", { name: "Keep it" }).click();
+  assert.equal(await statusWith(own.address, read), 200);
+  await page.getByRole("button", { name: "Revoke the key front desk" }).click();
+  await page.getByRole("button", { name: "Yes, revoke it" }).click();
+  await house.waitForText(page, "#keys-status", /front desk" is revoked/);
+  assert.equal(await statusWith(own.address, read), 401);
+  await page.getByRole("button", { name: "Revoke the key me" }).click();
+  await page.getByRole("button", { name: "Yes, revoke it" }).click();
+  await house.waitForText(page, "#keys-status.error", /last key that may do everything/);
+  await house.closePage(page);
+
+  const phone = await house.openPage(`${own.address}/#/keys`, { width: 390, height: 844, hasTouch: true, isMobile: true, colorScheme: "dark" });
+  await phone.locator("#key-input").fill(admin);
+  await phone.getByRole("button", { name: "Use it" }).click();
+  await house.waitForText(phone, "#keys-list", /front desk/);
+  await house.checkWidth(phone, "keys, phone");
+  await house.checkOverlaps(phone, "keys, phone");
+  await house.checkAccessibility(phone, "keys, phone");
+  await house.shoot(phone, "keys-phone");
+  await house.closePage(phone);
+  await own.stop();
+});

@@ -1,0 +1,122 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What is dropped and pasted: addresses, data, pictures of the page itself, and kinds that only a browser can read.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import * as house from "../house.mjs";
+import { thing, thingGif } from "../pictures.mjs";
+
+const server = await house.server("incoming");
+const base = `${server.address}/v1/collections/default`;
+// Of thing(601), by avifenc --min 20 --max 30.
+const avif = readFileSync(new URL("../thing_601.avif", import.meta.url));
+// The first bytes of an iPhone's picture: no browser on Linux reads more of it either.
+const heic = Buffer.concat([Buffer.from([0, 0, 0, 24]), Buffer.from("ftypheic\0\0\0\0mif1heic", "latin1"), Buffer.alloc(400, 7)]);
+
+let ready = null;
+const prepare = () => (ready ??= (async () => {
+  for (const [id, seed] of [["one", 601], ["two", 602], ["three", 603]]) {
+    const answer = await fetch(`${base}/images/${id}?object=${id}`, {
+      method: "PUT", headers: { "Content-Type": "image/png" }, body: thing(seed) });
+    assert.ok(answer.ok);
+  }
+})());
+
+// Drops or pastes what has these types, as another page's picture or a clipboard would.
+const give = (page, kind, selector, types) => page.evaluate(([how, where, list]) => {
+  const transfer = new DataTransfer();
+  for (const [type, text] of Object.entries(list)) transfer.setData(type, text);
+  document.querySelector(where).dispatchEvent(how === "paste" ?
+    new ClipboardEvent("paste", { clipboardData: transfer, bubbles: true }) :
+    new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+}, [kind, selector, types]);
+
+const dataUrl = (bytes, type) => `data:${type};base64,${bytes.toString("base64")}`;
+
+test("an address of a picture elsewhere is said not to be enough, and nothing is fetched", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await house.waitForText(page, "#search-status", /to find/);
+  const address = "https://pictures.example/mug.jpg";
+  await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
+  await house.waitForText(page, "#search-status.error", /handed over the picture's address only[^]*paste it here, or save it/);
+  await house.checkAccessibility(page, "an address");
+  await house.shoot(page, "address-only");
+  await page.reload();
+  await house.waitForText(page, "#search-status", /to find/);
+  await give(page, "paste", "body", { "text/plain": address });
+  await house.waitForText(page, "#search-status.error", /address only/);
+  await give(page, "paste", "body", { "text/plain": "some words" });
+  await house.waitForText(page, "#search-status.error", /no picture in what was pasted/);
+  await page.goto(`${server.address}/#/add`);
+  await give(page, "drop", "#add-drop", { "text/uri-list": address });
+  await house.waitForText(page, "#notices", /address only/);
+  await house.closePage(page);  // which checks that nothing was asked for elsewhere
+});
+
+test("data in place of an address are a picture; one of the page's own is searched with as it is stored", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await give(page, "drop", "#search-drop", { "text/html": `<p><img src="${dataUrl(thing(601), "image/png")}"></p>` });
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  await give(page, "drop", "#search-drop", { "text/uri-list": `${base}/images/two/thumbnail` });
+  await page.waitForFunction(() => location.hash === "#/search?image=two");
+  await give(page, "drop", "#search-drop", { "text/uri-list": `${server.address}/#/picture?id=three` });
+  await page.waitForFunction(() => location.hash === "#/search?image=three");
+  const files = (address) => page.evaluate(async (one) => {
+    const { fileOfData } = await import("/assets/incoming.js");
+    const file = fileOfData(one);
+    return file && [file.name, file.type, file.size];
+  }, address);
+  assert.deepEqual(await files("data:image/png;base64,AAECAw=="), ["image.png", "image/png", 4]);
+  assert.deepEqual(await files("data:image/svg+xml;charset=utf-8,%3Csvg/%3E"), ["image.svg", "image/svg+xml", 6]);
+  for (const none of ["data:text/plain,x", "data:image/png;base64,???", "https://x.example/y.png"]) {
+    assert.equal(await files(none), null, none);
+  }
+  await house.closePage(page);
+});
+
+test("GIF and AVIF are converted by the browser; what nobody can read is said with what to do", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  const search = (name, mimeType, buffer) => page.locator("#search-file").setInputFiles([{ name, mimeType, buffer }]);
+  await search("moving.gif", "image/gif", thingGif(602));
+  await house.waitForText(page, "#search-status", /^Found: two/);
+  await search("new.avif", "image/avif", avif);
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  await search("IMG_0001.HEIC", "image/heic", heic);
+  await house.waitForText(page, "#search-status.error", /kind HEIC, which neither this browser nor the server can read[^]*Most Compatible/);
+  await house.shoot(page, "heic");
+  await search("film.mp4", "video/mp4", Buffer.from("\0\0\0\x18ftypisom\0\0\0\0isom", "latin1"));
+  await house.waitForText(page, "#search-status.error", /A video is no picture/);
+  await search("text.pdf", "application/pdf", Buffer.from("%PDF-1.7 and so on"));
+  await house.waitForText(page, "#search-status.error", /A PDF is a document/);
+  await search("drawing.svg", "image/svg+xml", Buffer.from("<?xml version='1.0'?><svg xmlns='x'/>"));
+  await house.waitForText(page, "#search-status.error", /drawing, not a photograph/);
+
+  await page.goto(`${server.address}/#/add`);
+  await page.locator("#add-files").setInputFiles([
+    { name: "cat.gif", mimeType: "image/gif", buffer: thingGif(610) },
+    { name: "phone.heic", mimeType: "image/heic", buffer: heic }]);
+  await page.getByRole("button", { name: "Add 2 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 1 picture added, 1 failed/);
+  assert.match(await page.locator("#add-list li", { hasText: "phone.heic" }).innerText(), /HEIC/);
+  const { images } = await (await fetch(`${base}/images?object=cat`)).json();
+  assert.deepEqual([images[0].media_type, images[0].source, images[0].width], ["image/png", "cat.png", 320]);
+  await house.closePage(page);
+});
+
+test("kinds are told by their first bytes", async () => {
+  const page = await house.openPage(server.address);
+  const kinds = await page.evaluate(async () => {
+    const { kindOf } = await import("/assets/convert.js");
+    const bytes = (text) => Uint8Array.from(text, (c) => c.charCodeAt(0));
+    return ["\xff\xd8\xff\xe0", "\x89PNG\r\n\x1a\n", "RIFF1234WEBPVP8 ", "BM12", "II*\0", "MM\0*", "GIF89a", "%PDF-1", "\0\0\0\x20ftypavif\0\0\0\0avifmif1miaf",
+            "\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "\0\0\0\x18ftypmif1\0\0\0\0mif1avif", "\0\0\0\x14ftypqt  ", "\xff\x0a", "\0\0\0\x0cJXL \r\n", "\x1aE\xdf\xa3", "<svg>", "words", ""]
+      .map((text) => kindOf(bytes(text)));
+  });
+  assert.deepEqual(kinds, ["JPEG", "PNG", "WebP", "BMP", "TIFF", "TIFF", "GIF", "PDF", "AVIF", "HEIC", "AVIF", "video",
+                           "JPEG XL", "JPEG XL", "video", "SVG", null, null]);
+  await house.closePage(page);
+});

@@ -1,0 +1,320 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Collections out and in: export as lines of JSON, features as NumPy's archive, bulk imports.
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+
+#include "tests/integration/server_fixture.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr const char* kImport = "/v1/collections/default/images:import";
+constexpr const char* kExport = "/v1/collections/default/export";
+constexpr const char* kLines = "application/x-ndjson";
+constexpr const char* kTar = "application/x-tar";
+
+// One file of a TAR archive (ustar).
+std::string TarEntry(const std::string& name, const std::string& content, char type = '0') {
+  std::string header(512, '\0');
+  header.replace(0, std::min<std::size_t>(name.size(), 100), name.substr(0, 100));
+  const auto octal = [&](std::size_t at, int digits, std::uint64_t value) {
+    char text[24];
+    std::snprintf(text, sizeof(text), "%0*llo", digits, static_cast<unsigned long long>(value));
+    header.replace(at, static_cast<std::size_t>(digits), text);
+  };
+  octal(100, 7, 0644);
+  octal(124, 11, content.size());
+  octal(136, 11, 0);
+  header[156] = type;
+  header.replace(257, 8,
+                 std::string("ustar\0"
+                             "00",
+                             8));
+  header.replace(148, 8, "        ");
+  std::uint64_t sum = 0;
+  for (const char c : header) sum += static_cast<unsigned char>(c);
+  octal(148, 6, sum);
+  header[154] = '\0';
+  std::string padded = content;
+  padded.resize((content.size() + 511) / 512 * 512, '\0');
+  return header + padded;
+}
+
+class ImportTest : public ServerTest {
+ protected:
+  void SetUp() override {
+    Start({"--auto-train", "false"});
+    client_ = std::make_unique<httplib::Client>(server_->Client());
+  }
+  Json Finished(const httplib::Result& started) {
+    EXPECT_TRUE(started && started->status == 202) << (started ? started->body : "no answer");
+    if (!started || started->status != 202) return Json::object();
+    const std::string path = started->get_header_value("Location");
+    for (int i = 0; i < 600; ++i) {
+      const Json job = Json::parse(client_->Get(path)->body);
+      if (!job["finished_at"].is_null()) return job;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    ADD_FAILURE() << "the import does not end";
+    return Json::object();
+  }
+  Json Items(const Json& job, const std::string& query = "") {
+    const auto answer = client_->Get("/v1/jobs/" + job["id"].get<std::string>() + "/items" + query);
+    EXPECT_EQ(answer->status, 200) << answer->body;
+    return Json::parse(answer->body);
+  }
+  Json Record(const std::string& id) {
+    return Json::parse(client_->Get(std::string(kImages) + "/" + id)->body);
+  }
+  void Refused(const std::string& body, const std::string& type, int status,
+               const std::string& code, const std::string& query = "") {
+    const auto answer = client_->Post(kImport + query, body, type);
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, status) << answer->body;
+    EXPECT_EQ(Json::parse(answer->body)["code"], code) << answer->body;
+  }
+
+  std::unique_ptr<httplib::Client> client_;
+};
+
+TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
+  const std::string one = Base64Of(TestPicture(1));
+  std::string body;
+  const auto line = [&](const std::string& text) { body += text + "\n"; };
+  line(Json{{"image", one}, {"id", "one"}, {"object", "mug"}, {"metadata", {{"n", 1}}}}.dump());
+  line("");
+  line(Json{{"image", Base64Of(TestPicture(2))}, {"source", "two.png"}}.dump() + "\r");
+  line("{");
+  line("[1]");
+  line(R"({"id": "none"})");
+  line(R"({"image": "*"})");
+  line(R"({"image": 3})");
+  line(Json{{"image", one}, {"name", "x"}}.dump());
+  line(Json{{"image", one}, {"id", "a/b"}}.dump());
+  line(Json{{"image", one}, {"metadata", 3}}.dump());
+  line(Json{{"image", Base64Of("no picture")}}.dump());
+  line(Json{{"image", Base64Of(TestPicture(3).substr(0, 900))}}.dump());
+  line(Json{{"image", one}, {"id", "one"}, {"object", "mug"}, {"metadata", {{"n", 1}}}}.dump());
+  line("\"\xff\"");
+  const Json job = Finished(
+      client_->Post(std::string(kImport) + R"(?object=thing&metadata={"batch":7})", body, kLines));
+  EXPECT_EQ(job["state"], "done") << job;
+  EXPECT_EQ(job["total"], 14);
+  EXPECT_EQ(job["failed"], 11);
+  EXPECT_EQ(job["result"], "/v1/jobs/" + job["id"].get<std::string>() + "/items");
+  const Json items = Items(job)["items"];
+  ASSERT_EQ(items.size(), 14U);
+  std::vector<int> statuses;
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    EXPECT_EQ(items[i]["index"], i);
+    statuses.push_back(items[i]["status"]);
+  }
+  EXPECT_EQ(statuses, (std::vector<int>{201, 201, 400, 400, 400, 400, 400, 400, 400, 400, 415, 422,
+                                        200, 400}));
+  EXPECT_EQ(items[1]["source"], "line 3") << "blank lines are no items, but are counted";
+  EXPECT_EQ(items[3]["problem"]["code"], "invalid_json");
+  EXPECT_EQ(items[4]["problem"]["parameter"], "image");
+  EXPECT_EQ(items[7]["problem"]["code"], "unknown_parameter");
+  EXPECT_EQ(items[12]["outcome"], "unchanged");
+  EXPECT_EQ(Record("one")["object"], "mug");
+  EXPECT_EQ(Record("one")["metadata"], (Json{{"n", 1}}));
+  const Json two = Record(items[1]["image_id"]);
+  EXPECT_EQ(two["object"], "thing");
+  EXPECT_EQ(two["metadata"], (Json{{"batch", 7}}));
+  EXPECT_EQ(two["source"], "two.png");
+  // Page by page.
+  std::size_t seen = 0;
+  std::string query = "?limit=5";
+  while (true) {
+    const Json page = Items(job, query);
+    for (const Json& item : page["items"]) EXPECT_EQ(item["index"], seen++);
+    if (page["next"].is_null()) break;
+    query = "?limit=5&cursor=" + page["next"].get<std::string>();
+  }
+  EXPECT_EQ(seen, 14U);
+  EXPECT_EQ(client_->Get("/v1/jobs/none/items")->status, 404);
+  EXPECT_EQ(client_->Get("/v1/jobs/" + job["id"].get<std::string>() + "/items?cursor=x")->status,
+            400);
+}
+
+TEST_F(ImportTest, TarArchives) {
+  const std::string archive =
+      TarEntry("shelf/", "", '5') + TarEntry("shelf/mug/a.png", TestPicture(1)) +
+      TarEntry("shelf/mug/b.png", TestPicture(2)) + TarEntry("shelf/cup/._c.png", "x") +
+      TarEntry("shelf/cup/c.png", TestPicture(3)) + TarEntry("shelf/notes.txt", "no picture") +
+      TarEntry("link.png", "", '2') + std::string(1024, '\0');
+  const Json job = Finished(client_->Post(kImport, archive, kTar));
+  EXPECT_EQ(job["state"], "done") << job;
+  EXPECT_EQ(job["total"], 4);
+  EXPECT_EQ(job["failed"], 1);
+  const Json items = Items(job)["items"];
+  ASSERT_EQ(items.size(), 4U);
+  EXPECT_EQ(items[0]["object"], "mug");
+  EXPECT_EQ(items[2]["object"], "cup");
+  EXPECT_EQ(items[2]["source"], "shelf/cup/c.png");
+  EXPECT_EQ(items[3]["problem"]["code"], "image_type_unknown");
+  EXPECT_EQ(job["skipped"][0]["item"], "shelf/notes.txt");
+  // Names of files where there are no folders, or as asked.
+  const std::string flat = TarEntry("red mug.png", TestPicture(4)) + std::string(1024, '\0');
+  EXPECT_EQ(Items(Finished(client_->Post(kImport, flat, kTar)))["items"][0]["object"], "red mug");
+  const std::string other = TarEntry("x/y.png", TestPicture(5));  // without an end
+  EXPECT_EQ(Items(Finished(client_->Post(std::string(kImport) + "?object_from=none", other,
+                                         kTar)))["items"][0]["object"],
+            "");
+  // GNU's long names.
+  const std::string name = std::string(150, 'd') + "/" + std::string(150, 'f') + ".png";
+  const std::string longer =
+      TarEntry("././@LongLink", name + std::string(1, '\0'), 'L') + TarEntry(name, TestPicture(6));
+  EXPECT_EQ(Items(Finished(client_->Post(kImport, longer, kTar)))["items"][0]["object"],
+            std::string(150, 'd'));
+}
+
+TEST_F(ImportTest, BodiesThatAreNoneAreRefusedAtOnce) {
+  Refused("", kLines, 400, "missing_parameter");
+  Refused("\n \n", kLines, 400, "missing_parameter");
+  Refused("x", "application/json", 415, "unsupported_content_type");
+  Refused("no archive", kTar, 400, "bad_request");
+  Refused(std::string(512, 'x'), kTar, 400, "bad_request");
+  Refused(std::string(1024, '\0'), kTar, 400, "missing_parameter");
+  const std::string entry = TarEntry("a.png", TestPicture(1));
+  Refused(entry.substr(0, entry.size() / 2), kTar, 400, "bad_request");
+  std::string damaged = entry;
+  damaged[5] = 'x';
+  Refused(damaged, kTar, 400, "bad_request");
+  std::string many;
+  for (int i = 0; i < 10'001; ++i) many += "{}\n";
+  Refused(many, kLines, 400, "invalid_parameter");
+  Refused("{}", kLines, 400, "invalid_parameter", "?object_from=x");
+  Refused("{}", kLines, 400, "invalid_json", "?metadata=x");
+  EXPECT_EQ(client_->Post("/v1/collections/none/images:import", "{}", kLines)->status, 404);
+  EXPECT_EQ(Json::parse(client_->Get("/v1/jobs")->body)["jobs"].size(), 0U);
+}
+
+TEST_F(ImportTest, AnImportGoesOnAfterKill) {
+  std::string body;
+  for (std::uint64_t i = 0; i < 40; ++i) {
+    body +=
+        Json{{"image", Base64Of(TestPicture(i))}, {"id", "p" + std::to_string(i)}}.dump() + "\n";
+  }
+  const auto started = client_->Post(kImport, body, kLines);
+  ASSERT_EQ(started->status, 202) << started->body;
+  const std::string path = started->get_header_value("Location");
+  while (Json::parse(client_->Get(path + "/items")->body)["items"].size() < 3) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  server_->Signal(SIGKILL);
+  server_->Wait();
+  Start({"--auto-train", "false"});
+  client_ = std::make_unique<httplib::Client>(server_->Client());
+  const Json job = Finished(started);
+  EXPECT_EQ(job["state"], "done") << job;
+  EXPECT_EQ(job["failed"], 0);
+  const Json items = Items(job, "?limit=100")["items"];
+  ASSERT_EQ(items.size(), 40U);
+  std::size_t unchanged = 0;
+  for (const Json& item : items) {
+    EXPECT_LT(item["status"], 300);
+    if (item["outcome"] == "unchanged") ++unchanged;
+  }
+  EXPECT_LE(unchanged, 4U) << "what was done is not done again";
+  EXPECT_EQ(Json::parse(client_->Get("/v1/collections/default")->body)["images"], 40);
+}
+
+TEST_F(ImportTest, ExportsAllRecordsOrSome) {
+  std::set<std::string> ids;
+  for (std::uint64_t i = 0; i < 7; ++i) {
+    const std::string id = "p" + std::to_string(i);
+    ASSERT_EQ(client_
+                  ->Put(std::string(kImages) + "/" + id + "?object=o" + std::to_string(i % 2) +
+                            "&metadata={\"n\":" + std::to_string(i) + "}",
+                        TestPicture(i), "image/png")
+                  ->status,
+              201);
+    ids.insert(id);
+  }
+  const auto lines = [&](const std::string& query) {
+    const auto answer = client_->Get(kExport + query);
+    EXPECT_EQ(answer->status, 200) << answer->body;
+    EXPECT_EQ(answer->get_header_value("Content-Type"), "application/x-ndjson");
+    EXPECT_EQ(answer->get_header_value("Content-Length"), std::to_string(answer->body.size()));
+    std::vector<Json> records;
+    for (std::size_t begin = 0; begin < answer->body.size();) {
+      const std::size_t end = answer->body.find('\n', begin);
+      records.push_back(Json::parse(answer->body.substr(begin, end - begin)));
+      begin = end + 1;
+    }
+    return records;
+  };
+  const std::vector<Json> all = lines("");
+  ASSERT_EQ(all.size(), 7U);
+  for (const Json& record : all) EXPECT_EQ(record, Record(record["id"]));
+  EXPECT_EQ(lines("?object=o1").size(), 3U);
+  EXPECT_EQ(lines("?filter=%7B%22n%22%3A%7B%22gt%22%3A4%7D%7D").size(), 2U);
+  EXPECT_TRUE(lines("?q=nothing").empty());
+  const auto head = client_->Head(kExport);
+  EXPECT_EQ(head->status, 200);
+  EXPECT_GT(std::stoi(head->get_header_value("Content-Length")), 1000);
+  EXPECT_EQ(client_->Get("/v1/collections/none/export")->status, 404);
+  EXPECT_EQ(client_->Get(std::string(kExport) + "?filter=x")->status, 400);
+  EXPECT_EQ(client_->Get("/livez")->status, 200) << "the connection goes on";
+}
+
+TEST_F(ImportTest, ALongExportIsSentAsTheClientTakesItAndTheServerStaysSmall) {
+  // Large metadata make a large answer of few pictures.
+  const std::string filler(60'000, 'x');
+  const std::string picture = TestPicture(1);
+  for (int i = 0; i < 200; ++i) {
+    const Json body = {{"image", Base64Of(picture)}, {"metadata", {{"filler", filler}, {"i", i}}}};
+    ASSERT_EQ(
+        client_
+            ->Put(std::string(kImages) + "/p" + std::to_string(i), body.dump(), "application/json")
+            ->status,
+        201);
+  }
+  std::size_t taken = 0;
+  std::size_t newlines = 0;
+  auto slow = server_->Client();
+  const auto answer = slow.Get(kExport, [&](const char* data, std::size_t size) {
+    if (taken == 0) std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    taken += size;
+    newlines += static_cast<std::size_t>(std::count(data, data + size, '\n'));
+    return true;
+  });
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_GT(taken, 200U * 60'000U);
+  EXPECT_EQ(newlines, 200U);
+  // Somebody who goes away in between harms nobody.
+  auto gone = server_->Client();
+  gone.Get(kExport, [](const char*, std::size_t) { return false; });
+  EXPECT_EQ(client_->Get("/livez")->status, 200);
+}
+
+TEST_F(ImportTest, FeaturesAsNumpyArchive) {
+  ASSERT_EQ(client_->Put(std::string(kImages) + "/p", TestPicture(1), "image/png")->status, 201);
+  const auto answer = client_->Get(std::string(kImages) + "/p/features?format=npz");
+  ASSERT_EQ(answer->status, 200) << answer->body;
+  EXPECT_EQ(answer->get_header_value("Content-Type"), "application/vnd.numpy.npz");
+  EXPECT_EQ(answer->body.substr(0, 4), std::string("PK\x03\x04"));
+  for (const char* name : {"keypoints.npy", "descriptors.npy", "model_id.npy", "width.npy"}) {
+    EXPECT_THAT(answer->body, HasSubstr(name));
+  }
+  EXPECT_EQ(client_->Get(std::string(kImages) + "/p/features?format=zip")->status, 400);
+  EXPECT_EQ(Json::parse(client_->Get(std::string(kImages) + "/p/features?format=json")->body)
+                .contains("keypoints"),
+            true);
+}
+
+}  // namespace
+}  // namespace pliant::testing
