@@ -17,8 +17,8 @@ test("what the server holds and does is shown, and follows it", async () => {
   for (const pattern of [/Database\s+[\d.]+ [kM]B\s+[\d.,]+ [GMk]B free/, /Memory\s+\d+ MB/, /Requests\s+[\d.]+ a second/, /Waiting\s+0/, /Busy cores\s+\d/]) {
     assert.match(facts, pattern);
   }
-  assert.match(await house.text(page, "#status-collections"), /default\s+6\s+6/);
-  assert.match(await house.text(page, "#status-jobs"), /Loading demonstration objects\s*done/);
+  await house.waitForText(page, "#status-collections", /default\s+6\s+6/);
+  await house.waitForText(page, "#status-jobs", /Loading demonstration objects\s*done/);
   const before = /([\d,]+) in all/.exec(facts)[1];
   await page.waitForFunction((was) => !document.querySelector("#status-facts").innerText.includes(`${was} in all`), before);
   await page.waitForFunction(() => document.querySelector(".curve polyline").getAttribute("points").split(" ").length > 2);
