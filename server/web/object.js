@@ -60,6 +60,8 @@ export const objectView = {
     byId("object-title").textContent = name;
     byId("object-edit").replaceChildren();
     byId("object-edit").classList.remove("editing");
+    byId("object-actions").replaceChildren();  // those of another object
+    byId("object-count").textContent = "";
     setTitle(name);
     const listed = pictures.show({ object: name, in: api.collectionName() }, how);
     try {
@@ -70,8 +72,6 @@ export const objectView = {
       showActions(record);
     } catch (error) {
       if (number !== latest) return;
-      byId("object-actions").replaceChildren();
-      byId("object-count").textContent = "";
       await listed;
       say(byId("object-status"), error.status === 404 ? `There is no object called ${name}.` : error.message, true);
     }

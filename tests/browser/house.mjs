@@ -184,6 +184,18 @@ export async function waitForText(page, selector, pattern) {
   }
 }
 
+// Waits until `check` throws no more: for what the page draws a moment after what was waited for.
+export async function eventually(check) {
+  for (const end = Date.now() + kPatienceMs;;) {
+    try {
+      return await check();
+    } catch (error) {
+      if (Date.now() > end) throw error;
+      await new Promise((wake) => setTimeout(wake, 50));
+    }
+  }
+}
+
 // Waits until a search is answered; the names of the hits.
 export async function hitNames(page) {
   await waitForText(page, "#search-status", /result/);

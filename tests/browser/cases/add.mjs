@@ -27,10 +27,10 @@ test("many at once, with names; what fails says why and can be tried again", asy
   await page.getByRole("button", { name: "Add 5 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 2 failed/);
   const row = (name) => page.locator("#add-list li", { hasText: name });
-  assert.match(await row("scarf 1.png").innerText(), /added: \d+ key points/);
-  assert.match(await row("notes.txt").innerText(), /not a picture that Pliant reads/);
-  assert.match(await row("blank.png").innerText(), /too little detail/);
-  assert.match(await house.text(page, "#add-summary"), /3 of 5 pictures added, 2 failed/);
+  await house.eventually(async () => assert.match(await row("scarf 1.png").innerText(), /added: \d+ key points/));
+  await house.eventually(async () => assert.match(await row("notes.txt").innerText(), /not a picture that Pliant reads/));
+  await house.eventually(async () => assert.match(await row("blank.png").innerText(), /too little detail/));
+  await house.eventually(async () => assert.match(await house.text(page, "#add-summary"), /3 of 5 pictures added, 2 failed/));
   const [value, max] = await page.locator("#add-bar").evaluate((bar) => [bar.value, bar.max]);
   assert.deepEqual([value, max], [5, 5]);
   await house.shoot(page, "added");
@@ -47,7 +47,7 @@ test("many at once, with names; what fails says why and can be tried again", asy
   await page.getByRole("button", { name: "Add 1 picture" }).click();
   await house.waitForText(page, "#add-list li:last-child", /was there already/);
   await page.getByRole("button", { name: "Clear the list" }).click();
-  assert.equal(await page.locator("#add-form").isVisible(), false);
+  await house.eventually(async () => assert.equal(await page.locator("#add-form").isVisible(), false));
   await house.closePage(page);
 });
 
@@ -76,8 +76,8 @@ test("pictures are called what their files are called, unless somebody says othe
       .map(({ object, source }) => [source, object]));
   await page.locator("#add-files").setInputFiles(
     ["green tin.png", "v1.2 box.jpeg", "image.png", "IMG.PNG"].map((one, i) => file(one, blobs(40 + i))));
-  assert.equal(await name("green tin.png").inputValue(), "green tin");
-  assert.equal(await name("v1.2 box.jpeg").inputValue(), "v1.2 box");
+  await house.eventually(async () => assert.equal(await name("green tin.png").inputValue(), "green tin"));
+  await house.eventually(async () => assert.equal(await name("v1.2 box.jpeg").inputValue(), "v1.2 box"));
   const made = [await name("image.png").inputValue(), await name("IMG.PNG").inputValue()];
   assert.match(made[0], /^Photo \d{4}-\d\d-\d\d \d\d\.\d\d\.\d\d$/);
   assert.notEqual(made[0], made[1], "two of a name that says nothing are not one object");
@@ -86,11 +86,11 @@ test("pictures are called what their files are called, unless somebody says othe
   await house.shoot(page, "names");
 
   await page.locator("#add-object").fill("all of it");
-  assert.equal(await name("green tin.png").inputValue(), "all of it");
+  await house.eventually(async () => assert.equal(await name("green tin.png").inputValue(), "all of it"));
   await name("v1.2 box.jpeg").fill("a box");
   await page.locator("#add-object").fill("");
-  assert.equal(await name("green tin.png").inputValue(), "green tin", "the file's name comes back");
-  assert.equal(await name("v1.2 box.jpeg").inputValue(), "a box", "what was typed stays");
+  await house.eventually(async () => assert.equal(await name("green tin.png").inputValue(), "green tin", "the file's name comes back"));
+  await house.eventually(async () => assert.equal(await name("v1.2 box.jpeg").inputValue(), "a box", "what was typed stays"));
   await page.getByRole("button", { name: "Add 4 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
   assert.deepEqual(await stored(), { "green tin.png": "green tin", "v1.2 box.jpeg": "a box",
@@ -120,7 +120,7 @@ test("pictures that others added without a name are shown by their files'", asyn
   await page.goto(`${own.address}/#/search`);
   await page.locator("#search-file").setInputFiles([file("query.png", blobs(51))]);
   assert.match((await house.hitNames(page))[0], /kettle/);
-  assert.match(await house.text(page, "#search-status"), /kettle/);
+  await house.eventually(async () => assert.match(await house.text(page, "#search-status"), /kettle/));
   await house.closePage(page);
   await own.stop();
 });

@@ -13,7 +13,7 @@ test("the first key closes the server, and the page goes on with it; others are 
   const page = await house.openPage(own.address);
   await page.getByRole("link", { name: "Keys", exact: true }).click();
   await house.waitForText(page, "#keys-none", /no key yet/);
-  assert.equal(await page.locator("#keys-scope").inputValue(), "admin");
+  await house.eventually(async () => assert.equal(await page.locator("#keys-scope").inputValue(), "admin"));
   assert.equal(await page.locator('#keys-scope option[value="read"]').evaluate((one) => one.disabled), true);
   await house.checkAccessibility(page, "no keys");
   await page.getByRole("button", { name: "Make a key" }).click();

@@ -26,12 +26,12 @@ test("pictures come as one scrolls, or by a button", async () => {
   await addPictures();
   const page = await house.openPage(`${server.address}/#/pictures`);
   await cards(page, "pictures").first().waitFor();
-  assert.equal(await cards(page, "pictures").count(), 24);
+  await house.eventually(async () => assert.equal(await cards(page, "pictures").count(), 24));
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 30);
   const hrefs = await page.locator("#pictures-list .card > a").evaluateAll((list) => list.map((one) => one.href));
   assert.equal(new Set(hrefs).size, kPictures, "each once");
-  assert.equal(await page.getByRole("button", { name: "Show more" }).isVisible(), false);
+  await house.eventually(async () => assert.equal(await page.getByRole("button", { name: "Show more" }).isVisible(), false));
   await house.shoot(page, "pictures");
   await house.checkAccessibility(page, "pictures");
   await house.checkOverlaps(page, "pictures");
@@ -42,7 +42,7 @@ test("pictures come as one scrolls, or by a button", async () => {
   await cards(page, "pictures").first().waitFor();
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await house.waitForText(page, "#pictures-status.error", /cannot be reached/);
-  assert.equal(await cards(page, "pictures").count(), 24);
+  await house.eventually(async () => assert.equal(await cards(page, "pictures").count(), 24));
   await page.unroute("**/images?*cursor=*");
   await page.getByRole("button", { name: "Show more" }).focus();
   await page.keyboard.press("Enter");
@@ -55,8 +55,8 @@ test("pictures come as one scrolls, or by a button", async () => {
 test("an object leads to its pictures, a picture to its page", async () => {
   const page = await house.openPage(`${server.address}/#/objects`);
   await cards(page, "objects").first().waitFor();
-  assert.equal(await cards(page, "objects").count(), 3);
-  assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 pictures/);
+  await house.eventually(async () => assert.equal(await cards(page, "objects").count(), 3));
+  await house.eventually(async () => assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 pictures/));
   await house.checkAccessibility(page, "objects");
   await cards(page, "objects").nth(1).getByRole("link").click();
   await house.waitForText(page, "#object-title", /^thing 1$/);
@@ -73,7 +73,7 @@ test("words find pictures and objects; the order can be chosen, and stands in th
   await cards(page, "pictures").first().waitFor();
   await house.waitForText(page, "#pictures-bar", /30 pictures/);
   const { images } = await (await fetch(`${server.address}/v1/collections/default/images?sort=-created&limit=1`)).json();
-  assert.match(await page.locator("#pictures-list .card > a").first().getAttribute("href"), new RegExp(images[0].id));
+  await house.eventually(async () => assert.match(await page.locator("#pictures-list .card > a").first().getAttribute("href"), new RegExp(images[0].id)));
   const { images: some } = await (await fetch(`${server.address}/v1/collections/default/images?limit=2`)).json();
   for (const { id } of some) {
     await fetch(`${server.address}/v1/collections/default/images/${id}`, {
@@ -90,8 +90,8 @@ test("words find pictures and objects; the order can be chosen, and stands in th
   await page.waitForFunction(() => location.hash.includes("sort=created"));
   await page.reload();
   await house.waitForText(page, "#pictures-bar", /2 pictures/);
-  assert.equal(await page.getByRole("searchbox", { name: "Find pictures" }).inputValue(), "ZEBRA thing");
-  assert.equal(await page.getByRole("combobox", { name: "Order of the pictures" }).inputValue(), "created");
+  await house.eventually(async () => assert.equal(await page.getByRole("searchbox", { name: "Find pictures" }).inputValue(), "ZEBRA thing"));
+  await house.eventually(async () => assert.equal(await page.getByRole("combobox", { name: "Order of the pictures" }).inputValue(), "created"));
   await page.getByRole("searchbox", { name: "Find pictures" }).fill("nothing like this");
   await house.waitForText(page, "#pictures-status", /Nothing here has "nothing like this"/);
 

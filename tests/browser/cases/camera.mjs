@@ -52,7 +52,7 @@ test("what is before the camera is found, outlined and followed, and the next th
   // Who leaves turns the camera off; nothing is asked for any more.
   const track = await page.evaluateHandle(() => document.querySelector("#camera-video").srcObject.getTracks()[0]);
   await page.getByRole("link", { name: "Browse" }).click();
-  assert.equal(await track.evaluate((one) => one.readyState), "ended");
+  await page.waitForFunction((one) => one.readyState === "ended", track);
   await page.waitForLoadState("networkidle");
   const before = asked.length;
   await page.waitForTimeout(1500);
@@ -60,7 +60,7 @@ test("what is before the camera is found, outlined and followed, and the next th
   await page.goBack();
   await house.waitForText(page, "#camera-status", /^(Found|Following)/);
   await page.getByRole("button", { name: "Stop the camera" }).click();
-  assert.equal(await page.locator("#camera-frame").isVisible(), false);
+  await house.eventually(async () => assert.equal(await page.locator("#camera-frame").isVisible(), false));
   await page.getByRole("button", { name: "Start the camera" }).click();
   await house.waitForText(page, "#camera-status", /^(Found|Following)/);
   await house.closePage(page);

@@ -13,10 +13,10 @@ test("what to do is said in words, training is followed, a vocabulary can be cho
   await house.loadDemonstration(server.address);
   await page.reload();
   await house.waitForText(page, "#recommendation", /none yet[^]*Train one now/);
-  assert.match(await house.text(page, "#collection-facts"), /Pictures\s+6\s+Objects\s+6/);
+  await house.eventually(async () => assert.match(await house.text(page, "#collection-facts"), /Pictures\s+6\s+Objects\s+6/));
   await page.getByRole("button", { name: "Train", exact: true }).click();
   await house.waitForText(page, "#recommendation", /Nothing to do/);
-  assert.match(await house.text(page, "#jobs"), /Choosing a vocabulary\s*done/);
+  await house.eventually(async () => assert.match(await house.text(page, "#jobs"), /Choosing a vocabulary\s*done/));
   await page.getByRole("button", { name: "Retrain" }).click();
   await page.locator("#vocabularies tr").nth(1).waitFor();
   await page.getByRole("button", { name: "Use vocabulary 1" }).click();

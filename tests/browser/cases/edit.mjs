@@ -39,14 +39,14 @@ test("an object is renamed in place, with all its pictures", async () => {
   await page.getByLabel("Name", { exact: true }).fill("tea mug");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#objects-list", /tea mug/);
-  assert.match(await card(page, "objects", "tea mug").innerText(), /2 pictures/);
+  await house.eventually(async () => assert.match(await card(page, "objects", "tea mug").innerText(), /2 pictures/));
   assert.equal(await status("/objects/mug"), 404);
   await page.waitForFunction(() => document.activeElement.textContent.includes("tea mug"));
 
   // Escape closes the form, and nothing has changed.
   await page.getByRole("button", { name: "Rename cup" }).click();
   await page.keyboard.press("Escape");
-  assert.equal(await page.locator("form.edit").count(), 0);
+  await house.eventually(async () => assert.equal(await page.locator("form.edit").count(), 0));
   assert.match(await page.evaluate(() => document.activeElement.ariaLabel), /Rename cup/);
 
   // A name that is taken: nothing happens unless somebody says so.
@@ -116,7 +116,7 @@ test("an offer holds for the name that it was made for", async () => {
   await page.keyboard.press("Enter");
   await offer.waitFor();
   await field.fill("pot");
-  assert.equal(await offer.count(), 0);
+  await house.eventually(async () => assert.equal(await offer.count(), 0));
   await page.keyboard.press("Enter");
   await offer.waitFor();
   await field.evaluate((input) => { input.value = "mug"; });  // as nobody types
@@ -131,7 +131,7 @@ test("a picture moves to another object and gets other labels; what was not touc
   const page = await house.openPage(`${server.address}/#/pictures`);
   await page.getByRole("button", { name: "Edit the picture a of mug" }).click();
   const labels = page.getByLabel("Labels, one a line");
-  assert.equal(await labels.inputValue(), "code=007\ncolour=red\nshelf=4");
+  await house.eventually(async () => assert.equal(await labels.inputValue(), "code=007\ncolour=red\nshelf=4"));
   await page.getByLabel("Shows").fill("cup");
   await labels.fill("code=007\nshelf=5\nnew=true, and more");
   await house.checkAccessibility(page, "editing");
@@ -139,7 +139,7 @@ test("a picture moves to another object and gets other labels; what was not touc
   await page.getByRole("button", { name: "Save" }).click();
   const changed = page.locator("#pictures-list .card", { has: page.getByRole("button", { name: "Edit the picture a of cup" }) });
   await changed.waitFor();
-  assert.match(await changed.innerText(), /shelf: 5/);
+  await house.eventually(async () => assert.match(await changed.innerText(), /shelf: 5/));
   assert.match(await page.evaluate(() => document.activeElement.ariaLabel), /Edit the picture a of cup/);
   const now = await read("/images/a");
   assert.equal(now.object, "cup");
@@ -169,7 +169,7 @@ test("two clicks open one form, also behind a proxy that makes ETags weak", asyn
   });
   await page.locator("form.edit").first().waitFor();
   await page.waitForLoadState("networkidle");
-  assert.deepEqual([reads, await page.locator("form.edit").count()], [2, 1]);
+  await house.eventually(async () => assert.deepEqual([reads, await page.locator("form.edit").count()], [2, 1]));
   await page.getByLabel("Shows").fill("beaker");
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "#pictures-list", /beaker/);
@@ -194,7 +194,7 @@ test("a picture that moves into an object on its way out does not come back", as
   });
   await page.getByRole("button", { name: "Save" }).click();
   await page.waitForFunction(() => document.activeElement.id === "pictures-title");
-  assert.equal(await card(page, "pictures", "c").locator("form").count(), 0);
+  await house.eventually(async () => assert.equal(await card(page, "pictures", "c").locator("form").count(), 0));
   await house.closePage(page);
 });
 
@@ -209,7 +209,7 @@ test("what somebody else has changed meanwhile is not overwritten", async () => 
   assert.equal((await read("/images/a")).object, "theirs");
   await page.getByRole("button", { name: "Cancel" }).click();
   await page.getByRole("button", { name: "Edit the picture a of mug" }).click();
-  assert.equal(await page.getByLabel("Shows").inputValue(), "theirs");
+  await house.eventually(async () => assert.equal(await page.getByLabel("Shows").inputValue(), "theirs"));
   await house.closePage(page);
 });
 
@@ -229,7 +229,7 @@ test("a picture that is there already by another name can be renamed where it is
   await page.getByRole("button", { name: "Call it beaker" }).click();
   await house.waitForText(page, "#add-list li:last-child", /is called beaker now/);
   assert.equal((await read("/images/a")).object, "beaker");
-  assert.match(await house.text(page, "#add-summary"), /1 of 1 picture added/);
+  await house.eventually(async () => assert.match(await house.text(page, "#add-summary"), /1 of 1 picture added/));
   await house.closePage(page);
 });
 

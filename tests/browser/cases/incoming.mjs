@@ -101,7 +101,7 @@ test("GIF and AVIF are converted by the browser; what nobody can read is said wi
     { name: "phone.heic", mimeType: "image/heic", buffer: heic }]);
   await page.getByRole("button", { name: "Add 2 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 1 picture added, 1 failed/);
-  assert.match(await page.locator("#add-list li", { hasText: "phone.heic" }).innerText(), /HEIC/);
+  await house.eventually(async () => assert.match(await page.locator("#add-list li", { hasText: "phone.heic" }).innerText(), /HEIC/));
   const { images } = await (await fetch(`${base}/images?object=cat`)).json();
   assert.deepEqual([images[0].media_type, images[0].source, images[0].width], ["image/png", "cat.png", 320]);
   await house.closePage(page);

@@ -89,7 +89,7 @@ test("who may only read is offered nothing else; another key changes that at onc
   await page.getByRole("link", { name: "Add", exact: true }).waitFor();
   await page.goto(`${own.address}/#/collection`);
   await house.waitForText(page, "#collection-facts", /Pictures\s+1/);
-  assert.equal(await page.locator("#collection-form").isVisible(), false, "only for admins");
+  await house.eventually(async () => assert.equal(await page.locator("#collection-form").isVisible(), false, "only for admins"));
   await enter(admin);
   await page.locator("#collection-form").waitFor();
   await house.closePage(page);

@@ -16,8 +16,8 @@ test("the camera comes first; the answer is on the first screen", async () => {
   assert.ok((await camera.boundingBox()).y <= (await choose.boundingBox()).y, "above or beside");
   const colour = (label) => label.evaluate((one) => getComputedStyle(one).backgroundColor);
   assert.notEqual(await colour(camera), await colour(choose), "the camera is the one that stands out");
-  assert.equal(await page.locator("#search-camera").getAttribute("capture"), "environment");
-  assert.equal(await page.locator(".drop-text").first().isVisible(), false, "nothing can be dropped here");
+  await house.eventually(async () => assert.equal(await page.locator("#search-camera").getAttribute("capture"), "environment"));
+  await house.eventually(async () => assert.equal(await page.locator(".drop-text").first().isVisible(), false, "nothing can be dropped here"));
 
   const poster = objects.find(({ object }) => object === "poster");
   await page.evaluate(() => scrollTo(0, 300));
@@ -32,7 +32,7 @@ test("the camera comes first; the answer is on the first screen", async () => {
 
   // One slider takes the place of three pictures.
   await page.locator("#blend").waitFor();
-  assert.equal(await page.locator("#trio figure:visible").count(), 1);
+  await house.eventually(async () => assert.equal(await page.locator("#trio figure:visible").count(), 1));
   await page.locator("#compare").scrollIntoViewIfNeeded();
   await house.shoot(page, "phone-found");
   await house.closePage(page);

@@ -42,8 +42,8 @@ for (const [size, options] of Object.entries({ wide: {}, phone: kPhone })) {
     await house.waitForText(page, "#picture-title", /^kettle$/);
     assert.equal(await page.title(), "kettle – Pliant");
     await page.waitForFunction(() => document.querySelector("#picture-frame img")?.naturalWidth === 480);
-    assert.match(await house.text(page, "#picture-facts"), /480 × 360[^]*key points/);
-    assert.match(await house.text(page, "#picture-labels"), /colour: red\s*shelf: 4/);
+    await house.eventually(async () => assert.match(await house.text(page, "#picture-facts"), /480 × 360[^]*key points/));
+    await house.eventually(async () => assert.match(await house.text(page, "#picture-labels"), /colour: red\s*shelf: 4/));
     await house.checkAccessibility(page, `picture ${size}`);
     await house.checkWidth(page, `picture ${size}`);
     await house.checkOverlaps(page, `picture ${size}`);
@@ -63,7 +63,7 @@ for (const [size, options] of Object.entries({ wide: {}, phone: kPhone })) {
     await put("kettle-1", "kettle", blobs(301, 480, 360), { shelf: 4, colour: "red" });
 
     await page.getByRole("button", { name: "Full size" }).click();
-    assert.equal(await page.getByRole("button", { name: "Full size" }).getAttribute("aria-pressed"), "true");
+    await house.eventually(async () => assert.equal(await page.getByRole("button", { name: "Full size" }).getAttribute("aria-pressed"), "true"));
     assert.ok(await page.locator("#picture-frame img").evaluate((one) => one.clientWidth) === 480);
     await house.checkWidth(page, `full size ${size}`);
     await house.closePage(page);
@@ -84,7 +84,7 @@ test("copies: the same file and the same photograph are told from parts and othe
   await page.waitForFunction(() => location.hash.includes("copy-"));
   await page.goto(`${server.address}/#/picture?id=lamp-1`);
   await house.waitForText(page, "#picture-title", /^lamp$/);
-  assert.equal(await page.locator("#copies-list li").count(), 0, "those of the picture before are gone");
+  await house.eventually(async () => assert.equal(await page.locator("#copies-list li").count(), 0, "those of the picture before are gone"));
   await page.getByRole("button", { name: "Look for copies" }).click();
   await house.waitForText(page, "#copies-status", /No copy of this picture/);
   await house.closePage(page);
@@ -140,7 +140,7 @@ test("an object's page: its pictures, its name, its end", async () => {
   await house.waitForText(page, "#object-title", /^lamp$/);
   await page.getByRole("link", { name: "Add pictures of it" }).click();
   await page.locator("#add-files").setInputFiles([{ name: "x.png", mimeType: "image/png", buffer: blobs(399) }]);
-  assert.equal(await page.getByLabel("Object that x.png shows").inputValue(), "lamp");
+  await house.eventually(async () => assert.equal(await page.getByLabel("Object that x.png shows").inputValue(), "lamp"));
   await page.goto(`${server.address}/#/object?name=nothing`);
   await house.waitForText(page, "#object-status.error", /no object called nothing/);
   await house.closePage(page);
@@ -176,7 +176,7 @@ test("find similar, and \"Use this\": the picture that is searched with does not
   const alone = await house.openPage(`${demonstration.address}/#/picture?id=demo-poster`);
   await alone.getByRole("link", { name: "Find similar" }).click();
   await house.waitForText(alone, "#search-status", /^(Nothing else in your collection is like it|Not sure)/);
-  assert.equal(await alone.locator('.hit[data-id="demo-poster"]').count(), 0);
+  await house.eventually(async () => assert.equal(await alone.locator('.hit[data-id="demo-poster"]').count(), 0));
   await house.closePage(alone);
 
   const page = await house.openPage(`${server.address}/#/search?image=copy-small`);
@@ -185,7 +185,7 @@ test("find similar, and \"Use this\": the picture that is searched with does not
   await page.waitForFunction(() => !location.hash.includes("copy-small"));
   await house.waitForText(page, "#search-status", /ound: |objects found/);
   const used = await page.evaluate(() => new URLSearchParams(location.hash.split("?")[1]).get("image"));
-  assert.equal(await page.locator(`.hit[data-id="${used}"]`).count(), 0, used);
+  await house.eventually(async () => assert.equal(await page.locator(`.hit[data-id="${used}"]`).count(), 0, used));
   await house.closePage(page);
 });
 

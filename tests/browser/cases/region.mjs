@@ -86,7 +86,7 @@ test("a finger scrolls, and draws when asked to", async () => {
   }, [x0, y0, x1, y1]);
   const searches = (await askedRegions(page)).length;
   await swipe(0.2, 0.2, 0.8, 0.8);
-  assert.equal(await page.locator("#region").isVisible(), false);
+  await house.eventually(async () => assert.equal(await page.locator("#region").isVisible(), false));
   await page.locator("#region-start").tap();
   await swipe(0.2, 0.2, 0.8, 0.8);
   await house.waitForText(page, "#search-status", /inside the part/);

@@ -102,7 +102,7 @@ test("several objects become one", async () => {
   await box(page, "box 0").check();
   await box(page, "box 2").check();
   await page.getByRole("button", { name: "Make one of them…" }).click();
-  assert.equal(await page.getByLabel("Name of the one object").inputValue(), "box 0");
+  await house.eventually(async () => assert.equal(await page.getByLabel("Name of the one object").inputValue(), "box 0"));
   await page.getByLabel("Name of the one object").fill("chest");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#notices", /2 objects became chest/);

@@ -48,11 +48,11 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     const verdict = await house.text(page, "#search-status");
     for (const name of ["town map", "newspaper", "poster"]) assert.ok(verdict.includes(name), verdict);
     const tags = page.locator("#stage-tags .tag");
-    assert.equal(await tags.count(), 3);
+    await house.eventually(async () => assert.equal(await tags.count(), 3));
     const { kColours } = await page.evaluate(() => import("/assets/stage.js").then(({ kColours }) => ({ kColours })));
     const shares = await sharesOf(page, kColours.slice(0, 3));
     assert.ok(shares.every((share) => share > 0.0005), `three colours: ${shares}`);
-    assert.match(await house.text(page, "#stage-note"), /^Outlined: .*; .*; /);
+    await house.eventually(async () => assert.match(await house.text(page, "#stage-note"), /^Outlined: .*; .*; /));
     await house.shoot(page, `several-${size}`);
     await house.checkAccessibility(page, `several, ${size}`);
     await house.checkWidth(page, `several, ${size}`);
@@ -77,7 +77,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
       await house.waitForText(page, "#compare-title", new RegExp(`Compare: ${name}`));
       assert.match(await chosen(), new RegExp(name));
     }
-    assert.equal(await page.locator("#region").isVisible(), false, "a tap draws no rectangle");
+    await house.eventually(async () => assert.equal(await page.locator("#region").isVisible(), false, "a tap draws no rectangle"));
     await house.closePage(page);
   });
 }

@@ -13,20 +13,20 @@ const server = await house.server("first visit");  // nobody else loads anything
 test("an empty collection teaches what to do; the demonstration is found un-crumpled", async () => {
   const page = await house.openPage(server.address);
   await page.locator("#welcome").waitFor();
-  assert.match(await house.text(page, "#welcome"), /nothing to find yet/);
-  assert.equal(await page.locator("#examples").isVisible(), false);
+  await house.eventually(async () => assert.match(await house.text(page, "#welcome"), /nothing to find yet/));
+  await house.eventually(async () => assert.equal(await page.locator("#examples").isVisible(), false));
   await house.checkAccessibility(page, "first visit");
   await house.shoot(page, "first-visit");
 
   await page.getByRole("button", { name: "Load demonstration objects" }).click();
   const example = page.getByRole("button", { name: "crumpled picture of: town map" });
   await example.waitFor();
-  assert.equal(await page.locator("#welcome").isVisible(), false);
+  await house.eventually(async () => assert.equal(await page.locator("#welcome").isVisible(), false));
   await house.shoot(page, "demonstration-loaded");
 
   await example.click();
   assert.match((await house.hitNames(page))[0], /^1\. town map$/);
-  assert.match(await house.text(page, "#results .hit:first-child"), /the same[^]*points agree/);
+  await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /the same[^]*points agree/));
   await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
   assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query");
   assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit");

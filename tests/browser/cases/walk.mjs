@@ -43,7 +43,7 @@ test("a first visit by telephone: 24 files without typing, one renamed, then ask
   await house.shoot(page, "walk-found");
 
   await ask(photo({ seed: 99, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Not in your collection\./);
-  assert.equal(await page.locator(".tag").count(), 0);
+  await house.eventually(async () => assert.equal(await page.locator(".tag").count(), 0));
   await house.shoot(page, "walk-absent");
 
   await ask(photo({ seed: 1, x: 165, y: 120, scale: 0.9, angle: 8 }, { seed: 2, x: 480, y: 125, scale: 0.9, angle: -12 },
@@ -51,7 +51,7 @@ test("a first visit by telephone: 24 files without typing, one renamed, then ask
             /^4 objects found: /);
   const verdict = await house.text(page, "#search-status .verdict");
   for (const i of [0, 1, 4, 5]) assert.ok(verdict.includes(nameOf(i)), verdict);
-  assert.equal(await page.locator(".tag").count(), 4);
+  await house.eventually(async () => assert.equal(await page.locator(".tag").count(), 4));
   const middles = await page.locator(".tag").evaluateAll((list) => list.map((one) => one.getBoundingClientRect()));
   for (const [i, a] of middles.entries()) {
     for (const b of middles.slice(i + 1)) {
