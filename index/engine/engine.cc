@@ -135,6 +135,21 @@ bool Engine::CreateCollection(const std::string& name) { return impl_->CreateCol
 
 std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().ListCollections(); }
 
+std::vector<CollectionLabel> Engine::ListLabels() { return impl_->catalogue().ListLabels(); }
+
+std::string Engine::CollectionName(const std::string& name_or_alias) {
+  return impl_->catalogue().RequireCollection(name_or_alias).name;
+}
+
+std::vector<AliasRecord> Engine::ListAliases() { return impl_->catalogue().ListAliases(); }
+
+void Engine::ChangeAliases(const AliasChanges& changes) { impl_->ChangeAliases(changes); }
+
+CollectionRecord Engine::ChangeCollection(const std::string& name, const CollectionChange& change) {
+  if (change.display_name) CheckDisplayName(*change.display_name);
+  return impl_->writer().ChangeCollection(name, change);
+}
+
 bool Engine::HasVocabulary(const std::string& collection) {
   return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
 }

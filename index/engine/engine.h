@@ -90,9 +90,23 @@ class Engine {
   // cannot be removed. Create: false = it was there. Remove: with all it holds; false = it was not.
   bool CreateCollection(const std::string& name);
   std::vector<std::string> ListCollections();
+  std::vector<CollectionLabel> ListLabels();  // the same, with their other names
   bool RemoveCollection(const std::string& name);
+  // kNotFound as GetCollection; kInvalidArgument "display_name_invalid".
+  CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
   bool HasVocabulary(const std::string& collection);  // an active one; kNotFound as GetCollection
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
+
+  // Aliases: other names of collections, good wherever a collection is named (RemoveCollection
+  // refuses them: kConflict "collection_is_alias"). Whoever makes several calls that belong
+  // together asks for CollectionName() first, since aliases can be moved between two calls: the
+  // name of the collection itself; kNotFound as GetCollection.
+  // Change: all at once, or none. kNotFound "alias_not_found" for one to remove,
+  // "collection_not_found"; kConflict "collection_exists" for an alias that has the name of a
+  // collection; kInvalidArgument "alias_invalid". They go with their collection.
+  std::string CollectionName(const std::string& name_or_alias);
+  std::vector<AliasRecord> ListAliases();
+  void ChangeAliases(const AliasChanges& changes);
 
   // Pictures. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
   // kInvalidArgument for an id, object or metadata that is not acceptable. Bytes that are stored

@@ -33,6 +33,7 @@ class Engine::Impl {
                             const ObjectChange& change);
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
+  void ChangeAliases(const AliasChanges& changes);
 
   // Search (engine_search.cc, search_run.h)
   SearchResult Search(Bytes encoded, const SearchOptions& options);

@@ -147,6 +147,13 @@ bool Engine::Impl::CreateCollection(const std::string& name) {
   return writer().CreateCollection(name);
 }
 
+void Engine::Impl::ChangeAliases(const AliasChanges& changes) {
+  for (const auto& [name, collection] : changes) {
+    if (collection) CheckAliasName(name);  // one that cannot be is not there
+  }
+  writer().ChangeAliases(changes);
+}
+
 bool Engine::Impl::RemoveCollection(const std::string& name) {
   if (name == kDefaultCollection) {
     throw Error(ErrorCode::kConflict, "collection_permanent",

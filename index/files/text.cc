@@ -122,6 +122,15 @@ void CheckLooks(std::string_view text, const std::string& field) {
                                        "the direction of writing");
 }
 
+bool IsCollectionName(std::string_view name) {
+  return !name.empty() && name.size() <= 64 && name != "." && name != ".." && IsNameOf(name, "._-");
+}
+
+std::string CollectionNameRule(std::string_view name) {
+  return "must be 1 to 64 letters, digits or any of . _ -, not \"" +
+         ToDisplayText(name.substr(0, 80)) + "\"";
+}
+
 }  // namespace
 
 bool IsValidUtf8(std::string_view text) {
@@ -184,11 +193,20 @@ void CheckImageId(std::string_view id) {
 }
 
 void CheckCollectionName(std::string_view name) {
-  if (name.empty() || name.size() > 64 || name == "." || name == ".." || !IsNameOf(name, "._-")) {
-    ThrowInvalid("collection_invalid",
-                 "a collection's name must be 1 to 64 letters, digits or any of . _ -, not \"" +
-                     ToDisplayText(name.substr(0, 80)) + "\"");
+  if (!IsCollectionName(name)) {
+    ThrowInvalid("collection_invalid", "a collection's name " + CollectionNameRule(name));
   }
+}
+
+void CheckAliasName(std::string_view name) {
+  if (!IsCollectionName(name))
+    ThrowInvalid("alias_invalid", "an alias " + CollectionNameRule(name));
+}
+
+void CheckDisplayName(std::string_view name) {
+  if (name.empty()) return;
+  CheckText(name, 200, "display_name");
+  CheckLooks(name, "display_name");
 }
 
 void CheckObject(std::string_view object) {

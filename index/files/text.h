@@ -27,6 +27,8 @@ std::string RandomHex(std::size_t digits);
 // . _ -; an object is at most 512 bytes of UTF-8 without control characters; a source 4096.
 void CheckImageId(std::string_view id);
 void CheckCollectionName(std::string_view name);
+void CheckAliasName(std::string_view name);    // as a collection's name
+void CheckDisplayName(std::string_view name);  // as an object, 200 bytes, or empty
 void CheckObject(std::string_view object);
 void CheckSource(std::string_view source);
 

@@ -67,6 +67,8 @@ Json VocabularyJson(const VocabularyRecord& vocabulary) {
 
 Json CollectionJson(const CollectionRecord& collection) {
   return {{"name", collection.name},
+          {"display_name", TextOrNull(collection.display_name)},
+          {"aliases", collection.aliases},
           {"images", collection.images},
           {"objects", collection.objects},
           {"descriptors", collection.descriptors},

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -26,6 +27,13 @@ struct PictureChange {
   // change. May be called more than once.
   std::function<void(const ImageRecord& now)> check;
 };
+
+struct CollectionChange {
+  std::optional<std::string> display_name;  // "" = none
+};
+
+// By alias: the collection that it is to stand for, or nothing = it goes.
+using AliasChanges = std::map<std::string, std::optional<std::string>>;
 
 struct ObjectChange {
   std::string name;  // not empty

@@ -147,6 +147,8 @@ struct MoveOriginalsResult {
 
 struct CollectionRecord {
   std::string name;
+  std::string display_name;          // for people; empty = its name
+  std::vector<std::string> aliases;  // in order
   std::uint64_t images = 0;
   std::uint64_t objects = 0;
   std::uint64_t descriptors = 0;
@@ -155,6 +157,20 @@ struct CollectionRecord {
   // Whether it was trained and put to use by a program on its own (TrainOptions and UseOptions say
   // so), so that the program may replace it; false once somebody has trained or chosen one.
   bool automatic = false;
+};
+
+// What a list of collections shows of one.
+struct CollectionLabel {
+  std::string name;
+  std::string display_name;          // as in CollectionRecord
+  std::vector<std::string> aliases;  // likewise
+};
+
+// Another name of a collection, which can be moved to another one.
+struct AliasRecord {
+  std::string name;
+  std::string collection;
+  std::int64_t updated_ms = 0;  // Unix time; when it was moved last
 };
 
 // Fewer key points than this are refused: nothing could be recognised by them.

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is kept, read. Every method sees one consistent state. Thread-safe. Throws what a database
 // throws: kUnavailable, kCorrupt, kInternal; kNotFound "collection_not_found" for a collection that
-// there is not.
+// there is not. Collections are known by their names and by their aliases.
 #pragma once
 
 #include <cstdint>
@@ -64,6 +64,8 @@ class Catalogue {
 
   // Collections and objects.
   virtual std::vector<std::string> ListCollections() = 0;
+  virtual std::vector<CollectionLabel> ListLabels() = 0;  // as ListCollections, with other names
+  virtual std::vector<AliasRecord> ListAliases() = 0;     // in order of their names
   virtual CollectionState RequireCollection(const std::string& name) = 0;
   virtual CollectionRecord DescribeCollection(const std::string& name) = 0;
   virtual std::optional<ObjectRecord> FindObject(const std::string& collection,

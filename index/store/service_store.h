@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a server keeps in the database beside the pictures: API keys and jobs. It has connections of
-// its own, so that it works before an Engine has loaded its index, and beside one.
+// What a server keeps in the database beside the pictures: API keys, jobs, requests. It has
+// connections of its own, so that it works before an Engine has loaded its index, and beside one.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +38,24 @@ struct JobRecord {
   std::int64_t finished_ms = 0;  // 0 = not yet
   std::string owner;             // ServiceStore::Owner() of the server that does it
   bool cancel = false;           // somebody asked for its end; SaveJob does not write it
+};
+
+// A request that its client may send again when it does not know what became of it.
+struct RepeatableRequest {
+  std::string caller;       // id of the API key; empty = none
+  std::string name;         // that the client gave it
+  std::string fingerprint;  // SHA-256 of what it asks for, 64 hex digits
+};
+
+struct RequestState {
+  enum Kind {
+    kBegun,     // by this call: whoever made it does the request, and ends it
+    kRunning,   // another process that lives is doing it
+    kAnswered,  // with `answer`
+    kOther,     // another request has the name
+  };
+  Kind kind = kBegun;
+  std::string answer;
 };
 
 // Thread-safe. Every method throws what a database throws: kUnavailable, kNoSpace, kReadOnly,
@@ -81,6 +99,13 @@ class ServiceStore {
   virtual bool TakeJob(const std::string& id, const std::string& from) = 0;
   virtual void RequestCancel(const std::string& id) = 0;
   virtual void KeepNewestJobs(std::size_t count) = 0;  // forgets older ones that have ended
+
+  // Requests that may be sent again, remembered for a day. What a process began that no longer
+  // lives, or this one without ending it, is begun anew: the caller knows what it is doing.
+  virtual RequestState BeginRequest(const RepeatableRequest& request) = 0;
+  // nullopt = it failed, and is forgotten: it can be tried again.
+  virtual void EndRequest(const RepeatableRequest& request,
+                          const std::optional<std::string>& answer) = 0;
 };
 
 }  // namespace pliant

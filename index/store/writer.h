@@ -66,7 +66,13 @@ class Writer {
   virtual std::uint64_t RemoveWhere(const Selection& which) = 0;  // how many; at once
 
   virtual bool CreateCollection(const std::string& name) = 0;  // false = it was there
-  virtual bool RemoveCollection(const std::string& name) = 0;  // false = it was not
+  // With its aliases. false = it was not there. kConflict "collection_is_alias" for an alias.
+  virtual bool RemoveCollection(const std::string& name) = 0;
+  virtual CollectionRecord ChangeCollection(const std::string& name,
+                                            const CollectionChange& change) = 0;
+  // All at once, or none. kNotFound "alias_not_found" for one to remove, "collection_not_found";
+  // kConflict "collection_exists" for an alias with the name of a collection.
+  virtual void ChangeAliases(const AliasChanges& changes) = 0;
 
   // A vocabulary comes in three steps: it is added, not ready yet; pictures get words of it; it is
   // finished. The last two give words to what lacks them, while nobody adds pictures.

@@ -51,6 +51,12 @@ std::string DecodeSegment(std::string_view text) {
 
 }  // namespace
 
+bool HeedsIdempotencyKey(const Route& route) {
+  const bool changes = route.scope == Scope::kWrite || route.scope == Scope::kAdmin;
+  return changes && (route.method == "POST" || route.method == "PATCH") &&
+         route.name != "keys.create";
+}
+
 Router::Router(std::vector<Route> routes) : routes_(std::move(routes)) {
   std::set<std::string> seen;
   for (const Route& route : routes_) {

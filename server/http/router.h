@@ -50,6 +50,10 @@ struct Route {
   bool needs_index = true;      // answered with "starting" while the index loads
 };
 
+// Whether the route heeds Idempotency-Key: it changes something, and not by a method that may be
+// repeated as it is. One that tells a secret does not: the secret would have to be remembered.
+bool HeedsIdempotencyKey(const Route& route);
+
 // Immutable and thread-safe.
 class Router {
  public:

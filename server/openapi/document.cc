@@ -80,7 +80,7 @@ Json PathParameter(const std::string& name) {
       {"c", "name of a collection"}, {"id", "id of a picture or a job"},
       {"o", "name of an object"},    {"v", "number of a vocabulary"},
       {"b", "name of a backup"},     {"n", "number of an object"},
-      {"k", "id of a key"}};
+      {"k", "id of a key"},          {"a", "name of an alias"}};
   return {{"name", name},
           {"in", "path"},
           {"required", true},
@@ -191,6 +191,9 @@ void AddHeaderParameters(const Route& route, Json& parameters) {
   const auto add = [&](const char* name, const char* meaning) {
     parameters.push_back(HeaderParameter(name, meaning));
   };
+  if (HeedsIdempotencyKey(route)) {
+    add("Idempotency-Key", "any name for the request: sent again, it is answered but not done");
+  }
   if (route.takes_if_match) add("If-Match", "ETags of the state that is meant to change, or *");
   if (route.takes_if_match && route.method == "PUT") {
     add("If-None-Match", "*: only where there is nothing of this id yet");

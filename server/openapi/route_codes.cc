@@ -69,6 +69,9 @@ std::set<std::string> RouteCodes(const Route& route) {
   AddBodyCodes(route, codes);
   AddParameterCodes(route, codes);
   if (route.method != "GET") codes.insert({"cross_site", "precondition_failed"});
+  if (HeedsIdempotencyKey(route)) {
+    codes.insert({"invalid_parameter", "idempotency_running", "idempotency_other"});
+  }
   if (HasEtag(route)) codes.insert("precondition_failed");
   if (route.needs_index) codes.insert({"starting", "stopping"});
   const bool in_collection = route.pattern.starts_with("/v1/collections/{c}");

@@ -20,6 +20,7 @@ std::string TagOf(const Route& route) {
 
 Json TagsOf(const std::vector<Route>& routes) {
   static const std::map<std::string, std::string> meanings = {
+      {"aliases", "Other names of collections, moved from one to another at once"},
       {"backups", "Copies of the database in the operator's directory"},
       {"collections", "Separate sets of pictures, objects and vocabularies"},
       {"compare", "Two pictures, whether stored or not"},

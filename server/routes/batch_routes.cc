@@ -68,8 +68,7 @@ Json ResultOf(Service& service, const AddRequest& add) {
 }
 
 Response AddBatch(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
-  service.engine().GetCollection(collection);  // or it is not found, once for all
+  const std::string collection = CollectionOf(service, request);
   const std::vector<UploadedImage> images = ImagesOf(request);
   const std::vector<Item> items = ItemsOf(parameters, images.size());
   const std::string object = parameters.Text("object").value_or("");
@@ -103,7 +102,7 @@ Response AddBatch(Service& service, const Request& request, const Parameters& pa
 }
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
+  const std::string collection = CollectionOf(service, request);
   service.engine().GetCollection(collection);
   const std::string folder = parameters.Text("folder").value_or("");
   ResolveImportFolder(service.options.import_dir, folder);  // says now what is wrong with it

@@ -25,7 +25,7 @@ void RequireSpace(const Service& service, std::size_t bytes) {
 }
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
+  const std::string collection = CollectionOf(service, request);
   service.engine().GetCollection(collection);
   if (request.body.empty()) {
     throw ProblemError("missing_parameter", "The body has no pictures.").Parameter("body");

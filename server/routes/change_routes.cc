@@ -12,15 +12,6 @@ namespace pliant::server {
 
 namespace {
 
-// Text, where null is the same as none.
-std::optional<std::string> TextIn(const Json& patch, const std::string& name) {
-  const auto it = patch.find(name);
-  if (it == patch.end()) return std::nullopt;
-  if (it->is_null()) return "";
-  if (!it->is_string()) ThrowInvalid(name, name + " must be text or null.");
-  return it->get<std::string>();
-}
-
 Response ChangeImage(Service& service, const Request& request) {
   const Json patch = MergePatchOf(request, {"object", "metadata", "source"});
   PictureChange change;
@@ -33,8 +24,8 @@ Response ChangeImage(Service& service, const Request& request) {
     change.metadata = ToText(*it);
   }
   change.check = [&](const ImageRecord& now) { CheckIfMatch(request, ImageJson(now)); };
-  return RecordResponse(
-      ImageJson(service.engine().Change(CollectionOf(request), request.captures.at("id"), change)));
+  return RecordResponse(ImageJson(
+      service.engine().Change(CollectionOf(service, request), request.captures.at("id"), change)));
 }
 
 Response ChangeObject(Service& service, const Request& request, const Parameters& parameters) {
@@ -53,7 +44,7 @@ Response ChangeObject(Service& service, const Request& request, const Parameters
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };
-  const std::string& collection = CollectionOf(request);
+  const std::string& collection = CollectionOf(service, request);
   const ObjectRecord changed =
       service.engine().ChangeObject(collection, request.captures.at("o"), change);
   return RecordResponse(ObjectJson(service, collection, changed));

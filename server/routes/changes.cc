@@ -60,6 +60,14 @@ void CheckConditionsOf(const Request& request, const Json& record_or_null) {
   }
 }
 
+std::optional<std::string> TextIn(const Json& patch, const std::string& name) {
+  const auto it = patch.find(name);
+  if (it == patch.end()) return std::nullopt;
+  if (it->is_null()) return "";
+  if (!it->is_string()) ThrowInvalid(name, name + " must be text or null.");
+  return it->get<std::string>();
+}
+
 Json MergePatchOf(const Request& request, const std::vector<std::string>& fields) {
   if (request.body.empty()) {
     throw ProblemError("missing_parameter", "The body must be a JSON merge patch.")
@@ -67,7 +75,7 @@ Json MergePatchOf(const Request& request, const std::vector<std::string>& fields
   }
   Json patch = ParseJsonObject(request.body, "body");
   for (const auto& [name, value] : patch.items()) {
-    if (std::find(fields.begin(), fields.end(), name) != fields.end()) continue;
+    if (fields.empty() || std::find(fields.begin(), fields.end(), name) != fields.end()) continue;
     throw ProblemError("unknown_parameter",
                        fmt::format("'{}' cannot be changed here. What can: {}.", name.substr(0, 64),
                                    fmt::join(fields, ", ")))

@@ -29,7 +29,10 @@ void CheckIfMatch(const Request& request, const Json& record);
 void CheckConditionsOf(const Request& request, const Json& record_or_null);
 
 // The body. Throws ProblemError "missing_parameter" without one, "invalid_json", and
-// "unknown_parameter" for a key that is none of `fields`.
+// "unknown_parameter" for a key that is none of `fields` (empty = any key will do).
 Json MergePatchOf(const Request& request, const std::vector<std::string>& fields);
+// Its text of that key, where null is the same as "". Absent = stays as it is. Throws ProblemError
+// "invalid_parameter".
+std::optional<std::string> TextIn(const Json& patch, const std::string& name);
 
 }  // namespace pliant::server

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Collections: separate pictures, objects and vocabularies.
 #include "server/http/problem.h"
+#include "server/routes/changes.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
 
@@ -10,13 +11,19 @@ namespace pliant::server {
 namespace {
 
 Response List(Service& service) {
-  Json items = Json::array();
-  for (const std::string& name : service.engine().ListCollections()) items.push_back(name);
-  return JsonResponse({{"collections", items}});
+  Json names = Json::array();
+  Json labels = Json::array();
+  for (const CollectionLabel& label : service.engine().ListLabels()) {
+    names.push_back(label.name);
+    labels.push_back({{"name", label.name},
+                      {"display_name", TextOrNull(label.display_name)},
+                      {"aliases", label.aliases}});
+  }
+  return JsonResponse({{"collections", std::move(names)}, {"labels", std::move(labels)}});
 }
 
 Response Put(Service& service, const Request& request) {
-  const std::string& name = CollectionOf(request);
+  const std::string& name = request.captures.at("c");
   const bool created = service.engine().CreateCollection(name);
   Response response =
       JsonResponse(CollectionJson(service.engine().GetCollection(name)), created ? 201 : 200);
@@ -26,8 +33,14 @@ Response Put(Service& service, const Request& request) {
   return response;
 }
 
+Response Change(Service& service, const Request& request) {
+  const Json patch = MergePatchOf(request, {"display_name"});
+  return JsonResponse(CollectionJson(service.engine().ChangeCollection(
+      CollectionOf(service, request), {.display_name = TextIn(patch, "display_name")})));
+}
+
 Response Remove(Service& service, const Request& request) {
-  const std::string& name = CollectionOf(request);
+  const std::string& name = request.captures.at("c");
   if (!service.engine().RemoveCollection(name)) {
     throw ProblemError("collection_not_found", "There is no collection '" + name + "'.");
   }
@@ -41,7 +54,7 @@ void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "collections.list",
        .method = "GET",
        .pattern = "/v1/collections",
-       .summary = "The names of all collections",
+       .summary = "All collections, with their names for people and their aliases",
        .answers = {{200, "in order of their names", "CollectionList"}},
        .example = R"(curl "$PLIANT/v1/collections")",
        .handler = [&service](const Request&, const Parameters&) { return List(service); }});
@@ -52,8 +65,8 @@ void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
                     .answers = {{200, "the collection", "Collection"}},
                     .example = R"(curl "$PLIANT/v1/collections/default")",
                     .handler = [&service](const Request& request, const Parameters&) {
-                      return JsonResponse(
-                          CollectionJson(service.engine().GetCollection(CollectionOf(request))));
+                      return JsonResponse(CollectionJson(
+                          service.engine().GetCollection(CollectionOf(service, request))));
                     }});
   routes.push_back({.name = "collections.put",
                     .method = "PUT",
@@ -66,17 +79,33 @@ void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Put(service, request);
                     }});
-  routes.push_back({.name = "collections.delete",
-                    .method = "DELETE",
+  routes.push_back({.name = "collections.patch",
+                    .method = "PATCH",
                     .pattern = "/v1/collections/{c}",
-                    .summary = "Delete a collection with everything in it; `default` stays",
+                    .summary = "Give a collection a name for people",
                     .scope = Scope::kAdmin,
-                    .answers = {{204, "gone", "", ""}},
-                    .codes = {"collection_permanent"},
-                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/toys")",
+                    .body = BodyKind::kMergePatch,
+                    .body_schema = "CollectionPatch",
+                    .answers = {{200, "the collection as it is now", "Collection"}},
+                    .codes = {"invalid_parameter"},
+                    .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+                               R"(-d '{"display_name": "Summer shirts 2026!"}' )"
+                               R"("$PLIANT/v1/collections/default")",
                     .handler = [&service](const Request& request, const Parameters&) {
-                      return Remove(service, request);
+                      return Change(service, request);
                     }});
+  routes.push_back(
+      {.name = "collections.delete",
+       .method = "DELETE",
+       .pattern = "/v1/collections/{c}",
+       .summary = "Delete a collection with everything in it, and its aliases; `default` stays",
+       .scope = Scope::kAdmin,
+       .answers = {{204, "gone", "", ""}},
+       .codes = {"collection_permanent", "collection_is_alias"},
+       .example = R"(curl -X DELETE "$PLIANT/v1/collections/toys")",
+       .handler = [&service](const Request& request, const Parameters&) {
+         return Remove(service, request);
+       }});
 }
 
 }  // namespace pliant::server

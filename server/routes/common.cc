@@ -48,7 +48,9 @@ int PageLimit(const Parameters& parameters) {
   return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
 }
 
-const std::string& CollectionOf(const Request& request) { return request.captures.at("c"); }
+std::string CollectionOf(Service& service, const Request& request) {
+  return service.engine().CollectionName(request.captures.at("c"));
+}
 
 UploadedImage ImageOfBase64(const std::string& text, const std::string& name) {
   auto decoded = std::make_shared<std::vector<std::uint8_t>>();

@@ -13,6 +13,7 @@
 #include "server/http/message.h"
 #include "server/http/parameters.h"
 #include "server/jobs/jobs.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 
@@ -24,8 +25,9 @@ Parameter CursorParameter();
 Parameter LimitParameter();
 int PageLimit(const Parameters& parameters);
 
-// The {c} of the path.
-const std::string& CollectionOf(const Request& request);
+// The collection that the {c} of the path names, by its name or by an alias: its name. Ask once a
+// request, since aliases can be moved meanwhile. kNotFound "collection_not_found".
+std::string CollectionOf(Service& service, const Request& request);
 
 struct UploadedImage {
   Bytes bytes;           // inside the request, or `decoded`

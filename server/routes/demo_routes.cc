@@ -13,7 +13,7 @@ namespace pliant::server {
 namespace {
 
 Response Get(Service& service, const Request& request) {
-  const std::string& collection = CollectionOf(request);
+  const std::string& collection = CollectionOf(service, request);
   Json objects = Json::array();
   const auto& names = simulation::DemonstrationObjects();
   for (std::size_t number = 0; number < names.size(); ++number) {
@@ -26,7 +26,8 @@ Response Get(Service& service, const Request& request) {
 }
 
 Response Load(Service& service, const Request& request) {
-  return JobResponse(AddDemonstrationJob(service.engine(), *service.jobs, CollectionOf(request)));
+  return JobResponse(
+      AddDemonstrationJob(service.engine(), *service.jobs, CollectionOf(service, request)));
 }
 
 Response Crumpled(Service& service, const Request& request) {

@@ -41,7 +41,7 @@ Response Export(Service& service, const Request& request, const Parameters& para
   static std::atomic<int> running{0};
   const Turn turn(running);
   PictureListing list;
-  list.which = SelectionOf(parameters, CollectionOf(request));
+  list.which = SelectionOf(parameters, CollectionOf(service, request));
   list.limit = kRecordsAtOnce;
   const EngineOptions& engine = service.options.engine;
   auto file = std::make_shared<BodyFile>(FolderOf(engine.database), engine.reserve_bytes);
@@ -58,7 +58,7 @@ Response Export(Service& service, const Request& request, const Parameters& para
   response.file = std::move(file);
   response.headers.emplace_back("Cache-Control", "no-store");
   response.headers.emplace_back("Content-Disposition",
-                                "attachment; filename=\"" + CollectionOf(request) + ".ndjson\"");
+                                "attachment; filename=\"" + list.which.collection + ".ndjson\"");
   return response;
 }
 

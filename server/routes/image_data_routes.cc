@@ -26,7 +26,7 @@ void AddPictureHeaders(Response& response, const std::string& etag, const ImageR
 }
 
 Response Content(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
+  const std::string collection = CollectionOf(service, request);
   const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
   Response response;
   AddPictureHeaders(response, '"' + image.sha256 + '"', image, parameters);
@@ -43,7 +43,7 @@ Response Content(Service& service, const Request& request, const Parameters& par
 }
 
 Response Thumbnail(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(request);
+  const std::string collection = CollectionOf(service, request);
   const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
   const std::string etag = "\"" + image.sha256 + "-" + std::to_string(kThumbnailSidePx) + "\"";
   Response response;
@@ -70,7 +70,7 @@ Response Thumbnail(Service& service, const Request& request, const Parameters& p
 // decimal numbers.
 Response FeaturesOf(Service& service, const Request& request, const Parameters& parameters) {
   const Features features =
-      service.engine().GetFeatures(CollectionOf(request), request.captures.at("id"));
+      service.engine().GetFeatures(CollectionOf(service, request), request.captures.at("id"));
   if (parameters.Text("format").value_or("json") == "npz") {
     Response response;
     response.content_type = kNpzType;

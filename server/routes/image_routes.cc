@@ -40,7 +40,7 @@ Response Add(Service& service, const Request& request, const Parameters& paramet
              std::optional<std::string> id) {
   const UploadedImage image = ImageOf(request, parameters);
   AddRequest add;
-  add.collection = CollectionOf(request);
+  add.collection = CollectionOf(service, request);
   add.id = std::move(id);
   const bool names_one = request.method == "PUT";
   add.object = parameters.Text("object").value_or("");
@@ -67,7 +67,7 @@ const Orders<PictureOrder>& PictureOrders() {
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
   PictureListing list;
-  list.which = SelectionOf(parameters, CollectionOf(request));
+  list.which = SelectionOf(parameters, CollectionOf(service, request));
   const std::string identity = ListIdentity("images", list.which, parameters);
   static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
   list.order = OrderOf(parameters, PictureOrders());
@@ -79,7 +79,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
 }
 
 Response RemoveWhere(Service& service, const Request& request, const Parameters& parameters) {
-  const Selection which = SelectionOf(parameters, CollectionOf(request));
+  const Selection which = SelectionOf(parameters, CollectionOf(service, request));
   if (which.filter.empty()) {
     ThrowInvalid("filter",
                  "filter must have a condition: all pictures go with the collection, or with their "
@@ -90,7 +90,7 @@ Response RemoveWhere(Service& service, const Request& request, const Parameters&
 
 Response Remove(Service& service, const Request& request) {
   const std::string& id = request.captures.at("id");
-  if (!service.engine().Remove(CollectionOf(request), id, CheckOf(request))) {
+  if (!service.engine().Remove(CollectionOf(service, request), id, CheckOf(request))) {
     throw ProblemError("image_not_found", "There is no picture '" + id + "'.");
   }
   return {.status = 204};
@@ -177,8 +177,8 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
                     .codes = {"image_not_found"},
                     .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE")",
                     .handler = [&service](const Request& request, const Parameters&) {
-                      return RecordResponse(ImageJson(
-                          service.engine().Get(CollectionOf(request), request.captures.at("id"))));
+                      return RecordResponse(ImageJson(service.engine().Get(
+                          CollectionOf(service, request), request.captures.at("id"))));
                     }});
   routes.push_back({.name = "images.delete",
                     .method = "DELETE",

@@ -45,7 +45,7 @@ const Orders<ObjectOrder>& ObjectOrders() {
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
   ObjectListing list;
-  list.which = SelectionOf(parameters, CollectionOf(request));
+  list.which = SelectionOf(parameters, CollectionOf(service, request));
   const std::string identity = ListIdentity("objects", list.which, parameters);
   static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
   list.order = OrderOf(parameters, ObjectOrders());
@@ -58,17 +58,19 @@ Response List(Service& service, const Request& request, const Parameters& parame
 
 Response Get(Service& service, const Request& request) {
   const std::string& object = request.captures.at("o");
-  const auto found = service.engine().GetObject(CollectionOf(request), object);
+  const std::string collection = CollectionOf(service, request);
+  const auto found = service.engine().GetObject(collection, object);
   if (!found) ThrowNoObject(object);
-  return RecordResponse(ObjectJson(service, CollectionOf(request), *found));
+  return RecordResponse(ObjectJson(service, collection, *found));
 }
 
 Response Remove(Service& service, const Request& request) {
   const std::string& object = request.captures.at("o");
-  const std::uint64_t removed = service.engine().RemoveObject(
-      CollectionOf(request), object, [&](const ObjectRecord& now, const std::string& image_id) {
-        CheckConditionsOf(request, ObjectJson(now, image_id));
-      });
+  const std::uint64_t removed =
+      service.engine().RemoveObject(CollectionOf(service, request), object,
+                                    [&](const ObjectRecord& now, const std::string& image_id) {
+                                      CheckConditionsOf(request, ObjectJson(now, image_id));
+                                    });
   if (removed == 0) ThrowNoObject(object);
   return JsonResponse({{"object", object}, {"deleted", removed}});
 }
@@ -78,8 +80,8 @@ Response Locate(Service& service, const Request& request, const Parameters& para
   const UploadedImage image = ImageOf(request, parameters);
   ObjectLocation found;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
-    found = service.engine().Locate(image.bytes, CollectionOf(request), request.captures.at("o"),
-                                    cores);
+    found = service.engine().Locate(image.bytes, CollectionOf(service, request),
+                                    request.captures.at("o"), cores);
   });
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   Json json = {{"object", found.object},       {"image_id", found.image_id},

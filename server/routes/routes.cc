@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/routes/routes.h"
 
+#include "server/routes/repeatable.h"
+
 namespace pliant::server {
 
 std::vector<Route> MakeRoutes(Service& service) {
@@ -11,6 +13,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddMeRoute(routes);
   AddKeyRoutes(service, routes);
   AddCollectionRoutes(service, routes);
+  AddAliasRoutes(service, routes);
   AddImageRoutes(service, routes);
   AddImageDataRoutes(service, routes);
   AddChangeRoutes(service, routes);
@@ -25,6 +28,9 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddJobRoutes(service, routes);
   AddBackupRoutes(service, routes);
   AddDocumentRoute(routes);
+  for (Route& route : routes) {
+    if (HeedsIdempotencyKey(route)) route.handler = Repeatable(service, std::move(route.handler));
+  }
   return routes;
 }
 

@@ -19,6 +19,7 @@ void AddMeRoute(std::vector<Route>& routes);
 void AddKeyRoutes(Service& service, std::vector<Route>& routes);
 void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);
+void AddAliasRoutes(Service& service, std::vector<Route>& routes);
 void AddImageRoutes(Service& service, std::vector<Route>& routes);
 void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
 void AddChangeRoutes(Service& service, std::vector<Route>& routes);

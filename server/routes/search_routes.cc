@@ -102,7 +102,7 @@ Response Drawing(Service& service, const Request& request, const SearchQuery& qu
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(request));
+  const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(service, request));
   const bool draws = parameters.Flag("draw").value_or(false);
   if (draws && !query.image_ids.empty()) {
     ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
@@ -125,7 +125,8 @@ const Route& SingleSearch() {
   return route;
 }
 
-Json ResultOf(Service& service, const Request& batch, const Json& item) {
+Json ResultOf(Service& service, const Request& batch, const std::string& collection,
+              const Json& item) {
   const auto start = std::chrono::steady_clock::now();
   return ItemResult([&]() -> Json {
     if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
@@ -135,7 +136,7 @@ Json ResultOf(Service& service, const Request& batch, const Json& item) {
     request.body = ToText(item);
     request.has_body = true;
     const Parameters parameters(SingleSearch(), request);
-    const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(batch));
+    const SearchQuery query = SearchQueryOf(request, parameters, collection);
     const SearchResult found = SearchOnPool(service, query);
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
     return {{"status", 200}, {"answer", SearchResultJson(found, took.count())}};
@@ -143,15 +144,16 @@ Json ResultOf(Service& service, const Request& batch, const Json& item) {
 }
 
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {
-  service.engine().GetCollection(CollectionOf(request));  // or it is not found, once for all
+  const std::string collection = CollectionOf(service, request);
   const Json searches = parameters.JsonList("searches").value_or(Json::array());
   if (searches.empty() || searches.size() > kMostSearches) {
     ThrowInvalid("searches",
                  "searches must be 1 to " + std::to_string(kMostSearches) + " searches.");
   }
   std::vector<Json> results(searches.size());
-  ParallelFor(searches.size(), service.pool.cores(),
-              [&](std::size_t i) { results[i] = ResultOf(service, request, searches[i]); });
+  ParallelFor(searches.size(), service.pool.cores(), [&](std::size_t i) {
+    results[i] = ResultOf(service, request, collection, searches[i]);
+  });
   Json list = Json::array();
   std::size_t failed = 0;
   for (std::size_t i = 0; i < results.size(); ++i) {

@@ -20,7 +20,7 @@ constexpr auto kLargestSample = static_cast<std::int64_t>(kMaxVocabularySamples)
 
 Response List(Service& service, const Request& request) {
   Json items = Json::array();
-  for (const auto& vocabulary : service.engine().ListVocabularies(CollectionOf(request))) {
+  for (const auto& vocabulary : service.engine().ListVocabularies(CollectionOf(service, request))) {
     items.push_back(VocabularyJson(vocabulary));
   }
   return JsonResponse({{"vocabularies", items}});
@@ -28,7 +28,7 @@ Response List(Service& service, const Request& request) {
 
 Response Train(Service& service, const Request& request, const Parameters& parameters) {
   TrainOptions options;
-  options.collection = CollectionOf(request);
+  options.collection = CollectionOf(service, request);
   options.words = static_cast<int>(parameters.Integer("words").value_or(options.words));
   options.sample = static_cast<int>(parameters.Integer("sample").value_or(options.sample));
   options.seed = static_cast<std::uint64_t>(
@@ -48,7 +48,7 @@ VocabularyRecord RequireVocabulary(Service& service, const std::string& collecti
 }
 
 Response Activate(Service& service, const Request& request) {
-  const std::string collection = CollectionOf(request);
+  const std::string collection = CollectionOf(service, request);
   const std::string& text = request.captures.at("v");
   std::int64_t id = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);

@@ -70,6 +70,9 @@ class OpenApiTest : public ::testing::Test {
   static void PrepareState() {
     auto client = server_->Client();
     ASSERT_TRUE(client.Put("/v1/collections/toys"));
+    ASSERT_TRUE(client.Patch("/v1/aliases",
+                             R"({"live": "default", "old": "default", "before": "toys"})",
+                             "application/json"));
     const auto mug =
         client.Put("/v1/collections/default/images/mug-1?object=mug", TestPicture(1), "image/png");
     ASSERT_LT(mug->status, 300) << mug->body;
@@ -101,13 +104,10 @@ class OpenApiTest : public ::testing::Test {
 
   static std::string Filled(std::string path) {
     const std::pair<std::string, std::string> values[] = {
-        {"{c}", "default"},
-        {"{o}", "mug"},
-        {"{v}", vocabulary_},
-        {"{b}", "first.db"},
-        {"{k}", "00000000"},
-        {"{n}", "0"},
-        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
+        {"{a}", "live"},     {"{c}", "default"},
+        {"{o}", "mug"},      {"{v}", vocabulary_},
+        {"{b}", "first.db"}, {"{k}", "00000000"},
+        {"{n}", "0"},        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
     for (const auto& [name, value] : values) {
       const std::size_t at = path.find(name);
       if (at != std::string::npos) path.replace(at, name.size(), value);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "index/records/changes.h"
 #include "index/records/records.h"
 #include "index/store/catalogue.h"
 #include "index/store/sqlite/connection.h"
@@ -30,6 +31,7 @@ struct CollectionRow {
   std::uint64_t images = 0;
   std::uint64_t objects = 0;
   std::uint64_t descriptors = 0;
+  std::string display_name;
 };
 
 inline CollectionState StateOf(const CollectionRow& row) {
@@ -46,6 +48,7 @@ struct PictureRow {
 ModelRow ReadModel(Connection& db);
 // Only what is not decided yet.
 void StoreExtraction(Connection& db, Key model, const ExtractionLimits& limits);
+// By its name or by an alias.
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name);
 CollectionRow RequireCollection(Connection& db, const std::string& name);  // or kNotFound
 std::vector<CollectionRow> AllCollections(Connection& db);
@@ -54,6 +57,11 @@ void DeleteCollection(Connection& db, Key collection);
 Key InsertCollection(Connection& db, const std::string& name, Key model);
 // `automatic`: nobody chose it.
 void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic);
+void SetDisplayName(Connection& db, Key collection, const std::string& display_name);
+// In order of their names; collection 0 = of all.
+std::vector<AliasRecord> SelectAliases(Connection& db, Key collection = 0);
+// Sets and removes aliases. As Writer::ChangeAliases throws.
+void ChangeAliases(Connection& db, const AliasChanges& changes);
 
 // objects (catalogue_collections.cc)
 Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 = none

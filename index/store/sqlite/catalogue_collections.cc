@@ -9,7 +9,7 @@ namespace {
 
 constexpr const char* kSelectCollection =
     "SELECT key, name, model, active_vocabulary, created_ms, automatic, images, objects, "
-    "descriptors FROM collections ";
+    "descriptors, display_name FROM collections ";
 
 CollectionRow ToCollection(const Cursor& row) {
   return {row.Int(0),
@@ -20,7 +20,8 @@ CollectionRow ToCollection(const Cursor& row) {
           row.Int(5) != 0,
           static_cast<std::uint64_t>(row.Int(6)),
           static_cast<std::uint64_t>(row.Int(7)),
-          static_cast<std::uint64_t>(row.Int(8))};
+          static_cast<std::uint64_t>(row.Int(8)),
+          row.Text(9)};
 }
 
 }  // namespace
@@ -45,7 +46,9 @@ void StoreExtraction(Connection& db, Key model, const ExtractionLimits& limits) 
 }
 
 std::optional<CollectionRow> FindCollection(Connection& db, const std::string& name) {
-  Cursor row = db.Prepare(std::string(kSelectCollection) + "WHERE name = ?");
+  Cursor row =
+      db.Prepare(std::string(kSelectCollection) +
+                 "WHERE name = ?1 OR key = (SELECT collection FROM aliases WHERE name = ?1)");
   if (!row.Bind(name).Next()) return std::nullopt;
   return ToCollection(row);
 }
@@ -78,6 +81,49 @@ void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool au
   db.Prepare("UPDATE collections SET active_vocabulary = ?, automatic = ? WHERE key = ?")
       .Bind(vocabulary, automatic ? 1 : 0, collection)
       .Run();
+}
+
+void SetDisplayName(Connection& db, Key collection, const std::string& display_name) {
+  db.Prepare("UPDATE collections SET display_name = ? WHERE key = ?")
+      .Bind(display_name, collection)
+      .Run();
+}
+
+std::vector<AliasRecord> SelectAliases(Connection& db, Key collection) {
+  Cursor row = db.Prepare(
+      "SELECT a.name, c.name, a.updated_ms FROM aliases a JOIN collections c "
+      "ON c.key = a.collection WHERE ?1 = 0 OR c.key = ?1 ORDER BY a.name");
+  row.Bind(collection);
+  std::vector<AliasRecord> aliases;
+  while (row.Next()) aliases.push_back({row.Text(0), row.Text(1), row.Int(2)});
+  return aliases;
+}
+
+void ChangeAliases(Connection& db, const AliasChanges& changes) {
+  for (const auto& [name, collection] : changes) {
+    if (!collection) {
+      db.Prepare("DELETE FROM aliases WHERE name = ?").Bind(name).Run();
+      if (db.changes() > 0) continue;
+      throw Error(ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + name + "\"");
+    }
+    const auto named = FindCollection(db, name);
+    if (named && named->name == name) {
+      throw Error(ErrorCode::kConflict, "collection_exists",
+                  "\"" + name + "\" is a collection and cannot be an alias, too");
+    }
+    const auto target = FindCollection(db, *collection);
+    if (!target || target->name != *collection) {  // an alias of an alias would move with it
+      throw Error(ErrorCode::kNotFound, "collection_not_found",
+                  "there is no collection \"" + *collection + "\"" +
+                      (target ? ": that is an alias of \"" + target->name + "\"" : ""));
+    }
+    db.Prepare(
+          "INSERT INTO aliases (name, collection, updated_ms) VALUES (?, ?, ?) ON CONFLICT (name) "
+          "DO UPDATE SET collection = excluded.collection, updated_ms = excluded.updated_ms "
+          "WHERE collection <> excluded.collection")
+        .Bind(name, target->key, NowMs())
+        .Run();
+  }
 }
 
 Key FindObject(Connection& db, Key collection, const std::string& name) {

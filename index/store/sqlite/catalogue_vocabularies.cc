@@ -178,6 +178,22 @@ std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionR
   return ToRecord(row, collection);
 }
 
+CollectionRecord RecordOf(Connection& db, const CollectionRow& collection) {
+  CollectionRecord record;
+  record.name = collection.name;
+  record.display_name = collection.display_name;
+  for (AliasRecord& alias : SelectAliases(db, collection.key)) {
+    record.aliases.push_back(std::move(alias.name));
+  }
+  record.images = collection.images;
+  record.objects = collection.objects;
+  record.descriptors = collection.descriptors;
+  record.created_ms = collection.created_ms;
+  record.vocabulary = FindVocabulary(db, collection, collection.active_vocabulary);
+  record.automatic = collection.automatic;
+  return record;
+}
+
 void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& bow) {
   const std::vector<std::uint8_t> blob = EncodeBow(bow);
   db.Prepare(

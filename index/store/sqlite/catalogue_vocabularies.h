@@ -28,6 +28,8 @@ std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const Collectio
 std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionRow& collection,
                                                Key vocabulary);
 
+CollectionRecord RecordOf(Connection& db, const CollectionRow& collection);
+
 // Does nothing when the picture is gone.
 void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& bow);
 // Keys of at most `limit` pictures without words of this vocabulary, ascending after `after`.

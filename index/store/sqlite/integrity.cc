@@ -182,6 +182,11 @@ void CheckNames(Connection& db, Problems& problems) {
   while (collection.Next()) {
     check("collection \"" + collection.Text(0) + "\"", CheckCollectionName, collection.Text(0));
   }
+  Cursor alias = db.Prepare("SELECT name FROM aliases");
+  while (alias.Next()) check("alias \"" + alias.Text(0) + "\"", CheckAliasName, alias.Text(0));
+  if (db.Scalar("SELECT count(*) FROM aliases a JOIN collections c ON c.name = a.name") != 0) {
+    problems.emplace_back("an alias has the name of a collection");
+  }
   if (!FindCollection(db, kDefaultCollection)) {
     problems.emplace_back("the collection \"default\" is missing");
   }

@@ -230,9 +230,32 @@ CREATE TRIGGER job_forgotten AFTER DELETE ON jobs BEGIN
 END;
 )sql";
 
+// Names for people, and names that can be moved from one collection to another. Requests that may
+// be sent twice (service_store.h).
+constexpr const char* kVersion9 = R"sql(
+ALTER TABLE collections ADD COLUMN display_name TEXT NOT NULL DEFAULT '';  -- '': its name
+CREATE TABLE aliases (
+  name TEXT PRIMARY KEY,               -- of no collection
+  collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
+  updated_ms INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE INDEX aliases_by_collection ON aliases (collection);
+CREATE TABLE repeatable_requests (
+  caller TEXT NOT NULL,                -- id of the API key; '': none
+  name TEXT NOT NULL,                  -- the Idempotency-Key
+  fingerprint BLOB NOT NULL CHECK (length(fingerprint) = 32),
+  owner TEXT NOT NULL,                 -- the server that does it
+  answer TEXT,                         -- a JSON object; NULL: not answered yet
+  begun_ms INTEGER NOT NULL,
+  PRIMARY KEY (caller, name)
+) WITHOUT ROWID;
+CREATE INDEX repeatable_requests_by_age ON repeatable_requests (begun_ms);
+)sql";
+
 constexpr std::array kMigrations = {
-    Migration{kVersion1}, Migration{kVersion2}, Migration{kVersion3}, Migration{kVersion4},
-    Migration{kVersion5}, Migration{kVersion6}, Migration{kVersion7}, Migration{kVersion8}};
+    Migration{kVersion1}, Migration{kVersion2}, Migration{kVersion3},
+    Migration{kVersion4}, Migration{kVersion5}, Migration{kVersion6},
+    Migration{kVersion7}, Migration{kVersion8}, Migration{kVersion9}};
 
 }  // namespace
 

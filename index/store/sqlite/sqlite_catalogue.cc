@@ -44,23 +44,33 @@ std::vector<std::string> SqliteCatalogue::ListCollections() {
   });
 }
 
+std::vector<CollectionLabel> SqliteCatalogue::ListLabels() {
+  return access_.Read([](Connection& db) {
+    std::vector<CollectionLabel> labels;
+    for (CollectionRow& row : AllCollections(db)) {
+      labels.push_back({std::move(row.name), std::move(row.display_name), {}});
+    }
+    for (AliasRecord& alias : SelectAliases(db)) {
+      const auto label = std::lower_bound(
+          labels.begin(), labels.end(), alias.collection,
+          [](const CollectionLabel& one, const std::string& name) { return one.name < name; });
+      label->aliases.push_back(std::move(alias.name));
+    }
+    return labels;
+  });
+}
+
+std::vector<AliasRecord> SqliteCatalogue::ListAliases() {
+  return access_.Read([](Connection& db) { return SelectAliases(db); });
+}
+
 CollectionState SqliteCatalogue::RequireCollection(const std::string& name) {
   return access_.Read([&](Connection& db) { return StateOf(pliant::RequireCollection(db, name)); });
 }
 
 CollectionRecord SqliteCatalogue::DescribeCollection(const std::string& name) {
-  return access_.Read([&](Connection& db) {
-    const CollectionRow row = pliant::RequireCollection(db, name);
-    CollectionRecord record;
-    record.name = row.name;
-    record.images = row.images;
-    record.objects = row.objects;
-    record.descriptors = row.descriptors;
-    record.created_ms = row.created_ms;
-    record.vocabulary = pliant::FindVocabulary(db, row, row.active_vocabulary);
-    record.automatic = row.automatic;
-    return record;
-  });
+  return access_.Read(
+      [&](Connection& db) { return RecordOf(db, pliant::RequireCollection(db, name)); });
 }
 
 std::optional<ObjectRecord> SqliteCatalogue::FindObject(const std::string& collection,

@@ -16,6 +16,8 @@ class SqliteCatalogue : public Catalogue {
       : access_(*access), originals_(*originals), model_(*model) {}
 
   std::vector<std::string> ListCollections() override;
+  std::vector<CollectionLabel> ListLabels() override;
+  std::vector<AliasRecord> ListAliases() override;
   CollectionState RequireCollection(const std::string& name) override;
   CollectionRecord DescribeCollection(const std::string& name) override;
   std::optional<ObjectRecord> FindObject(const std::string& collection,

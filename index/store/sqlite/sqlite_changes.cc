@@ -4,6 +4,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/merge_patch.h"
 #include "index/files/text.h"
+#include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/sqlite_writer.h"
 
@@ -75,6 +76,23 @@ ImageRecord SqliteWriter::ChangePicture(const std::string& collection, const std
     Change(access_, db, RequireCollection(db, collection).key, picture, changed);
   });
   return changed;
+}
+
+CollectionRecord SqliteWriter::ChangeCollection(const std::string& name,
+                                                const CollectionChange& change) {
+  access_.RequireSpace(0);
+  CollectionRecord changed;
+  access_.Write([&](Connection& db) {
+    const Key key = RequireCollection(db, name).key;
+    if (change.display_name) SetDisplayName(db, key, *change.display_name);
+    changed = RecordOf(db, RequireCollection(db, name));
+  });
+  return changed;
+}
+
+void SqliteWriter::ChangeAliases(const AliasChanges& changes) {
+  access_.RequireSpace(0);
+  access_.Write([&](Connection& db) { pliant::ChangeAliases(db, changes); });
 }
 
 ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std::string& object,

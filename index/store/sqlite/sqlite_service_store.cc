@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// API keys and jobs in a database file.
+#include "index/store/sqlite/sqlite_service_store.h"
+
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -36,91 +37,32 @@ void RequirePliant(const std::filesystem::path& path) {
               DisplayPath(path) + " is not a Pliant database; it was left untouched");
 }
 
-JobRecord ToJob(const Cursor& row) {
-  JobRecord job;
-  job.id = row.Text(0);
-  job.kind = row.Text(1);
-  job.collection = row.Text(2);
-  job.parameters = row.Text(3);
-  job.state = row.Text(4);
-  job.done = row.Double(5);
-  job.total = row.Double(6);
-  job.failed = static_cast<std::uint64_t>(row.Int(7));
-  job.attempts = static_cast<int>(row.Int(8));
-  job.result = row.Text(9);
-  job.report = row.Text(10);
-  job.created_ms = row.Int(11);
-  job.finished_ms = row.Int(12);
-  job.owner = row.Text(13);
-  job.cancel = row.Int(14) != 0;
-  return job;
+}  // namespace
+
+SqliteServiceStore::SqliteServiceStore(const std::filesystem::path& path) : path_(path) {
+  WithDatabaseErrors(path_, [&] {
+    RequireDatabase(path_);
+    RequirePliant(path_);
+    UpgradeDatabase(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+    reader_ = std::make_unique<Connection>(path_, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    writer_ = std::make_unique<Connection>(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+  });
 }
-
-class SqliteServiceStore : public ServiceStore {
- public:
-  explicit SqliteServiceStore(const std::filesystem::path& path) : path_(path) {
-    WithDatabaseErrors(path_, [&] {
-      RequireDatabase(path_);
-      RequirePliant(path_);
-      UpgradeDatabase(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
-      reader_ = std::make_unique<Connection>(path_, Connection::Mode::kReadOnly, kBusyTimeoutMs);
-      writer_ = std::make_unique<Connection>(path_, Connection::Mode::kReadWrite, kBusyTimeoutMs);
-    });
-  }
-
-  std::int64_t Version() override;
-  std::vector<ApiKeyRecord> Keys() override;
-  void AddKey(const ApiKeyRecord& key) override;
-  bool RevokeKey(const std::string& id_or_name) override;
-  std::uint64_t ForgetRevokedKeys() override;
-  std::vector<JobRecord> Jobs() override;
-  const std::string& Owner() override;
-  bool Lives(const std::string& owner) override;
-  bool SaveJob(const JobRecord& job) override;
-  void AddJob(const JobRecord& job, std::span<const std::uint8_t> input) override;
-  std::optional<std::vector<std::uint8_t>> JobInput(const std::string& id) override;
-  void AddJobItems(const std::string& id, std::uint64_t first,
-                   const std::vector<std::string>& items) override;
-  std::vector<std::string> JobItems(const std::string& id, std::uint64_t first, int limit) override;
-  bool AddOnlyJob(const JobRecord& job) override;
-  bool TakeJob(const std::string& id, const std::string& from) override;
-  void RequestCancel(const std::string& id) override;
-  void KeepNewestJobs(std::size_t count) override;
-
- private:
-  static bool Save(Connection& db, const JobRecord& job);  // within a transaction
-
-  template <typename Work>
-  auto Read(Work&& work) {
-    return WithDatabaseErrors(path_, [&] {
-      const std::lock_guard lock(reader_mutex_);
-      return work(*reader_);
-    });
-  }
-
-  template <typename Work>
-  auto Write(Work&& work) {
-    return WithDatabaseErrors(path_, [&] {
-      const std::lock_guard lock(writer_mutex_);
-      writer_->EndLeftOver();
-      SQLite::Transaction transaction(writer_->database(), SQLite::TransactionBehavior::IMMEDIATE);
-      auto result = work(*writer_);
-      transaction.commit();
-      return result;
-    });
-  }
-
-  const std::filesystem::path path_;
-  std::mutex lock_mutex_;            // guards lock_
-  std::optional<ProcessLock> lock_;  // from the first Owner()
-  std::mutex reader_mutex_;          // guards reader_
-  std::unique_ptr<Connection> reader_;
-  std::mutex writer_mutex_;  // guards writer_
-  std::unique_ptr<Connection> writer_;
-};
 
 std::int64_t SqliteServiceStore::Version() {
   return Read([](Connection& db) { return db.Scalar("PRAGMA data_version"); });
+}
+
+const std::string& SqliteServiceStore::Owner() {
+  const std::lock_guard lock(lock_mutex_);
+  if (!lock_) lock_.emplace(path_);
+  return lock_->id();
+}
+
+bool SqliteServiceStore::Lives(const std::string& owner) {
+  Owner();
+  const std::lock_guard lock(lock_mutex_);
+  return lock_->IsHeld(owner);
 }
 
 std::vector<ApiKeyRecord> SqliteServiceStore::Keys() {
@@ -172,135 +114,6 @@ std::uint64_t SqliteServiceStore::ForgetRevokedKeys() {
     return static_cast<std::uint64_t>(db.changes());
   });
 }
-
-std::vector<JobRecord> SqliteServiceStore::Jobs() {
-  return Read([](Connection& db) {
-    Cursor row = db.Prepare(
-        "SELECT id, kind, collection, parameters, state, done, total, failed, attempts, result, "
-        "report, created_ms, finished_ms, owner, cancel FROM jobs ORDER BY number");
-    std::vector<JobRecord> jobs;
-    while (row.Next()) jobs.push_back(ToJob(row));
-    return jobs;
-  });
-}
-
-const std::string& SqliteServiceStore::Owner() {
-  const std::lock_guard lock(lock_mutex_);
-  if (!lock_) lock_.emplace(path_);
-  return lock_->id();
-}
-
-bool SqliteServiceStore::Lives(const std::string& owner) {
-  Owner();
-  const std::lock_guard lock(lock_mutex_);
-  return lock_->IsHeld(owner);
-}
-
-bool SqliteServiceStore::SaveJob(const JobRecord& job) {
-  return Write([&](Connection& db) { return Save(db, job); });
-}
-
-void SqliteServiceStore::AddJob(const JobRecord& job, std::span<const std::uint8_t> input) {
-  Write([&](Connection& db) {
-    Save(db, job);
-    db.Prepare("INSERT INTO job_inputs (job, data) VALUES (?, ?)").Bind(job.id, input).Run();
-    return 0;
-  });
-}
-
-std::optional<std::vector<std::uint8_t>> SqliteServiceStore::JobInput(const std::string& id) {
-  return Read([&](Connection& db) -> std::optional<std::vector<std::uint8_t>> {
-    Cursor row = db.Prepare("SELECT data FROM job_inputs WHERE job = ?");
-    if (!row.Bind(id).Next()) return std::nullopt;
-    const Bytes data = row.Blob(0);
-    return std::vector<std::uint8_t>(data.begin(), data.end());
-  });
-}
-
-void SqliteServiceStore::AddJobItems(const std::string& id, std::uint64_t first,
-                                     const std::vector<std::string>& items) {
-  Write([&](Connection& db) {
-    for (std::size_t i = 0; i < items.size(); ++i) {
-      db.Prepare("INSERT OR REPLACE INTO job_items (job, number, result) VALUES (?, ?, ?)")
-          .Bind(id, first + i, items[i])
-          .Run();
-    }
-    return 0;
-  });
-}
-
-std::vector<std::string> SqliteServiceStore::JobItems(const std::string& id, std::uint64_t first,
-                                                      int limit) {
-  return Read([&](Connection& db) {
-    Cursor row = db.Prepare(
-        "SELECT result FROM job_items WHERE job = ? AND number >= ? ORDER BY number LIMIT ?");
-    row.Bind(id, first, limit);
-    std::vector<std::string> items;
-    while (row.Next()) items.push_back(row.Text(0));
-    return items;
-  });
-}
-
-bool SqliteServiceStore::AddOnlyJob(const JobRecord& job) {
-  return Write([&](Connection& db) {
-    Cursor active = db.Prepare(
-        "SELECT 1 FROM jobs WHERE kind = ? AND collection = ? AND state IN ('queued', 'running')");
-    return !active.Bind(job.kind, job.collection).Next() && Save(db, job);
-  });
-}
-
-bool SqliteServiceStore::Save(Connection& db, const JobRecord& job) {
-  db.Prepare(
-        "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
-        "attempts, result, report, created_ms, finished_ms, owner) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
-        "state = excluded.state, done = excluded.done, total = excluded.total, "
-        "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
-        "report = excluded.report, finished_ms = excluded.finished_ms "
-        "WHERE jobs.owner = excluded.owner")
-      .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
-            job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
-            job.owner)
-      .Run();
-  if (db.changes() == 0) return false;
-  if (job.state != "queued" && job.state != "running") {  // nobody begins it again
-    db.Prepare("DELETE FROM job_inputs WHERE job = ?").Bind(job.id).Run();
-  }
-  return true;
-}
-
-bool SqliteServiceStore::TakeJob(const std::string& id, const std::string& from) {
-  const std::string& to = Owner();
-  return Write([&](Connection& db) {
-    db.Prepare(
-          "UPDATE jobs SET owner = ? WHERE id = ? AND owner = ? AND state IN ('queued', 'running')")
-        .Bind(to, id, from)
-        .Run();
-    return db.changes() > 0;
-  });
-}
-
-void SqliteServiceStore::RequestCancel(const std::string& id) {
-  Write([&](Connection& db) {
-    db.Prepare("UPDATE jobs SET cancel = 1 WHERE id = ? AND state IN ('queued', 'running')")
-        .Bind(id)
-        .Run();
-    return 0;
-  });
-}
-
-void SqliteServiceStore::KeepNewestJobs(std::size_t count) {
-  Write([&](Connection& db) {
-    db.Prepare(
-          "DELETE FROM jobs WHERE state NOT IN ('queued', 'running') AND number NOT IN "
-          "(SELECT number FROM jobs ORDER BY number DESC LIMIT ?)")
-        .Bind(static_cast<std::int64_t>(count))
-        .Run();
-    return 0;
-  });
-}
-
-}  // namespace
 
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database) {
   return std::make_unique<SqliteServiceStore>(database);

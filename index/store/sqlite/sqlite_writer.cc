@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "descriptor/base/error.h"
 #include "index/store/quantize_batch.h"
 #include "index/store/sqlite/catalogue_lists.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
@@ -146,7 +147,13 @@ bool SqliteWriter::RemoveCollection(const std::string& name) {
       [&](Connection& db) {
         const auto collection = FindCollection(db, name);
         removed = collection.has_value();
-        if (collection) DeleteCollection(db, collection->key);
+        if (!collection) return;
+        if (collection->name != name) {
+          throw Error(ErrorCode::kConflict, "collection_is_alias",
+                      "\"" + name + "\" is an alias of the collection \"" + collection->name +
+                          "\"; remove the alias, or name the collection");
+        }
+        DeleteCollection(db, collection->key);
       },
       {.reclaim = true});
   originals_.Tidy();

@@ -31,6 +31,9 @@ class SqliteWriter : public Writer {
   std::uint64_t RemoveWhere(const Selection& which) override;
   bool CreateCollection(const std::string& name) override;
   bool RemoveCollection(const std::string& name) override;
+  CollectionRecord ChangeCollection(const std::string& name,
+                                    const CollectionChange& change) override;
+  void ChangeAliases(const AliasChanges& changes) override;
 
   Key AddVocabulary(Key collection, const Vocabulary& vocabulary) override;
   void AddWords(Key vocabulary, std::span<const PictureWords> pictures) override;
