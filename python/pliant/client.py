@@ -9,7 +9,7 @@ import json
 import os
 import ssl
 import time
-from typing import Any, Callable, Iterator, Sequence, Union
+from typing import Any, Callable, Iterator, Mapping, Sequence, Union
 
 from pliant import _problems
 from pliant._transport import Transport, png, segment
@@ -25,8 +25,8 @@ class Client:
 
     key: an API key. collection: the one that methods are about; `client.collection("shelf")` gives another.
     timeout: seconds without a byte before a request fails. retries: how often a request is repeated that the server
-    refused as too much (429, 503), and one that can be sent twice (all but `add` without an id and `train`)
-    when the connection fails. It waits as long as `Retry-After` says, but no more than `max_wait` seconds: then
+    refused as too much (429, 503), or whose connection failed: `add` without an id, `train` and such are
+    done once all the same, by an Idempotency-Key. It waits as long as `Retry-After` says, but no more than `max_wait` seconds: then
     the error is raised. context: for https with a certificate of your own.
     Failures raise the classes of `pliant.errors`, with the problem's code, title, detail and status.
     """
@@ -65,9 +65,21 @@ class Client:
         """Its name, its numbers of pictures, objects and descriptors, and the vocabulary in use."""
         return self._get(self._base)
 
+    def set_display_name(self, name: str | None) -> Json:
+        """What people call this client's collection; None: by its own name."""
+        return self._patch(self._base, {"display_name": name})
+
     def drop(self) -> None:
-        """Deletes this client's collection with all it holds."""
+        """Deletes this client's collection with all it holds, and its aliases."""
         self._transport.call("DELETE", self._base)
+
+    def aliases(self) -> dict[str, str]:
+        """Other names of collections: alias to collection. `client.collection(alias)` takes them, too."""
+        return {alias["name"]: alias["collection"] for alias in self._get("/v1/aliases")["aliases"]}
+
+    def set_aliases(self, changes: Mapping[str, str | None]) -> None:
+        """Makes, moves and (None) removes aliases, all at once or none."""
+        self._patch("/v1/aliases", dict(changes))
 
     # Pictures
 
@@ -212,6 +224,10 @@ class Client:
     def _ask(self, method: str, path: str, **request: Any) -> Json:
         document: Json = self._transport.call(method, path, **request).document
         return document
+
+    def _patch(self, path: str, changes: Json) -> Json:
+        return self._ask("PATCH", path, body=json.dumps(changes, allow_nan=False).encode(),
+                         content_type="application/merge-patch+json")
 
     def _image(self, id: str) -> str:
         return f"{self._base}/images/{segment('id', id)}"

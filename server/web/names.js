@@ -55,3 +55,19 @@ export function defaultName(file, folder = "", taken = []) {
 
 // Of a stored picture or a hit: its object's name, else its file's.
 export const objectName = (object, source = "") => object || acceptable(stem(source ?? "")) || "(no name)";
+
+// What people call a collection.
+export const shownName = ({ name, display_name: shown }) => shown || name;
+
+const kPlainName = /^[A-Za-z0-9._-]{1,64}$/;
+
+// The name in addresses of a collection that is called so: the same where that will do. `taken`:
+// names that mean another one.
+export function collectionNameFor(shown, taken = []) {
+  if (kPlainName.test(shown) && !/^\.+$/.test(shown)) return shown;
+  const plain = shown.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase()
+    .replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "").slice(0, 50) || "collection";
+  let name = plain;
+  for (let i = 2; taken.includes(name); ++i) name = `${plain}-${i}`;
+  return name;
+}

@@ -55,6 +55,13 @@ bool WrongRequests::Makes(const std::string& name) const {
   return operation_.method == "PUT" && operation_.path.ends_with("{" + name + "}");
 }
 
+bool WrongRequests::TakesAnyName() const {
+  if (!operation_.Takes("application/merge-patch+json")) return false;
+  const Json& schema =
+      operation_.json["requestBody"]["content"]["application/merge-patch+json"]["schema"];
+  return schema.contains("additionalProperties") && schema["additionalProperties"].is_object();
+}
+
 std::vector<std::string> WrongRequests::RequiredFields() const {
   if (!json_ || image_) return {};
   return operation_.json["requestBody"]["content"]["application/json"]["schema"].value(
@@ -149,7 +156,7 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
     static const std::map<std::string, std::string> codes = {
         {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
         {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"},
-        {"k", "key_not_found"}};
+        {"k", "key_not_found"},        {"a", "alias_not_found"}};
     const bool job = operation_.path.starts_with("/v1/jobs");
     Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
         job ? "job_not_found" : codes.at(name));
@@ -165,7 +172,7 @@ void WrongRequests::AddParameterFaults() {
   }
   if (json_)
     Add("unknown parameter", "in JSON", path_, R"({"no_such": 1})", "application/json", 400,
-        "unknown_parameter");
+        TakesAnyName() ? "invalid_parameter" : "unknown_parameter");
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
     if (parameter["in"] != "query") continue;
     const std::string name = parameter["name"];
