@@ -22,6 +22,10 @@ class Engine::Impl {
 
   Catalogue& catalogue() { return store_->catalogue(); }
   Writer& writer() { return store_->writer(); }
+  // Of the collection with this name or alias.
+  CollectionView View(const std::string& collection) {
+    return ranker_->View(catalogue().RequireCollection(collection).name);
+  }
 
   // Pictures (engine_pictures.cc)
   AddResult Add(const AddRequest& request, const PictureCheck& check);

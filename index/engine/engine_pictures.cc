@@ -98,7 +98,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
   record.metadata = request.metadata;
   record.source = request.source;
   record.bytes = request.bytes.size();
-  const CollectionView view = ranker_->View(request.collection);
+  const CollectionView view = View(request.collection);
   if (view.has_vocabulary()) {
     const Stopwatch quantizing;
     put.vocabulary = view.vocabulary;
