@@ -35,6 +35,8 @@ class Engine::Impl {
                      const PictureChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
+
+  // Collections (engine_collections.cc)
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
   void ChangeAliases(const AliasChanges& changes);

@@ -142,24 +142,4 @@ Features Engine::Impl::GetFeatures(const std::string& collection, const std::str
   return features;
 }
 
-bool Engine::Impl::CreateCollection(const std::string& name) {
-  CheckCollectionName(name);
-  return writer().CreateCollection(name);
-}
-
-void Engine::Impl::ChangeAliases(const AliasChanges& changes) {
-  for (const auto& [name, collection] : changes) {
-    if (collection) CheckAliasName(name);  // one that cannot be is not there
-  }
-  writer().ChangeAliases(changes);
-}
-
-bool Engine::Impl::RemoveCollection(const std::string& name) {
-  if (name == kDefaultCollection) {
-    throw Error(ErrorCode::kConflict, "collection_permanent",
-                "the collection \"default\" cannot be removed");
-  }
-  return writer().RemoveCollection(name);
-}
-
 }  // namespace pliant
