@@ -14,6 +14,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
+#include "index/store/database_file.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
@@ -190,6 +191,8 @@ void EmptyLog(const fs::path& database) {
 }  // namespace
 
 RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& name, bool replace) {
+  RequireDatabaseFile(name);
+  RequireDatabaseFile(backup);
   const fs::path database = fs::weakly_canonical(fs::absolute(name));  // a link stays one
   if (InspectDatabaseFile(backup) != FileState::kPliant) {
     throw Error(ErrorCode::kNotFound, "backup_not_found",
@@ -243,6 +246,7 @@ bool IsSetAside(const fs::path& name) {
 }
 
 void CheckDatabaseFile(const fs::path& database) {
+  RequireDatabaseFile(database);
   if (InspectDatabaseFile(database) != FileState::kPliant) return;
   WithDatabaseErrors(database, [&] {
     Connection db(database, Connection::Mode::kReadOnly, kBusyTimeoutMs);

@@ -10,6 +10,7 @@
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
+#include "index/store/database_file.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
@@ -116,6 +117,7 @@ std::uint64_t SqliteServiceStore::ForgetRevokedKeys() {
 }
 
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database) {
+  RequireDatabaseFile(database);
   return std::make_unique<SqliteServiceStore>(database);
 }
 

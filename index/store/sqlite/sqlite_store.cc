@@ -3,6 +3,7 @@
 // A store on one database file.
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
+#include "index/store/database_file.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/access.h"
 #include "index/store/sqlite/database.h"
@@ -55,6 +56,7 @@ class SqliteStore : public Store {
 
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
   const std::filesystem::path& file = options.database;
+  RequireDatabaseFile(file);
   WithDatabaseErrors(file, [&] {
     if (!options.read_only) RemoveAbandoned(file);
     if (InspectDatabaseFile(file) != FileState::kPliant) {

@@ -1,0 +1,106 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// pliant cluster init | status | check
+#include <memory>
+
+#include "index/cli/cluster_output.h"
+#include "index/cli/command.h"
+#include "index/cli/output.h"
+#include "index/files/text.h"
+#include "index/store/clickhouse/cluster.h"
+
+namespace pliant::cli {
+namespace {
+
+struct Options {
+  std::string database;
+  std::string password_file;
+  bool quick = false;
+  bool json = false;
+};
+
+std::unique_ptr<clickhouse::Cluster> Open(const Options& options) {
+  if (options.database.find("://") == std::string::npos) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "database_is_a_file",
+        ToDisplayText(options.database) +
+            " is a file's name, and a cluster is named by a URL such as "
+            "clickhouse://host:8123/pliant?keeper=host:2181; for a file there is pliant db");
+  }
+  return std::make_unique<clickhouse::Cluster>(
+      clickhouse::ParseDatabaseUrl(options.database),
+      clickhouse::ReadDatabasePassword(options.password_file));
+}
+
+ExitStatus Init(const Options& options) {
+  auto cluster = Open(options);
+  const clickhouse::InitReport report = cluster->Init();
+  if (options.json) {
+    PrintJson(InitDocument(report));
+  } else {
+    Print(InitText(report));
+  }
+  return ExitStatus::kDone;
+}
+
+ExitStatus Status(const Options& options) {
+  auto cluster = Open(options);
+  const clickhouse::ClusterState state = cluster->Read();
+  if (options.json) {
+    PrintJson(StatusDocument(state));
+  } else {
+    Print(StatusText(state));
+  }
+  return ExitStatus::kDone;
+}
+
+ExitStatus Check(const Options& options) {
+  auto cluster = Open(options);
+  clickhouse::ClusterState state = cluster->Read();
+  if (!options.quick) cluster->ReadChecksums(state);
+  const std::vector<std::string> problems = clickhouse::FindProblems(state);
+  if (options.json) {
+    Json list = Json::array();
+    for (const std::string& problem : problems) list.push_back(ToDisplayText(problem));
+    PrintJson({{"ok", problems.empty()}, {"problems", std::move(list)}});
+  } else if (problems.empty()) {
+    Print("ok");
+  } else {
+    for (const std::string& problem : problems) Print(ToDisplayText(problem));
+  }
+  return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+}
+
+}  // namespace
+
+void AddClusterCommand(CLI::App& program, ExitStatus& status) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand("cluster", "Prepare and inspect a ClickHouse cluster");
+  app->require_subcommand(1);
+  app->add_option("--db", options->database, "the cluster: clickhouse://HOST:PORT,.../DATABASE")
+      ->required()
+      ->type_name("URL");
+  app->add_option("--password-file", options->password_file,
+                  "file with the database's password (default: PLIANT_DB_PASSWORD)")
+      ->type_name("FILE");
+  app->add_flag("--json", options->json, "print one JSON document");
+  constexpr const char* kUrl = " --db 'clickhouse://ch1:8123,ch2:8123/pliant?keeper=zk1:2181'";
+  app->footer(
+      "Today a cluster's tables can be made and checked; pictures are kept in database files.\n"
+      "Example:  pliant cluster init" +
+      std::string(kUrl));
+  const auto add = [&](const std::string& name, const char* help,
+                       ExitStatus (*run)(const Options&)) {
+    CLI::App* sub = app->add_subcommand(name, help);
+    sub->fallthrough();
+    sub->footer("Example:  pliant cluster " + name + kUrl);
+    sub->callback([options, run, &status] { status = run(*options); });
+    return sub;
+  };
+  add("init", "Make the tables that are not there yet, on every node", Init);
+  add("status", "List every table on every node: rows, bytes, parts, replicas, lag", Status);
+  add("check", "Verify that all nodes have the same tables, settings and rows", Check)
+      ->add_flag("--quick", options->quick, "without reading and comparing all rows");
+}
+
+}  // namespace pliant::cli

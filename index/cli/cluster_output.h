@@ -1,0 +1,19 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What `pliant cluster` prints.
+#pragma once
+
+#include <string>
+
+#include "index/json/json.h"
+#include "index/store/clickhouse/cluster.h"
+
+namespace pliant::cli {
+
+std::string InitText(const clickhouse::InitReport& report);
+Json InitDocument(const clickhouse::InitReport& report);
+
+std::string StatusText(const clickhouse::ClusterState& state);
+Json StatusDocument(const clickhouse::ClusterState& state);
+
+}  // namespace pliant::cli
