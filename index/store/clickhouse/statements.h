@@ -20,22 +20,22 @@ enum class Placement {
 };
 
 struct TableColumn {
-  std::string name;
+  std::string name = {};
   std::string type;
 
   bool operator==(const TableColumn&) const = default;
 };
 
 struct TableSpec {
-  std::string name;
+  std::string name = {};
   Placement placement = Placement::kShard;
   std::vector<TableColumn> columns;
   // Rows with the same key are one, the latest (when merged). `version`: the column that says
   // which.
   bool replacing = false;
-  std::string version;
-  std::string partition;  // empty: none
-  std::string order;
+  std::string version = {};
+  std::string partition = {};  // empty: none
+  std::string order = {};
   std::size_t granularity = 8192;  // rows that are read together at least
 };
 

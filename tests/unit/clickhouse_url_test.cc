@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// How a cluster is named, and how ClickHouse refuses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "index/store/clickhouse/database_url.h"
+#include "index/store/clickhouse/server_error.h"
+
+namespace pliant::clickhouse {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::string Refusal(const std::string& text) {
+  try {
+    ParseDatabaseUrl(text);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.reason(), "database_url_invalid");
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ClickhouseUrl, AllOfIt) {
+  const DatabaseUrl url = ParseDatabaseUrl(
+      "clickhouses://me@one:9,[::1]/pliant?keeper=zk1,zk2:2182&cluster=big&ca=/etc/ca.pem");
+  EXPECT_TRUE(url.tls);
+  EXPECT_EQ(url.user, "me");
+  EXPECT_EQ(url.hosts, (std::vector<HostPort>{{"one", 9}, {"::1", 8443}}));
+  EXPECT_EQ(url.keepers, (std::vector<HostPort>{{"zk1", 2181}, {"zk2", 2182}}));
+  EXPECT_EQ(url.database + " " + url.cluster + " " + url.ca_file, "pliant big /etc/ca.pem");
+  EXPECT_EQ(ParseDatabaseUrl(url.Text()), url);
+}
+
+TEST(ClickhouseUrl, RefusalsNameWhatIsWrong) {
+  EXPECT_EQ(Refusal("clickhouse://h/pliant"), "");
+  EXPECT_THAT(Refusal("my.db"), HasSubstr("does not begin"));
+  EXPECT_THAT(Refusal("clickhouse:///pliant"), HasSubstr("names no host"));
+  EXPECT_THAT(Refusal("clickhouse://h"), HasSubstr("names no database"));
+  EXPECT_THAT(Refusal("clickhouse://h/"), HasSubstr("names no database"));
+  EXPECT_THAT(Refusal("clickhouse://h:0/p"), HasSubstr("port \"0\""));
+  EXPECT_THAT(Refusal("clickhouse://h:65536/p"), HasSubstr("65536"));
+  EXPECT_THAT(Refusal("clickhouse://h,,i/p"), HasSubstr("empty host"));
+  EXPECT_THAT(Refusal("clickhouse://h,h/p"), HasSubstr("twice"));
+  EXPECT_THAT(Refusal("clickhouse://h/p;drop"), HasSubstr("letters, digits"));
+  EXPECT_THAT(Refusal("clickhouse://h/p?kepeer=z"), HasSubstr("kepeer"));
+  EXPECT_THAT(Refusal("clickhouse://h/p?keeper="), HasSubstr("without a value"));
+  EXPECT_THAT(Refusal("clickhouse://h/p?cluster=a&cluster=b"), HasSubstr("twice"));
+  EXPECT_THAT(Refusal("clickhouse://me:secret@h/p"), HasSubstr("PLIANT_DB_PASSWORD"));
+  EXPECT_THAT(Refusal("clickhouse://me:secret@h/p"), Not(HasSubstr("secret")));
+}
+
+TEST(ClickhouseErrors, BothFormsAreUnderstood) {
+  const auto old = FindServerError(
+      "Code: 60, e.displayText() = DB::Exception: Table p.x doesn't exist., e.what() = "
+      "DB::Exception");
+  ASSERT_TRUE(old);
+  EXPECT_EQ(old->code, 60);
+  EXPECT_EQ(old->text, "Table p.x doesn't exist");
+  const auto later = FindServerError(
+      "bytes before\x01Code: 279. DB::NetException: All tries failed. (ALL) (version 24.3.1)\n");
+  ASSERT_TRUE(later);
+  EXPECT_EQ(ToError(*later, "h:1").reason(), "shard_unavailable");
+  EXPECT_EQ(ToError(*later, "h:1").code(), ErrorCode::kUnavailable);
+  EXPECT_FALSE(FindServerError("Code: of conduct"));
+  EXPECT_FALSE(FindServerError(""));
+}
+
+}  // namespace
+}  // namespace pliant::clickhouse
