@@ -62,6 +62,10 @@ struct ServerOptions {
   std::string tls_key;        // PEM file
   std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
   std::string allowed_hosts;  // "pictures.example,shop.example", "*"; empty = own names only
+
+  std::string fetch_hosts;  // that pictures are fetched from, see FetchHosts; empty = none
+  int fetch_timeout_s = 10;
+  bool fetch_private = false;  // also where these have private addresses
 };
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate

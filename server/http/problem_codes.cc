@@ -39,6 +39,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"imports_off", 409, "the operator has named no directory to import from"},
     {"backups_off", 409, "the operator has named no directory for backups"},
     {"backup_exists", 409, "there is a backup of that name"},
+    {"fetch_off", 409, "the operator lets the server fetch no pictures"},
     {"first_key_admin", 409, "the first key must have the scope admin"},
     {"last_admin_key", 409, "the last key of scope admin cannot be revoked over HTTP"},
     {"interrupted", 409, "the server ended while the job ran, and it cannot go on (of a job)"},
@@ -55,6 +56,10 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"host_not_allowed", 421,
      "the Host header has a name that is none of the server's (--allowed-hosts)"},
     {"rate_limited", 429, "more requests than --rate-limit allows; Retry-After says when to go on"},
+    {"fetch_host_not_allowed", 422,
+     "the operator lets no pictures be fetched from this host, or it has no public address "
+     "(--fetch-hosts, --fetch-private)"},
+    {"fetch_failed", 422, "the picture at image_url could not be fetched; the detail says why"},
     {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
     {"internal", 500, "a defect or damaged data; the server's log has the request id"},
     {"unsupported_transfer_encoding", 501, "only chunked transfer encoding is taken"},

@@ -111,7 +111,14 @@ Json JsonContent(const Route& route) {
   if (route.body == BodyKind::kImageOrJson) {
     schema["properties"]["image"] = {
         {"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}};
-    if (!MayDoWithoutImage(route)) schema["required"].push_back("image");
+    schema["properties"]["image_url"] = {
+        {"type", "string"},
+        {"description",
+         "address (http, https) to fetch the picture from, where the operator allows its host "
+         "(--fetch-hosts); in place of image"}};
+    if (!MayDoWithoutImage(route)) {
+      schema["oneOf"] = {{{"required", {"image"}}}, {{"required", {"image_url"}}}};
+    }
   }
   return {{"schema", schema}};
 }

@@ -8,7 +8,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   std::vector<Route> routes;
   AddPageRoutes(routes);
   AddHealthRoutes(service, routes);
-  AddMeRoute(routes);
+  AddMeRoute(service, routes);
   AddKeyRoutes(service, routes);
   AddCollectionRoutes(service, routes);
   AddImageRoutes(service, routes);
