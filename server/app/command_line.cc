@@ -43,6 +43,9 @@ constexpr NumberFlag kNumbers[] = {
     {"--queue-timeout", &ServerOptions::queue_timeout_s, 1, 3600,
      "Longest wait for a core in seconds; then 503"},
     {"--max-body-mb", &ServerOptions::max_body_mb, 1, 1024, "Largest body of a request in MiB"},
+    {"--max-backup-mb", &ServerOptions::max_backup_mb, 0, 1'000'000'000,
+     "Largest backup that may be uploaded in MiB; 0 = what the disk has room for beside "
+     "--reserve-mb"},
     {"--max-inflight-mb", &ServerOptions::max_inflight_mb, 1, 1048576,
      "Bodies of all requests at once in MiB, with what clients have not yet taken of answers; more "
      "get 503"},

@@ -18,7 +18,7 @@ namespace pliant::server {
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
-      backups(options.backup_dir),
+      backups(options.backups),
       fetcher(options.fetch) {}
 
 // Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
