@@ -19,14 +19,14 @@ namespace pliant::server {
 class WebAddress;
 
 struct FetchOptions {
-  std::vector<std::string> hosts;             // see FetchHosts; empty = nothing is fetched
+  std::vector<std::string> hosts = {};        // see FetchHosts; empty = nothing is fetched
   bool allow_private = false;                 // of these hosts also loopback and private addresses
   std::chrono::milliseconds timeout{10'000};  // of one picture, with all redirections
   std::size_t max_bytes = 32 * 1024 * 1024;   // of a picture
   int most_at_once = 16;                      // pictures on their way or in use
   std::string user_agent = "Pliant";
-  std::string ca_file;               // PEM; empty = the system's certificates
-  std::vector<std::string> resolve;  // "host:port:address" in place of the system's resolver
+  std::string ca_file = {};               // PEM; empty = the system's certificates
+  std::vector<std::string> resolve = {};  // "host:port:address" in place of the system's resolver
 };
 
 struct FetchedPicture {

@@ -22,7 +22,7 @@ struct TransferOptions {
   std::string user_agent;
   std::function<bool()> stop = [] { return false; };  // asked about every second; true ends it
   std::string ca_file;                                // PEM; empty = the system's certificates
-  std::vector<std::string> resolve;  // "host:port:address" in place of the system's resolver
+  std::vector<std::string> resolve = {};  // "host:port:address" in place of the system's resolver
 };
 
 struct TransferResult {
