@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstdint>
 #include <cstring>
 
+#include <arpa/inet.h>
 #include <netinet/in.h>
 
 namespace pliant::server {
@@ -96,6 +98,16 @@ Kind KindOf6(const Bytes16& address) {
 }
 
 }  // namespace
+
+std::string CanonicalHost(std::string host) {
+  std::transform(host.begin(), host.end(), host.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (host.size() < 2 || host.front() != '[' || host.back() != ']') return host;
+  in6_addr address{};
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (inet_pton(AF_INET6, host.substr(1, host.size() - 2).c_str(), &address) != 1) return host;
+  return "[" + std::string(inet_ntop(AF_INET6, &address, text.data(), text.size())) + "]";
+}
 
 AddressKind KindOf(const sockaddr* address) {
   if (address->sa_family == AF_INET) {

@@ -3,6 +3,8 @@
 // Which network addresses the server may connect to when a client names a host.
 #pragma once
 
+#include <string>
+
 #include <sys/socket.h>
 
 namespace pliant::server {
@@ -18,5 +20,9 @@ enum class AddressKind {
 // IPv6 one (mapped, or NAT64's) is what the IPv4 address is; a private one behind NAT64 is kNever.
 // Families other than those two are kNever.
 AddressKind KindOf(const sockaddr* address);
+
+// A host as it is compared: in lower case, and an IPv6 address, which is in brackets, in its
+// shortest form.
+std::string CanonicalHost(std::string host);
 
 }  // namespace pliant::server

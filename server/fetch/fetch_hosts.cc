@@ -7,6 +7,7 @@
 #include <regex>
 
 #include "descriptor/base/error.h"
+#include "server/fetch/address_kind.h"
 
 namespace pliant::server {
 
@@ -38,7 +39,7 @@ FetchHosts::FetchHosts(const std::vector<std::string>& entries) {
                   "images.example.org:8443, with commas between, or *, not '" +
                       text + "'");
     }
-    std::string host = parts[1];
+    std::string host = CanonicalHost(parts[1]);
     if (host.starts_with("*.")) host.erase(0, 1);
     entries_.push_back({std::move(host), port});
   }
@@ -52,9 +53,9 @@ bool FetchHosts::AllowsAny() const {
 bool FetchHosts::Allows(const std::string& scheme, const std::string& host, int port) const {
   return std::any_of(entries_.begin(), entries_.end(), [&](const Entry& entry) {
     if (port != (entry.port == 0 ? PortOf(scheme) : entry.port)) return false;
-    if (entry.host == "*" || entry.host == host) return true;
-    return entry.host.front() == '.' && host.size() > entry.host.size() &&
-           host.ends_with(entry.host);
+    if (entry.host == "*") return true;
+    if (entry.host.front() != '.') return entry.host == host;
+    return host.size() > entry.host.size() && host.ends_with(entry.host);
   });
 }
 

@@ -10,6 +10,7 @@
 #include <curl/curl.h>
 
 #include "descriptor/base/error.h"
+#include "server/fetch/address_kind.h"
 
 namespace pliant::server {
 
@@ -59,9 +60,7 @@ WebAddress::WebAddress(Parts parts, const std::string& text) : parts_(std::move(
   }
   scheme_ = Part(CURLUPART_SCHEME);
   if (scheme_ != "http" && scheme_ != "https") ThrowInvalid("must begin with http:// or https://.");
-  host_ = Part(CURLUPART_HOST);
-  std::transform(host_.begin(), host_.end(), host_.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  host_ = CanonicalHost(Part(CURLUPART_HOST));
   if (host_.empty() || !IsHost(host_) || !Part(CURLUPART_ZONEID).empty()) {
     ThrowInvalid("must name its host in ASCII (xn--...) or by its address.");
   }

@@ -43,7 +43,8 @@ class FetcherTest : public ::testing::Test {
     if (path.starts_with("/to/")) return Elsewhere::Redirect(path.substr(4));
     if (path.starts_with("/again/")) {
       const int left = std::stoi(path.substr(7));
-      return Elsewhere::Redirect(left > 1 ? "/again/" + std::to_string(left - 1) : "picture.png");
+      return Elsewhere::Redirect(left > 1 ? "/again/" + std::to_string(left - 1)
+                                          : "../picture.png");
     }
     if (path.starts_with("/status/")) {
       return "HTTP/1.1 " + path.substr(8) + " Odd\r\nContent-Length: 4\r\n\r\nbody";

@@ -135,6 +135,7 @@ TEST(FetchHosts, AreNamesSuffixesAndPorts) {
   EXPECT_TRUE(hosts.Allows("http", "x.lab.example", 81));
   EXPECT_TRUE(hosts.Allows("http", "192.0.2.7", 80));
   EXPECT_TRUE(hosts.Allows("http", "[2001:db8::1]", 8080));
+  EXPECT_TRUE(FetchHosts({"[2001:DB8:0::1]"}).Allows("http", "[2001:db8::1]", 80));
   struct Refused {
     const char *scheme, *host;
     int port;
@@ -201,6 +202,7 @@ TEST(WebAddress, IsTakenApart) {
   EXPECT_EQ(port.port(), 8080);
   EXPECT_EQ(port.Display(), "http://a.example:8080/");
   EXPECT_EQ(WebAddress("http://[2001:DB8::1]/").host(), "[2001:db8::1]");
+  EXPECT_EQ(WebAddress("http://[2001:db8:0:0::0001]/").host(), "[2001:db8::1]");
   EXPECT_EQ(WebAddress("http://a.example/m\xc3\xbctze 1.jpg").Display(),
             "http://a.example/m%c3%bctze%201.jpg");
   // However it is written, it is the address that is connected to.
