@@ -15,6 +15,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "tests/integration/certificate.h"
 #include "tests/integration/server_fixture.h"
 
 namespace pliant::testing {
@@ -182,6 +183,23 @@ TEST_F(BackupsTest, AnUploadedOneIsTheSameAndCanBeRestored) {
   EXPECT_EQ(done.status, 0) << done.err;
   const ProgramResult check = RunProgram({"db", "check", "--db", restored});
   EXPECT_EQ(check.status, 0) << check.out << check.err;
+}
+
+TEST_F(BackupsTest, EncryptedTheyAreTheSame) {
+  StartWithBackups();
+  const std::string bytes = MakeBackup("a.db", 8);
+  server_->Stop();
+  WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem");
+  StartWithBackups(
+      {"--tls-cert", (folder_ / "cert.pem").string(), "--tls-key", (folder_ / "key.pem").string()});
+  httplib::SSLClient client("127.0.0.1", server_->port());
+  client.set_ca_cert_path((folder_ / "cert.pem").string());
+  client.set_read_timeout(60);
+  const auto stored = client.Put("/v1/backups/b.db", bytes, kType);
+  ASSERT_TRUE(stored) << httplib::to_string(stored.error());
+  EXPECT_EQ(stored->status, 201) << stored->body;
+  EXPECT_EQ(Contents(fs::path(directory_) / "b.db"), bytes);
+  EXPECT_EQ(client.Get("/v1/backups/b.db/content")->body, bytes);
 }
 
 TEST_F(BackupsTest, OnlyWhatIsABackupIsTaken) {
