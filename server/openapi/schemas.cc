@@ -48,7 +48,8 @@ constexpr const char* kCatalogue = R"json({
       "id": {"type": "string"}, "collection": {"type": "string"},
       "object": {"type": "string", "description": "what it shows; may be empty"},
       "metadata": {"type": "object", "additionalProperties": true},
-      "source": {"type": "string", "description": "file name as given; may be empty"},
+      "source": {"type": "string",
+        "description": "file name as given, or the address it was fetched from; may be empty"},
       "sha256": {"type": "string", "description": "of the uploaded bytes"},
       "media_type": {"type": "string"},
       "bytes": {"type": "integer", "description": "of the upload"},
@@ -242,7 +243,7 @@ constexpr const char* kSearch = R"json({
 })json";
 
 constexpr const char* kService = R"json({
-  "Me": {"type": "object", "required": ["keys_required", "scopes", "key"],
+  "Me": {"type": "object", "required": ["keys_required", "scopes", "key", "image_url"],
     "properties": {
       "keys_required": {"type": "boolean", "description": "false: anybody may do everything"},
       "scopes": {"type": "array", "description": "what the caller may do",
@@ -251,7 +252,9 @@ constexpr const char* kService = R"json({
         "description": "that was shown; null where none is required",
         "properties": {
           "id": {"type": "string", "description": "public, as in the log"},
-          "name": {"type": "string"}, "scope": {"enum": ["read", "write", "admin"]}}}}},
+          "name": {"type": "string"}, "scope": {"enum": ["read", "write", "admin"]}}},
+      "image_url": {"type": "boolean",
+        "description": "whether the server fetches pictures by `image_url`, from some hosts"}}},
   "ApiKey": {"type": "object", "required": ["id", "name", "scope", "created_at", "revoked_at"],
     "properties": {
       "id": {"type": "string", "description": "public, as in the log"},
