@@ -32,7 +32,7 @@ struct HeaderNameLess {
 
 inline constexpr const char* kNdjsonType = "application/x-ndjson";
 inline constexpr const char* kTarType = "application/x-tar";
-inline constexpr const char* kDatabaseType = "application/vnd.sqlite3";
+inline constexpr const char* kFileType = "application/octet-stream";
 
 // By any of its names: NDJSON, JSON lines.
 inline bool IsNdjsonType(const std::string& type) {

@@ -25,7 +25,7 @@ enum class BodyKind {
   kImages,       // multipart/form-data with any number of pictures
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
-  kDatabase,     // a file, application/vnd.sqlite3 or application/octet-stream: see Route::receive
+  kFile,         // application/octet-stream, or without a type: see Route::receive
 };
 
 class Parameters;
@@ -50,7 +50,7 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
-  // Of kDatabase: called when the head is there and its parameters are right, for what takes the
+  // Of kFile: called when the head is there and its parameters are right, for what takes the
   // body, which the handler finds in Request::received. Throws what refuses it, also for its size:
   // the server's limit on bodies does not hold for it.
   Receive receive = {};

@@ -143,10 +143,8 @@ Json RequestBody(const Route& route) {
     return {{"required", true},
             {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
   }
-  if (route.body == BodyKind::kDatabase) {
-    return {{"required", true},
-            {"content",
-             {{kDatabaseType, Json::object()}, {"application/octet-stream", Json::object()}}}};
+  if (route.body == BodyKind::kFile) {
+    return {{"required", true}, {"content", {{kFileType, Json::object()}}}};
   }
   Json content = Json::object();
   if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {

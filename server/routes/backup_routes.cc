@@ -23,7 +23,7 @@ Response Content(Service& service, const Request& request) {
   const std::string& name = request.captures.at("b");
   Response response;
   response.file = service.backups.Content(name);
-  response.content_type = kDatabaseType;
+  response.content_type = kFileType;
   response.headers.emplace_back("ETag", '"' + response.file->version() + '"');
   response.headers.emplace_back("Accept-Ranges", "bytes");
   response.headers.emplace_back("Cache-Control", "no-store");
@@ -48,8 +48,8 @@ void AddBackupFileRoutes(Service& service, std::vector<Route>& routes) {
                     .pattern = "/v1/backups/{b}/content",
                     .summary = "Download a backup: the database file, or a part of it",
                     .scope = Scope::kAdmin,
-                    .answers = {{200, "the file, with ETag", "", kDatabaseType},
-                                {206, "the part that Range asks for", "", kDatabaseType},
+                    .answers = {{200, "the file, with ETag", "", kFileType},
+                                {206, "the part that Range asks for", "", kFileType},
                                 {304, "If-None-Match names its ETag", "", ""}},
                     .codes = {"backups_off", "backup_not_found"},
                     .example = R"(curl -o copy.db "$PLIANT/v1/backups/$BACKUP/content")",
@@ -62,12 +62,11 @@ void AddBackupFileRoutes(Service& service, std::vector<Route>& routes) {
        .pattern = "/v1/backups/{b}",
        .summary = "Upload a backup; it is checked, and never replaces the database in use",
        .scope = Scope::kAdmin,
-       .body = BodyKind::kDatabase,
+       .body = BodyKind::kFile,
        .answers = {{201, "stored; Location has its address", "Backup"}},
        .codes = {"backups_off", "backup_exists", "backup_invalid", "invalid_parameter",
                  "missing_parameter"},
-       .example = R"(curl -T copy.db -H "Content-Type: application/vnd.sqlite3" )"
-                  R"("$PLIANT/v1/backups/copy.db")",
+       .example = R"(curl -T copy.db "$PLIANT/v1/backups/copy.db")",
        .handler = [&service](const Request& request,
                              const Parameters&) { return Publish(service, request); },
        .receive =

@@ -79,7 +79,7 @@ class OpenApiTest : public ::testing::Test {
         client.Put("/v1/collections/default/images/mug-1?object=mug", TestPicture(1), "image/png");
     ASSERT_LT(mug->status, 300) << mug->body;
     if (backup_.empty()) return;  // it is not made yet
-    const auto backup = client.Put("/v1/backups/first.db", backup_, "application/vnd.sqlite3");
+    const auto backup = client.Put("/v1/backups/first.db", backup_, "application/octet-stream");
     ASSERT_TRUE(backup->status == 201 || backup->status == 409) << backup->body;
   }
 

@@ -27,12 +27,12 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_only_(operation.Takes("multipart/form-data") && !image_) {
-  constexpr const char* kDatabase = "application/vnd.sqlite3";
-  type_ = image_                       ? "image/png"
-          : json_                      ? "application/json"
-          : form_only_                 ? kForm
-          : operation.Takes(kDatabase) ? kDatabase
-                                       : "";
+  constexpr const char* kFile = "application/octet-stream";
+  type_ = image_                   ? "image/png"
+          : json_                  ? "application/json"
+          : form_only_             ? kForm
+          : operation.Takes(kFile) ? kFile
+                                   : "";
   body_ = GoodBody();
   AddBodyFaults();
   AddMissingFields();
@@ -97,7 +97,7 @@ std::string WrongRequests::GoodBody() const {
             .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
     body[field] = schema["type"] == "array" ? Json::array({Json{{"image_id", "mug-1"}}}) : "shelf";
   }
-  if (operation_.Takes("application/vnd.sqlite3")) return "SQLite";
+  if (operation_.Takes("application/octet-stream")) return "SQLite";
   return json_ ? body.dump() : "";
 }
 
