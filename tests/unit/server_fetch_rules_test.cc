@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <arpa/inet.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 
@@ -203,8 +204,8 @@ TEST(WebAddress, IsTakenApart) {
   EXPECT_EQ(port.Display(), "http://a.example:8080/");
   EXPECT_EQ(WebAddress("http://[2001:DB8::1]/").host(), "[2001:db8::1]");
   EXPECT_EQ(WebAddress("http://[2001:db8:0:0::0001]/").host(), "[2001:db8::1]");
-  EXPECT_EQ(WebAddress("http://a.example/m\xc3\xbctze 1.jpg").Display(),
-            "http://a.example/m%c3%bctze%201.jpg");
+  EXPECT_THAT(WebAddress("http://a.example/m\xc3\xbctze 1.jpg").Display(),
+              testing::StrCaseEq("http://a.example/m%c3%bctze%201.jpg"));
   // However it is written, it is the address that is connected to.
   for (const std::string loopback : {"http://127.0.0.1/", "http://127.1/", "http://2130706433/",
                                      "http://0x7f.0.0.1/", "http://0177.0.0.1/"}) {
