@@ -131,35 +131,6 @@ std::vector<std::string> Engine::Impl::Check() {
 Engine::Engine(EngineOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 Engine::~Engine() = default;
 
-bool Engine::CreateCollection(const std::string& name) { return impl_->CreateCollection(name); }
-
-std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().ListCollections(); }
-
-std::vector<CollectionLabel> Engine::ListLabels() { return impl_->catalogue().ListLabels(); }
-
-std::string Engine::CollectionName(const std::string& name_or_alias) {
-  return impl_->catalogue().RequireCollection(name_or_alias).name;
-}
-
-std::vector<AliasRecord> Engine::ListAliases() { return impl_->catalogue().ListAliases(); }
-
-void Engine::ChangeAliases(const AliasChanges& changes) { impl_->ChangeAliases(changes); }
-
-CollectionRecord Engine::ChangeCollection(const std::string& name, const CollectionChange& change) {
-  if (change.display_name) CheckDisplayName(*change.display_name);
-  return impl_->writer().ChangeCollection(name, change);
-}
-
-bool Engine::HasVocabulary(const std::string& collection) {
-  return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
-}
-
-CollectionRecord Engine::GetCollection(const std::string& name) {
-  return impl_->catalogue().DescribeCollection(name);
-}
-
-bool Engine::RemoveCollection(const std::string& name) { return impl_->RemoveCollection(name); }
-
 AddResult Engine::Add(const AddRequest& request, const PictureCheck& check) {
   return impl_->Add(request, check);
 }
@@ -194,6 +165,12 @@ bool Engine::Remove(const std::string& collection, const std::string& id,
 PicturePage Engine::ListPage(const PictureListing& list) {
   CheckListing(list.which, list);
   return impl_->catalogue().ListPicturePage(list);
+}
+
+void Engine::ForEachPage(const PictureListing& list,
+                         const std::function<void(const PicturePage&)>& work) {
+  CheckListing(list.which, list);
+  impl_->catalogue().ForEachPicturePage(list, work);
 }
 
 ObjectPage Engine::ListPage(const ObjectListing& list) {

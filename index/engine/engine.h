@@ -125,6 +125,9 @@ class Engine {
   // A page of those selected, in any order, with what is counted beside (records/listing.h).
   // kInvalidArgument names what is wrong.
   PicturePage ListPage(const PictureListing& list);
+  // All pages, one after the other, of one state of the database: what is changed meanwhile is not
+  // seen. Writers go on, and the database's log grows until it ends.
+  void ForEachPage(const PictureListing& list, const std::function<void(const PicturePage&)>& work);
   ObjectPage ListPage(const ObjectListing& list);
   // Removes all pictures selected, at once or not at all; how many. Nothing selected apart from the
   // collection is kInvalidArgument "selection_empty": that would be all of it.

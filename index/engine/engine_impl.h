@@ -22,6 +22,10 @@ class Engine::Impl {
 
   Catalogue& catalogue() { return store_->catalogue(); }
   Writer& writer() { return store_->writer(); }
+  // Of the collection with this name or alias.
+  CollectionView View(const std::string& collection) {
+    return ranker_->View(catalogue().RequireCollection(collection).name);
+  }
 
   // Pictures (engine_pictures.cc)
   AddResult Add(const AddRequest& request, const PictureCheck& check);
@@ -31,6 +35,8 @@ class Engine::Impl {
                      const PictureChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
+
+  // Collections (engine_collections.cc)
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
   void ChangeAliases(const AliasChanges& changes);

@@ -37,7 +37,7 @@ std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
                                                   const std::string& collection,
                                                   const std::string& object, int threads,
                                                   std::vector<PictureRef> some) {
-  const CollectionView view = ranker_->View(collection);
+  const CollectionView view = View(collection);
   if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
   const Descriptors& descriptors = query.descriptors;
   const Bow bow =

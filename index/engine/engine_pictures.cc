@@ -98,7 +98,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
   record.metadata = request.metadata;
   record.source = request.source;
   record.bytes = request.bytes.size();
-  const CollectionView view = ranker_->View(request.collection);
+  const CollectionView view = View(request.collection);
   if (view.has_vocabulary()) {
     const Stopwatch quantizing;
     put.vocabulary = view.vocabulary;
@@ -140,26 +140,6 @@ Features Engine::Impl::GetFeatures(const std::string& collection, const std::str
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;
-}
-
-bool Engine::Impl::CreateCollection(const std::string& name) {
-  CheckCollectionName(name);
-  return writer().CreateCollection(name);
-}
-
-void Engine::Impl::ChangeAliases(const AliasChanges& changes) {
-  for (const auto& [name, collection] : changes) {
-    if (collection) CheckAliasName(name);  // one that cannot be is not there
-  }
-  writer().ChangeAliases(changes);
-}
-
-bool Engine::Impl::RemoveCollection(const std::string& name) {
-  if (name == kDefaultCollection) {
-    throw Error(ErrorCode::kConflict, "collection_permanent",
-                "the collection \"default\" cannot be removed");
-  }
-  return writer().RemoveCollection(name);
 }
 
 }  // namespace pliant

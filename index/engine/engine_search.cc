@@ -36,7 +36,7 @@ void CheckQuery(const Features& features, bool has_region) {
 
 SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
-  CheckVocabulary(ranker_->View(options.collection), options);  // before any work
+  CheckVocabulary(View(options.collection), options);  // before any work
   ExtractionTimings timings;
   Features features = query_extractor().Extract(encoded, options.threads, &timings);
   return Answer(InStoredPrecision(std::move(features)), options, timings);
@@ -59,7 +59,7 @@ SearchResult Engine::Impl::SearchFeatures(const Features& features, const Search
 
 SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
                                   const ExtractionTimings& timings) {
-  const CollectionView view = ranker_->View(options.collection);
+  const CollectionView view = View(options.collection);
   CheckVocabulary(view, options);
   if (options.region) {
     features = Subset(features, [&](const Keypoint& k) { return Contains(*options.region, k); });

@@ -31,10 +31,10 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   in_use_ = true;
   while (true) {
     CatchUp();
-    auto found = entries_.find(collection);
-    if (found == entries_.end()) {  // an alias, then
-      found = entries_.find(catalogue_.RequireCollection(collection).name);
-      if (found == entries_.end()) continue;  // made since
+    const auto found = entries_.find(collection);
+    if (found == entries_.end()) {
+      throw Error(ErrorCode::kNotFound, "collection_not_found",
+                  "there is no collection \"" + collection + "\"");
     }
     const Entry& entry = found->second;
     if (entry.is_current() || (entry.shown && entry.loading)) {
@@ -45,7 +45,7 @@ CollectionView MemoryRanker::View(const std::string& collection) {
     if (entry.loading) {
       changed_.wait(lock);
     } else {
-      LoadEntry(std::string(found->first), lock);
+      LoadEntry(collection, lock);
     }
   }
 }

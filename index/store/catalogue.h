@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -83,6 +84,9 @@ class Catalogue {
   // count of what these leave, or a facet; holds a page in memory. kInvalidArgument
   // "after_invalid".
   virtual PicturePage ListPicturePage(const PictureListing& list) = 0;
+  // All pages, one after the other, of one state of the store, however long `work` takes.
+  virtual void ForEachPicturePage(PictureListing list,
+                                  const std::function<void(const PicturePage&)>& work) = 0;
   virtual ObjectPage ListObjectPage(const ObjectListing& list) = 0;
   // The picture that `request` would only store once more (store/unchanged.h).
   virtual std::optional<ImageRecord> FindUnchanged(const AddRequest& request,

@@ -10,6 +10,7 @@ import ssl
 import struct
 import time
 import urllib.parse
+import uuid
 import zlib
 from typing import Any, NamedTuple
 
@@ -55,23 +56,26 @@ class Transport:
 
     def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None, body: bytes | None = None,
              content_type: str | None = None, again: bool | None = None, patient: bool = True) -> Answer:
-        """`again`: whether the request may be sent twice; by default all methods but POST. One that was refused as too
-        much (429, 503) was not begun, and is repeated in any case, unless not `patient`: then nothing is."""
+        """Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
+        `again`: whether the request does the same when it is done twice; by default all methods but POST and PATCH.
+        Others get an Idempotency-Key, by which the server does them once."""
         if again is None:
-            again = method != "POST"
+            again = method not in ("POST", "PATCH")
         target = self._prefix + path
         if parameters:
             target += "?" + urllib.parse.urlencode(parameters)
         headers = dict(self._headers)
         if content_type:
             headers["Content-Type"] = content_type
+        if not again:
+            headers["Idempotency-Key"] = str(uuid.uuid4())
         retries = self._retries if patient else 0
         failed = 0
         while True:
             try:
                 answer = self._once(method, target, body, headers)
             except (OSError, http.client.HTTPException) as error:
-                if isinstance(error, ssl.SSLCertVerificationError) or not again or failed >= retries:
+                if isinstance(error, ssl.SSLCertVerificationError) or failed >= retries:
                     raise ConnectionFailedError(f"{method} {self.address}{path}: {error or type(error).__name__}",
                                                 code="connection_failed") from error
                 wait = None
@@ -80,7 +84,8 @@ class Transport:
                     return answer
                 refused = _problems.error(answer.status, answer.headers, answer.body)
                 wait = refused.retry_after
-                if answer.status not in _BUSY or failed >= retries or (wait or 0) > self._max_wait:
+                busy = answer.status in _BUSY or refused.code == "idempotency_running"
+                if not busy or failed >= retries or (wait or 0) > self._max_wait:
                     raise refused
             time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
             failed += 1

@@ -152,6 +152,10 @@ void CheckContentType(const Route& route, const Request& request) {
       if (IsNdjsonType(type) || type == kTarType) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be application/x-ndjson or application/x-tar.");
+    case BodyKind::kDatabase:
+      if (type == kDatabaseType || type == "application/octet-stream") return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be application/vnd.sqlite3 or application/octet-stream.");
     case BodyKind::kImages:
       if (type == "multipart/form-data") return;
       throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");

@@ -45,14 +45,11 @@ Response Export(Service& service, const Request& request, const Parameters& para
   list.limit = kRecordsAtOnce;
   const EngineOptions& engine = service.options.engine;
   auto file = std::make_shared<BodyFile>(FolderOf(engine.database), engine.reserve_bytes);
-  while (true) {
-    const PicturePage page = service.engine().ListPage(list);
+  service.engine().ForEachPage(list, [&](const PicturePage& page) {
     std::string lines;
     for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
     if (!lines.empty()) file->Append(lines);
-    if (!page.next) break;
-    list.after = *page.next;
-  }
+  });
   Response response;
   response.content_type = kNdjsonType;
   response.file = std::move(file);

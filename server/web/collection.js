@@ -5,6 +5,7 @@ import * as api from "./api.js";
 import { byId, count, make, say, shortTime } from "./dom.js";
 import { refreshHeader } from "./header.js";
 import { isActive, jobItem } from "./jobs.js";
+import { collectionNameFor, shownName } from "./names.js";
 
 const kPollMs = 2000;
 const kShownJobs = 12;
@@ -20,7 +21,9 @@ function fact(name, value) {
 }
 
 function showFacts(record) {
-  byId("collection-title").textContent = `Collection: ${record.name}`;
+  byId("collection-title").textContent = `Collection: ${shownName(record)}`;
+  const field = byId("collection-shown");
+  if (document.activeElement !== field) field.value = record.display_name ?? "";
   byId("collection-facts").replaceChildren(
     fact("Pictures", record.images.toLocaleString("en")),
     fact("Objects", record.objects.toLocaleString("en")),
@@ -100,12 +103,15 @@ function showJobs(jobs) {
 
 // --- collections
 
-function collectionItem(name) {
+function collectionItem(label) {
+  const { name, display_name: shown, aliases } = label;
   const item = make("li", {});
-  const here = name === api.collectionName();
-  if (here) item.append(make("strong", { text: `${name} (this one)` }));
+  const here = [name, ...aliases].includes(api.collectionName());
+  if (here) item.append(make("strong", { text: `${shownName(label)} (this one)` }));
   else item.append(make("a", { href: name === "default" ? "#/collection" :
-                               `#/collection?${new URLSearchParams({ in: name })}`, text: name }));
+                               `#/collection?${new URLSearchParams({ in: name })}`, text: shownName(label) }));
+  const others = [...(shown ? [name] : []), ...aliases];
+  if (others.length) item.append(make("span", { class: "quiet beside", text: others.join(", ") }));
   if (name !== "default") {
     item.append(" ", make("button", {
       type: "button", class: "small", text: "Delete", "data-needs": "admin", "aria-label": `Delete the collection ${name}`,
@@ -139,10 +145,13 @@ function askBeforeDeleting(button, name) {
 
 byId("collection-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const name = byId("collection-name").value.trim();
+  const typed = byId("collection-name").value.trim();
   try {
+    const { labels } = await api.collections();
+    const name = collectionNameFor(typed, labels.flatMap((label) => [label.name, ...label.aliases]));
     await api.ask(api.address("", name), { method: "PUT" });
-    say(byId("collection-made"), `The collection ${name} is there.`);
+    if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
+    say(byId("collection-made"), `The collection ${typed} is there.`);
     byId("collection-name").value = "";
     showCollections();
     refreshHeader();
@@ -151,9 +160,24 @@ byId("collection-form").addEventListener("submit", async (event) => {
   }
 });
 
+byId("collection-rename").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const shown = byId("collection-shown").value.trim();
+  try {
+    await api.askJson(api.address(), "PATCH", { display_name: shown || null });
+    say(byId("collection-made"), shown ? `It is called ${shown} now.` : "It is called by its name in addresses again.");
+    document.activeElement?.blur();
+    await showCollections();
+    refresh();
+    refreshHeader();
+  } catch (error) {
+    say(byId("collection-made"), error.message, true);
+  }
+});
+
 async function showCollections() {
-  const { collections } = await api.collections();
-  byId("collections").replaceChildren(...collections.map(collectionItem));
+  const { labels } = await api.collections();
+  byId("collections").replaceChildren(...labels.map(collectionItem));
 }
 
 // --- all of it

@@ -5,6 +5,7 @@ import * as api from "./api.js";
 import { byId, count, make, say } from "./dom.js";
 import { forgetQueries } from "./kept.js";
 import { refreshMe } from "./me.js";
+import { shownName } from "./names.js";
 import { go, showCurrent } from "./router.js";
 import { kWrongKey } from "./words.js";
 
@@ -13,17 +14,17 @@ const dialog = byId("key-dialog");
 
 // Names and counts; called whenever something was added, deleted or made.
 export async function refreshHeader() {
-  let names = [];
+  let labels = [];
   try {
-    names = (await api.collections()).collections;
+    ({ labels } = await api.collections());
   } catch {
     return;  // the view says what is wrong
   }
   const here = api.collectionName();
-  if (!names.includes(here)) names.push(here);
-  choice.replaceChildren(...names.map((name) => make("option", { value: name, text: name })));
+  if (!labels.some(({ name }) => name === here)) labels.push({ name: here });  // an alias, or gone
+  choice.replaceChildren(...labels.map((label) => make("option", { value: label.name, text: shownName(label) })));
   choice.value = here;
-  byId("collection-label").hidden = names.length < 2;
+  byId("collection-label").hidden = labels.length < 2;
 }
 
 choice.addEventListener("change", () => {

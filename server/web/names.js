@@ -53,5 +53,32 @@ export function defaultName(file, folder = "", taken = []) {
   return name;
 }
 
+// What was fetched is called by the end of its address.
+function fileNameOf(source) {
+  if (!/^https?:\/\//.test(source)) return source;
+  const last = source.split("/").at(-1);
+  try {
+    return decodeURIComponent(last) || source;
+  } catch {
+    return last;
+  }
+}
+
 // Of a stored picture or a hit: its object's name, else its file's.
-export const objectName = (object, source = "") => object || acceptable(stem(source ?? "")) || "(no name)";
+export const objectName = (object, source = "") => object || acceptable(stem(fileNameOf(source ?? ""))) || "(no name)";
+
+// What people call a collection.
+export const shownName = ({ name, display_name: shown }) => shown || name;
+
+const kPlainName = /^[A-Za-z0-9._-]{1,64}$/;
+
+// The name in addresses of a collection that is called so: the same where that will do. `taken`:
+// names that mean another one.
+export function collectionNameFor(shown, taken = []) {
+  if (kPlainName.test(shown) && !/^\.+$/.test(shown)) return shown;
+  const plain = shown.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase()
+    .replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "").slice(0, 50) || "collection";
+  let name = plain;
+  for (let i = 2; taken.includes(name); ++i) name = `${plain}-${i}`;
+  return name;
+}

@@ -5,6 +5,7 @@ import * as api from "./api.js";
 import { byId, count, fileSize, make, say } from "./dom.js";
 import { isActive, jobItem } from "./jobs.js";
 import { parseMetrics, quantile, total } from "./metrics.js";
+import { shownName } from "./names.js";
 import { showing } from "./router.js";
 
 const kPollMs = 3000;
@@ -72,7 +73,7 @@ async function showCollections() {
   const { collections } = await api.collections();
   const records = await Promise.all(collections.slice(0, kMostCollections).map((name) => api.ask(api.address("", name)).catch(() => null)));
   byId("status-collections").replaceChildren(...records.filter(Boolean).map((one) => make("tr", {},
-    make("th", { scope: "row" }, make("a", { href: one.name === "default" ? "#/collection" : `#/collection?${new URLSearchParams({ in: one.name })}`, text: one.name })),
+    make("th", { scope: "row" }, make("a", { href: one.name === "default" ? "#/collection" : `#/collection?${new URLSearchParams({ in: one.name })}`, text: shownName(one) })),
     make("td", { text: number(one.images) }), make("td", { text: number(one.objects) }), make("td", { text: number(one.descriptors) }),
     make("td", { text: one.vocabulary ? number(one.vocabulary.words) : "none yet" }))));
   byId("status-more").textContent = collections.length > kMostCollections ? `And ${count(collections.length - kMostCollections, "more", "more")}.` : "";

@@ -27,7 +27,12 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_only_(operation.Takes("multipart/form-data") && !image_) {
-  type_ = image_ ? "image/png" : json_ ? "application/json" : form_only_ ? kForm : "";
+  constexpr const char* kDatabase = "application/vnd.sqlite3";
+  type_ = image_                       ? "image/png"
+          : json_                      ? "application/json"
+          : form_only_                 ? kForm
+          : operation.Takes(kDatabase) ? kDatabase
+                                       : "";
   body_ = GoodBody();
   AddBodyFaults();
   AddMissingFields();
@@ -53,6 +58,13 @@ void WrongRequests::Add(const std::string& kind, const std::string& what, const 
 
 bool WrongRequests::Makes(const std::string& name) const {
   return operation_.method == "PUT" && operation_.path.ends_with("{" + name + "}");
+}
+
+bool WrongRequests::TakesAnyName() const {
+  if (!operation_.Takes("application/merge-patch+json")) return false;
+  const Json& schema =
+      operation_.json["requestBody"]["content"]["application/merge-patch+json"]["schema"];
+  return schema.contains("additionalProperties") && schema["additionalProperties"].is_object();
 }
 
 std::vector<std::string> WrongRequests::RequiredFields() const {
@@ -85,6 +97,7 @@ std::string WrongRequests::GoodBody() const {
             .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
     body[field] = schema["type"] == "array" ? Json::array({Json{{"image_id", "mug-1"}}}) : "shelf";
   }
+  if (operation_.Takes("application/vnd.sqlite3")) return "SQLite";
   return json_ ? body.dump() : "";
 }
 
@@ -149,7 +162,7 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
     static const std::map<std::string, std::string> codes = {
         {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
         {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"},
-        {"k", "key_not_found"}};
+        {"k", "key_not_found"},        {"a", "alias_not_found"}};
     const bool job = operation_.path.starts_with("/v1/jobs");
     Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
         job ? "job_not_found" : codes.at(name));
@@ -165,7 +178,7 @@ void WrongRequests::AddParameterFaults() {
   }
   if (json_)
     Add("unknown parameter", "in JSON", path_, R"({"no_such": 1})", "application/json", 400,
-        "unknown_parameter");
+        TakesAnyName() ? "invalid_parameter" : "unknown_parameter");
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
     if (parameter["in"] != "query") continue;
     const std::string name = parameter["name"];

@@ -38,6 +38,7 @@ class WrongRequests {
   // PUT makes what its path names last.
   bool Makes(const std::string& name) const;
   std::vector<std::string> RequiredFields() const;
+  bool TakesAnyName() const;  // of the keys of its merge patch
   // The path with what must stand in its query: "/a", "/a?b=c".
   std::string WithRequired(const std::string& path) const;
   static std::string WithQuery(const std::string& path, const std::string& query);

@@ -93,15 +93,15 @@ void Age(const std::filesystem::path& file) {
     db.exec(std::string("DROP INDEX ") + index);
   }
   db.exec("ALTER TABLE pictures DROP COLUMN updated_ms");
-  for (const char* table : {"api_keys", "job_inputs", "job_items", "jobs", "original_files",
-                            "originals_directory", "dropped_originals"}) {
+  for (const char* table : {"aliases", "repeatable_requests", "api_keys", "job_inputs", "job_items",
+                            "jobs", "original_files", "originals_directory", "dropped_originals"}) {
     db.exec(std::string("DROP TABLE ") + table);
   }
   for (const char* trigger : {"picture_counted", "picture_uncounted", "object_counted",
                               "object_uncounted", "original_dropped"}) {
     db.exec(std::string("DROP TRIGGER IF EXISTS ") + trigger);
   }
-  for (const char* column : {"automatic", "images", "objects", "descriptors"}) {
+  for (const char* column : {"automatic", "images", "objects", "descriptors", "display_name"}) {
     db.exec(std::string("ALTER TABLE collections DROP COLUMN ") + column);
   }
   db.exec("PRAGMA user_version = 1");

@@ -140,7 +140,10 @@ void BackupDatabase(Connection& source, const fs::path& target) {
   const Error exists(ErrorCode::kConflict, "backup_exists",
                      DisplayPath(target) + " exists already; name a new file for the backup");
   std::error_code ignored;
-  if (fs::exists(fs::symlink_status(target, ignored))) throw exists;
+  if (fs::exists(fs::symlink_status(target, ignored))) {
+    SyncDirectoryOf(target);  // of a backup that failed when it was all but done
+    throw exists;
+  }
   RemoveAbandonedBackups(fs::absolute(target).parent_path());
   NewDatabaseFile temporary(target);
   CopyDatabase(source, temporary.path());

@@ -142,7 +142,13 @@ bool NewDatabaseFile::Publish(const fs::path& name, Over over) {
     if (errno == EEXIST) return false;
     ThrowErrno("cannot make", name);
   }
-  SyncDirectoryOf(name);
+  try {
+    SyncDirectoryOf(name);
+  } catch (...) {
+    // Power loss may take it yet; whoever tries again must not find it and believe that it is done.
+    if (over == Over::kNothing) ::unlink(name.c_str());
+    throw;
+  }
   return true;
 }
 

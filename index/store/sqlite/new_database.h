@@ -24,6 +24,7 @@ class NewDatabaseFile {
   enum class Over { kNothing, kEmptyFile, kAnything };
 
   // Flushes it and gives it its name unless that is taken by more than `over` says; false = taken.
+  // What throws with kNothing leaves no file of that name.
   // No connection may be open on it: closing the lock ends all locks that SQLite holds.
   bool Publish(const std::filesystem::path& name, Over over);
 

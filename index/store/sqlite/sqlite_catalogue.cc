@@ -115,6 +115,19 @@ PicturePage SqliteCatalogue::ListPicturePage(const PictureListing& list) {
   });
 }
 
+void SqliteCatalogue::ForEachPicturePage(PictureListing list,
+                                         const std::function<void(const PicturePage&)>& work) {
+  access_.Read([&](Connection& db) {
+    const Key collection = pliant::RequireCollection(db, list.which.collection).key;
+    while (true) {
+      const PicturePage page = SelectPicturePage(db, collection, list);
+      work(page);
+      if (!page.next) return;
+      list.after = *page.next;
+    }
+  });
+}
+
 ObjectPage SqliteCatalogue::ListObjectPage(const ObjectListing& list) {
   return access_.Read([&](Connection& db) {
     return SelectObjectPage(db, pliant::RequireCollection(db, list.which.collection).key, list);

@@ -31,6 +31,8 @@ class SqliteCatalogue : public Catalogue {
                                           const std::string& sha256) override;
   std::vector<ImageRecord> ListPictures(const ListOptions& options) override;
   PicturePage ListPicturePage(const PictureListing& list) override;
+  void ForEachPicturePage(PictureListing list,
+                          const std::function<void(const PicturePage&)>& work) override;
   ObjectPage ListObjectPage(const ObjectListing& list) override;
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
                                            const std::string& sha256) override;

@@ -136,6 +136,14 @@ test("names are made of folders and files, and of the time where those say nothi
   assert.equal(await name(file("1234.png"), "", [made]), `${made} (2)`);
 }));
 
+test("collections have names for addresses, whatever people call them", () => withModules(async (call) => {
+  const made = async (...given) => (await call("names.js", "collectionNameFor", ...given)).value;
+  assert.deepEqual([await made("attic"), await made("Summer shirts 2026!"), await made("Été à Łódź"), await made("夏"), await made("..")],
+                   ["attic", "summer-shirts-2026", "ete-a-odz", "collection", "collection"]);
+  assert.equal(await made("Été!", ["ete", "ete-2"]), "ete-3");
+  assert.match(await made("x ".repeat(60)), /^[a-z-]{1,64}$/);
+}));
+
 // Joiners stay where writing needs them: after a letter of Persian or Hindi, and in emoji.
 test("names that the page proposes are such that the server takes", () => withModules(async (call) => {
   const proposed = async (stem) => (await call("names.js", "defaultName", { name: `${stem}.png`, lastModified: 0 })).value;
