@@ -3,14 +3,15 @@
 # SPDX-License-Identifier: Apache-2.0
 # collect-runtime.sh ROOT: completes ROOT, into which Pliant was installed (ROOT/usr/bin/...), to a
 # root file system that runs it: the shared libraries of its programs with their copyright notices, the
-# loader, a font for names in drawings, busybox (health checks, a shell for looking around), a user,
-# /data and /tmp.
+# loader, a font for names in drawings, the certificates that https is checked with, busybox (health
+# checks, a shell for looking around), a user, /data and /tmp.
 set -euo pipefail
 root=${1:?usage: collect-runtime.sh ROOT}
 
-[ -x /usr/bin/busybox ] || [ -x /bin/busybox ] || {
+certificates=/etc/ssl/certs/ca-certificates.crt
+{ [ -x /usr/bin/busybox ] || [ -x /bin/busybox ]; } && [ -e "$certificates" ] || {
   apt-get update
-  DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends busybox-static
+  DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends busybox-static ca-certificates
 }
 
 mkdir -p "$root"/usr/{bin,lib,lib64} "$root"/{etc,data,tmp,proc,dev}
@@ -36,11 +37,13 @@ font=/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf
 mkdir -p "$root$(dirname "$font")" "$root/etc/fonts"
 cp -L "$font" "$root$font"
 cp -rL /etc/fonts/. "$root/etc/fonts"
+mkdir -p "$root$(dirname "$certificates")"
+cp -L "$certificates" "$root$certificates"
 
 # Which Debian packages are in here, and their copyright notices.
 notices=$root/usr/share/doc
 mkdir -p "$notices/pliant"
-for library in "${libraries[@]}" "$font" /etc/fonts/fonts.conf "$(command -v busybox)"; do
+for library in "${libraries[@]}" "$font" /etc/fonts/fonts.conf /usr/sbin/update-ca-certificates "$(command -v busybox)"; do
   real=$(readlink -f "$library")
   dpkg-query -S "$real" 2>/dev/null || dpkg-query -S "${real#/usr}" 2>/dev/null || true
 done | sed 's/: .*//; s/, .*//' | sort -u >"$notices/pliant/packages"

@@ -24,7 +24,7 @@ const IndexSnapshot& SnapshotOf(const CollectionView& view) {
 
 MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
                            std::function<void(double)> loading)
-    : feed_(std::move(feed)), catalogue_(*catalogue), loading_(std::move(loading)) {}
+    : feed_(std::move(feed)), catalogue_(catalogue), loading_(std::move(loading)) {}
 
 CollectionView MemoryRanker::View(const std::string& collection) {
   Lock lock(mutex_);
@@ -56,7 +56,7 @@ std::size_t MemoryRanker::Size(const CollectionView& view) const {
 
 Admission MemoryRanker::Admit(const CollectionView& view, const std::optional<std::string>& object,
                               const Filter& filter, const std::vector<std::string>& without) const {
-  return catalogue_.Admit(view.collection, object, filter, without);
+  return catalogue_->Admit(view.collection, object, filter, without);
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,

@@ -29,7 +29,8 @@ namespace pliant {
 class MemoryRanker : public Ranker {
  public:
   // `loading` hears which share of the pictures is in memory while everything is loaded for the
-  // first time; may be empty. `catalogue` must outlive the ranker.
+  // first time; may be empty. `catalogue` must outlive the ranker; only Admit() asks it,
+  // and without one there is no Admit().
   MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
                std::function<void(double)> loading = {});
 
@@ -79,7 +80,7 @@ class MemoryRanker : public Ranker {
   void Progress(std::size_t pictures);
 
   const std::unique_ptr<ChangeFeed> feed_;
-  Catalogue& catalogue_;
+  Catalogue* catalogue_;
 
   mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are followed
   std::condition_variable changed_;  // an entry is no longer loading

@@ -83,15 +83,16 @@ class Client:
 
     # Pictures
 
-    def add(self, image: ImageLike, *, object: str = "", id: str | None = None, metadata: Json | None = None,
-            channels: str = "RGB") -> Json:
-        """Adds a picture and gives its record. With an id it replaces what is there, and can be repeated safely."""
+    def add(self, image: ImageLike | None = None, *, image_url: str | None = None, object: str = "",
+            id: str | None = None, metadata: Json | None = None, channels: str = "RGB") -> Json:
+        """Adds a picture and gives its record. With an id it replaces what is there, and can be repeated safely.
+        image_url, in place of image: an address that the server fetches it from (where --fetch-hosts allows it)."""
+        body, kind = _picture("add", image, image_url, channels)
         parameters: Json = {"object": object} if object else {}
         if metadata:
             parameters["metadata"] = json.dumps(metadata, allow_nan=False)
         path = f"{self._base}/images" + ("" if id is None else f"/{segment('id', id)}")
-        return self._ask("POST" if id is None else "PUT", path, parameters=parameters, body=encoded(image, channels),
-                         content_type="application/octet-stream")
+        return self._ask("POST" if id is None else "PUT", path, parameters=parameters, body=body, content_type=kind)
 
     def get(self, id: str) -> Json:
         """A picture's record. NotFoundError "image_not_found"."""
@@ -137,32 +138,34 @@ class Client:
     # Searches
 
     def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
-               image_ids: Sequence[str] | None = None, filter: Json | None = None, channels: str = "RGB",
-               **options: Any) -> Json:
-        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture, to the id of a stored one, or to
-        several ids: pictures like any of these, those like several first. Stored pictures are no hits themselves,
-        unless exclude_self=False.
+               image_ids: Sequence[str] | None = None, image_url: str | None = None, filter: Json | None = None,
+               channels: str = "RGB", **options: Any) -> Json:
+        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture, to one that the server fetches by its
+        address, to the id of a stored one, or to several ids: pictures like any of these, those like several first.
+        Stored pictures are no hits themselves, unless exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, region ("x,y,width,height" or four
         numbers), min_score, object, explain, exclude_self.
         """
-        if sum(given is not None for given in (image, image_id, image_ids)) != 1:
-            raise TypeError("search takes a picture, image_id or image_ids")
+        if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
+            raise TypeError("search takes a picture, image_url, image_id or image_ids")
         parameters: Json = {name: _plain(value) for name, value in options.items() if value is not None}
         parameters["limit"] = top
         if filter is not None:
             parameters["filter"] = json.dumps(filter, allow_nan=False)
-        if image is None:
+        if image_id is not None or image_ids is not None:
             stored: Json = {"image_id": image_id} if image_id is not None else {"image_ids": list(image_ids or ())}
             body, kind = json.dumps(stored).encode(), "application/json"
         else:
-            body, kind = encoded(image, channels), "application/octet-stream"
+            body, kind = _picture("search", image, image_url, channels)
         return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
 
-    def locate(self, image: ImageLike, object: str, *, channels: str = "RGB") -> Json:
-        """Where a known object is in a picture."""
+    def locate(self, image: ImageLike | None, object: str, *, image_url: str | None = None,
+               channels: str = "RGB") -> Json:
+        """Where a known object is in a picture; with None and an image_url, in one that the server fetches."""
+        body, kind = _picture("locate", image, image_url, channels)
         return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
-                         body=encoded(image, channels), content_type="application/octet-stream", again=True)
+                         body=body, content_type=kind, again=True)
 
     # Vocabularies and jobs
 
@@ -251,6 +254,15 @@ def encoded(image: ImageLike, channels: str = "RGB") -> bytes:
     if hasattr(image, "dtype") and hasattr(image, "shape"):
         return png(image, channels)
     raise TypeError(f"image must be a path, bytes or an array of uint8, not {type(image).__name__}")
+
+
+def _picture(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> tuple[bytes, str]:
+    """The body of a request with one picture, and its type."""
+    if (image is None) == (image_url is None):
+        raise TypeError(f"{what} takes a picture or image_url")
+    if image_url is not None:
+        return json.dumps({"image_url": image_url}).encode(), "application/json"
+    return encoded(image, channels), "application/octet-stream"
 
 
 def _listing(*, filter: Json | None = None, **parameters: str | None) -> Json:

@@ -43,6 +43,9 @@ constexpr NumberFlag kNumbers[] = {
     {"--queue-timeout", &ServerOptions::queue_timeout_s, 1, 3600,
      "Longest wait for a core in seconds; then 503"},
     {"--max-body-mb", &ServerOptions::max_body_mb, 1, 1024, "Largest body of a request in MiB"},
+    {"--max-backup-mb", &ServerOptions::max_backup_mb, 0, 1'000'000'000,
+     "Largest backup that may be uploaded in MiB; 0 = what the disk has room for beside "
+     "--reserve-mb"},
     {"--max-inflight-mb", &ServerOptions::max_inflight_mb, 1, 1048576,
      "Bodies of all requests at once in MiB, with what clients have not yet taken of answers; more "
      "get 503"},
@@ -66,6 +69,8 @@ constexpr NumberFlag kNumbers[] = {
      "Requests per second of one key (without keys: of one address); more get 429; 0 = no limit"},
     {"--rate-burst", &ServerOptions::rate_burst, 1, 1'000'000,
      "Requests allowed at once before --rate-limit applies"},
+    {"--fetch-timeout", &ServerOptions::fetch_timeout_s, 1, 300,
+     "Seconds that fetching one picture may take, with all redirections"},
     {"--idle-timeout", &ServerOptions::idle_timeout_s, 1, 3600,
      "Seconds an idle connection is kept open"},
     {"--header-timeout", &ServerOptions::header_timeout_s, 1, 3600,
@@ -145,6 +150,11 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
           "Origins whose pages may ask, with commas between, or *; empty = only the own page");
   AddText(app, "--allowed-hosts", options.allowed_hosts,
           "Names that clients may call the server by, with commas between, or *; empty = its own");
+  AddText(app, "--fetch-hosts", options.fetch_hosts,
+          "Hosts that pictures may be fetched from (image_url), with commas between: NAME, "
+          "*.SUFFIX, either with :PORT, or *; empty = none");
+  AddSwitch(app, "--fetch-private", options.fetch_private,
+            "Fetch also where the hosts of --fetch-hosts have loopback or private addresses");
 }
 
 void Define(CLI::App& app, ServerOptions& options) {

@@ -74,6 +74,34 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   return engine;
 }
 
+void CheckFetching(const ServerOptions& options) {
+  const auto fail = [](const std::string& why) {
+    throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--fetch-" + why);
+  };
+  try {
+    const FetchHosts hosts(SplitAtCommas(options.fetch_hosts));
+    if (options.fetch_private && hosts.AllowsAny()) {
+      fail(
+          "private needs named hosts: with --fetch-hosts * whoever may search could reach every "
+          "service of this machine and its network");
+    }
+  } catch (const Error& error) {
+    if (error.reason() != "fetch_hosts_invalid") throw;
+    fail("hosts: " + std::string(error.what()));
+  }
+}
+
+// Requests hold a thread while a picture is fetched for them; the others are for other requests.
+FetchOptions MakeFetchOptions(const ServerOptions& options) {
+  constexpr int kShareOfThreads = 4;
+  return {.hosts = SplitAtCommas(options.fetch_hosts),
+          .allow_private = options.fetch_private,
+          .timeout = std::chrono::seconds(options.fetch_timeout_s),
+          .max_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB,
+          .most_at_once = std::max(1, options.http_threads / kShareOfThreads),
+          .user_agent = "Pliant/" PLIANT_VERSION};
+}
+
 }  // namespace
 
 void CheckOptions(const ServerOptions& options) {
@@ -90,6 +118,7 @@ void CheckOptions(const ServerOptions& options) {
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
   }
+  CheckFetching(options);
   const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
   for (const std::string& one : SplitAtCommas(options.allowed_hosts)) {
     if (!std::regex_match(one, host)) {
@@ -160,7 +189,10 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
                    .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
           .auto_train = options.auto_train,
           .import_dir = options.import_dir,
-          .backup_dir = options.backup_dir};
+          .backups = {.directory = options.backup_dir,
+                      .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
+                      .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
+          .fetch = MakeFetchOptions(options)};
 }
 
 bool OpenWithoutKeys(const ServerOptions& options) {

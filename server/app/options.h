@@ -36,6 +36,7 @@ struct ServerOptions {
   int queue_timeout_s = 30;
 
   int max_body_mb = 32;
+  int max_backup_mb = 0;      // that is uploaded; 0 = as the disk has room
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;
   int max_megapixels = 100;
@@ -62,6 +63,10 @@ struct ServerOptions {
   std::string tls_key;        // PEM file
   std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
   std::string allowed_hosts;  // "pictures.example,shop.example", "*"; empty = own names only
+
+  std::string fetch_hosts;  // that pictures are fetched from, see FetchHosts; empty = none
+  int fetch_timeout_s = 10;
+  bool fetch_private = false;  // also where these have private addresses
 };
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate

@@ -95,10 +95,12 @@ void StartWatchdog(const sigset_t& signals, Seconds patience) {
   watchdog.detach();
 }
 
-int StopServing(HttpServer& http, const ServerOptions& options, const sigset_t& signals) {
+int StopServing(HttpServer& http, Service& service, const ServerOptions& options,
+                const sigset_t& signals) {
   const Seconds deadline(options.shutdown_timeout_s);
   spdlog::info("stopping: running requests have {} s to finish", options.shutdown_timeout_s);
   StartWatchdog(signals, deadline + kGraceAfterDeadline);
+  service.fetcher.Stop();
   const std::size_t cut_off = http.Stop(deadline);
   if (cut_off > 0) {
     spdlog::warn("stopped: {} requests were cut off", cut_off);
@@ -158,7 +160,7 @@ int RunServer(const ServerOptions& options) {
     std::fflush(stdout);
     int signal = 0;
     sigwait(&signals, &signal);
-    return StopServing(http, options, signals);
+    return StopServing(http, service, options, signals);
   } catch (const Error& error) {
     spdlog::error("{}", cli::WithFlagNames(error));
     return 1;

@@ -2,12 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/body_file.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <string>
 #include <utility>
 
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -54,7 +57,28 @@ int Open(const std::filesystem::path& directory) {
 BodyFile::BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes)
     : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), fd_(Open(directory_)) {}
 
-BodyFile::~BodyFile() { ::close(fd_); }
+BodyFile::BodyFile(const std::filesystem::path& file)
+    : directory_(file.parent_path()),
+      fd_(::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)) {
+  const Error absent(ErrorCode::kNotFound, "file_not_found", "there is no file " + file.string());
+  if (fd_ < 0 && (errno == ENOENT || errno == ELOOP || errno == ENXIO)) throw absent;
+  if (fd_ < 0) ThrowSystem(file, errno);
+  struct stat info {};
+  if (::fstat(fd_, &info) != 0 || !S_ISREG(info.st_mode)) {
+    ::close(fd_);
+    throw absent;
+  }
+  size_ = static_cast<std::uint64_t>(info.st_size);
+  version_ = fmt::format("{:x}-{:x}-{:x}.{:x}", info.st_ino, info.st_size, info.st_mtim.tv_sec,
+                         info.st_mtim.tv_nsec);
+}
+
+BodyFile::BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, std::uint64_t bytes)
+    : whole_(std::move(whole)), first_(first), size_(bytes) {}
+
+BodyFile::~BodyFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
 
 void BodyFile::Append(std::string_view bytes) {
   if (size_ == 0 || size_ - checked_ >= kCheckEvery) {
@@ -75,6 +99,9 @@ void BodyFile::Append(std::string_view bytes) {
 }
 
 std::ptrdiff_t BodyFile::Read(std::uint64_t offset, char* data, std::size_t bytes) const {
+  if (offset >= size_) return 0;
+  bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
+  if (whole_) return whole_->Read(first_ + offset, data, bytes);
   while (true) {
     const ssize_t got = ::pread(fd_, data, bytes, static_cast<off_t>(offset));
     if (got >= 0 || errno != EINTR) return got;

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "server/http/body_file.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -115,14 +116,19 @@ void TakePart(const Request& request, const std::string& etag, Response& respons
       !IfRangeHolds(request, etag)) {
     return;
   }
-  const std::size_t bytes = response.body.size();
+  const std::size_t bytes = response.file ? response.file->size() : response.body.size();
   const auto range = SingleRange(request.header("Range"), bytes);
   if (!range) return;
   response.status = 206;
   response.headers.emplace_back("Content-Range", "bytes " + std::to_string(range->first) + "-" +
                                                      std::to_string(range->last) + "/" +
                                                      std::to_string(bytes));
-  response.body = response.body.substr(range->first, range->last - range->first + 1);
+  const std::size_t length = range->last - range->first + 1;
+  if (response.file) {
+    response.file = std::make_shared<BodyFile>(std::move(response.file), range->first, length);
+  } else {
+    response.body = response.body.substr(range->first, length);
+  }
 }
 
 }  // namespace
@@ -152,6 +158,7 @@ Response UnderConditions(const Request& request, Response whole) {
   if (!named.empty()) {
     whole.status = 304;
     whole.body.clear();
+    whole.file.reset();
     whole.content_type.clear();
     for (auto& [name, value] : whole.headers) {
       if (name == "ETag") value = named;

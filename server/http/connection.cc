@@ -23,6 +23,7 @@ namespace {
 constexpr std::size_t kReceiveBytes = 64 * 1024;
 // Of an answer, whatever the budget says: enough for one that says what is wrong.
 constexpr std::size_t kAlwaysKeptBytes = 16 * 1024;
+constexpr std::size_t kMostAtOnce = 1024 * 1024;  // of a body that goes elsewhere
 constexpr std::size_t kMostSwallowedBytes = 4 * 1024 * 1024;
 // What chunked encoding may add to the body itself, beside a share of it.
 constexpr std::size_t kFramingBytes = 64 * 1024;
@@ -132,14 +133,17 @@ Connection::Step Connection::ReceiveHead() {
 }
 
 Connection::Step Connection::ReceiveBody() {
+  const std::size_t before = body_bytes_;
   while (true) {
     if (const Step step = JudgeBody(); step == Step::kDone) return step;
+    if (sink_ && body_bytes_ - before >= kMostAtOnce) return Step::kWantsInput;
     if (const Step step = Receive(); step != Step::kDone) return step;
   }
 }
 
 // kDone: the body is there or refused.
 Connection::Step Connection::JudgeBody() {
+  if (sink_) return PassOn();
   const std::size_t there = received_.size() - head_end_;
   if (head_.framing == BodyFraming::kNone) {
     body_received_ = true;
@@ -189,6 +193,8 @@ void Connection::ForgetRequest() {
   body_received_ = false;
   body_bytes_ = 0;
   fault_ = Fault::kNone;
+  sink_.reset();
+  sink_error_ = nullptr;
   const std::size_t keep = unsent_.size() - sent_;
   if (held_ > keep) {
     budget_->Give(held_ - keep);

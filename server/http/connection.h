@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -16,6 +17,7 @@
 #include <httplib.h>
 
 #include "server/http/body_file.h"
+#include "server/http/body_sink.h"
 #include "server/http/request_head.h"
 #include "server/http/tls.h"
 
@@ -54,6 +56,7 @@ class Connection final : public httplib::Stream {
     kBodyTooLarge,
     kBadBody,
     kBusy,  // the budget is used up
+    kSink,  // what the body goes into has refused it: see RethrowSinkError()
   };
   // What a step has come to: kDone, or what must happen before it is taken again. kOver: the
   // connection has ended.
@@ -70,6 +73,14 @@ class Connection final : public httplib::Stream {
   Step ReceiveBody();  // likewise, for the body that head() announces
   Step Send();         // kDone: the client has taken all
   Step Swallow();      // kOver: the client has ended, or sends without end
+
+  // The body goes there from now on, whatever its length, and is no part of what the library reads.
+  // To be called after ReceiveHead() for a body whose length is known, before ReceiveBody(), which
+  // then comes back after each megabyte: others have their turn.
+  void ReceiveInto(std::shared_ptr<BodySink> sink) { sink_ = std::move(sink); }
+  bool receives_into_sink() const { return sink_ != nullptr; }
+  std::uint64_t sink_left() const { return sink_ ? head_.length - body_bytes_ : 0; }
+  [[noreturn]] void RethrowSinkError() const { std::rethrow_exception(sink_error_); }
 
   void SetFault(Fault fault) { fault_ = fault; }
   Fault fault() const { return fault_; }
@@ -119,6 +130,7 @@ class Connection final : public httplib::Stream {
   ssize_t SendSome(std::string_view bytes);  // > 0 sent, 0 nothing now, -1 failed
   void Hold(std::size_t bytes);
   Step JudgeBody();
+  Step PassOn();  // JudgeBody() of a body that goes into a sink
   bool TakesAnnounced(std::size_t size);
   bool Refill();  // unsent_ with the next piece of the file
   Step SendFileOn();
@@ -142,6 +154,8 @@ class Connection final : public httplib::Stream {
   bool body_received_ = false;
   std::size_t body_bytes_ = 0;
   Fault fault_ = Fault::kNone;
+  std::shared_ptr<BodySink> sink_;
+  std::exception_ptr sink_error_;
 
   std::string unsent_;
   std::size_t sent_ = 0;                  // of unsent_

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Connection: answers whose body is a file.
+// Connection: answers whose body is a file, and requests whose body becomes one.
 #include <algorithm>
 #include <string_view>
 #include <utility>
@@ -65,6 +65,24 @@ Connection::Step Connection::SendFileOn() {
   }
   unsent_.shrink_to_fit();
   return over_ ? Step::kOver : Step::kDone;
+}
+
+Connection::Step Connection::PassOn() {
+  if (fault_ != Fault::kNone) return Step::kDone;
+  const std::size_t there =
+      std::min<std::uint64_t>(head_.length - body_bytes_, received_.size() - head_end_);
+  try {
+    sink_->Append(std::string_view(received_).substr(head_end_, there));
+  } catch (...) {
+    sink_error_ = std::current_exception();
+    fault_ = Fault::kSink;
+    return Step::kDone;
+  }
+  received_.erase(head_end_, there);  // what came after it stays
+  end_ = head_end_;
+  body_bytes_ += there;
+  body_received_ = body_bytes_ == head_.length;
+  return body_received_ ? Step::kDone : Step::kWantsInput;
 }
 
 }  // namespace pliant::server

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "server/http/library.h"
+#include "server/http/parameters.h"
 
 namespace pliant::server {
 
@@ -98,7 +99,8 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
     if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
       throw ProblemError("bad_request", "Content-Length is not a number.");
     }
-    if (error != std::errc() || length > shared_.max_body_bytes) throw BodyProblem(true, false);
+    if (error != std::errc()) throw BodyProblem(true, false);
+    length_ = length;
     request_.has_body = length > 0;
     must_close_ = length > 0;
   }
@@ -106,6 +108,21 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
       Lower(raw.get_header_value("Content-Encoding")) != "identity") {
     throw ProblemError("unsupported_content_encoding", "Compressed bodies are not taken.");
   }
+}
+
+void Exchange::CheckLength() const {
+  if (route_->body == BodyKind::kFile) return;  // BeginReceiving() asks the route
+  if (length_.value_or(0) > shared_.max_body_bytes) throw BodyProblem(true, false);
+}
+
+// All that can be wrong with the head is said before a long body is sent for nothing.
+void Exchange::BeginReceiving() {
+  if (!length_) {
+    throw ProblemError("length_required", "The body of this request needs Content-Length.");
+  }
+  const Parameters parameters(*route_, request_);
+  request_.received = route_->receive(request_, *length_);
+  connection_.ReceiveInto(request_.received);
 }
 
 // HTTP/1.0, which no browser speaks, does without the header.
@@ -150,7 +167,9 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     if (route_->needs_index && !shared_.ready) {
       throw ProblemError("starting", "The index is still loading. Try again shortly.");
     }
+    CheckLength();
     CheckContentType(*route_, request_);
+    if (request_.has_body && route_->body == BodyKind::kFile) BeginReceiving();
   } catch (...) {
     const Problem problem = CurrentProblem();
     must_close_ = must_close_ || problem.code == "bad_request";  // who knows where the next begins
@@ -202,6 +221,12 @@ Problem Exchange::FaultProblem() const {
     case Connection::Fault::kTimeout:
       if (!prepared_) return ProblemForStatus(408);
       break;
+    case Connection::Fault::kSink:
+      try {
+        connection_.RethrowSinkError();
+      } catch (...) {
+        return CurrentProblem();
+      }
     case Connection::Fault::kBodyTooLarge:
     case Connection::Fault::kBadBody:
     case Connection::Fault::kNone:

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -84,6 +85,8 @@ class Exchange {
  private:
   void ReadHead(const httplib::Request& raw);
   void CheckFraming(const httplib::Request& raw);
+  void CheckLength() const;
+  void BeginReceiving();
   void CheckHost() const;
   void ReadMultipart(const httplib::ContentReader& reader, const httplib::Response& answer);
   void ReadPlain(const httplib::ContentReader& reader, const httplib::Response& answer);
@@ -106,7 +109,8 @@ class Exchange {
   bool complete_ = false;  // and gave the answer
   bool answered_ = false;
   bool awaits_body_ = false;
-  std::optional<Wait> wait_;  // counted in shared_.waiting
+  std::optional<Wait> wait_;             // counted in shared_.waiting
+  std::optional<std::uint64_t> length_;  // of the body, as announced
   bool must_close_ = false;
   bool takes_ranges_ = false;
   std::string accepted_codings_;

@@ -25,7 +25,9 @@ std::size_t MaxParts(const Route& route) {
 
 void Exchange::WithBody(const httplib::ContentReader& reader, httplib::Response& answer) {
   try {
-    if (request_.is_multipart()) {
+    if (request_.received) {
+      // It is where it belongs.
+    } else if (request_.is_multipart()) {
       ReadMultipart(reader, answer);
     } else {
       ReadPlain(reader, answer);

@@ -19,6 +19,7 @@
 namespace pliant::server {
 
 class BodyFile;
+class BodySink;
 
 // Orders header names without regard to case (RFC 9110, section 5.1).
 struct HeaderNameLess {
@@ -31,6 +32,7 @@ struct HeaderNameLess {
 
 inline constexpr const char* kNdjsonType = "application/x-ndjson";
 inline constexpr const char* kTarType = "application/x-tar";
+inline constexpr const char* kFileType = "application/octet-stream";
 
 // By any of its names: NDJSON, JSON lines.
 inline bool IsNdjsonType(const std::string& type) {
@@ -60,6 +62,7 @@ struct Request {
   std::string content_type;  // media type of the body in lower case, without parameters
   std::string body;          // empty when multipart
   std::vector<Part> parts;
+  std::shared_ptr<BodySink> received = {};  // has the body, where the route receives it by itself
   bool has_body = false;
   bool waited = false;  // the handler has returned a Wait, which is over: now it must answer
 

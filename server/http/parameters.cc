@@ -16,6 +16,7 @@ namespace pliant::server {
 namespace {
 
 constexpr const char* kImagePart = "image";
+constexpr const char* kImageUrl = "image_url";
 
 // Whole text to number; false for anything left over.
 template <typename T>
@@ -145,13 +146,7 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
                        route.body != BodyKind::kMergePatch;
   if (in_body) {
     Json body = ParseJsonObject(request.body, "body");
-    if (route.body == BodyKind::kImageOrJson) {
-      if (const auto image = body.find(kImagePart); image != body.end()) {
-        if (!image->is_string()) ThrowInvalid(kImagePart, "image must be text: base64.");
-        image_ = std::move(image->get_ref<std::string&>());
-        body.erase(image);
-      }
-    }
+    if (route.body == BodyKind::kImageOrJson) TakePicture(body);
     for (const auto& [name, value] : body.items()) {
       const Parameter& spec = Known(name);
       if (!value.is_null()) Insert(spec, JsonText(spec, value));
@@ -163,6 +158,22 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
           .Parameter(parameter.name);
     }
   }
+}
+
+// What stands for the picture in a JSON body is taken out of it.
+void Parameters::TakePicture(Json& body) {
+  const auto take = [&](const char* name, const char* what) -> std::optional<std::string> {
+    const auto found = body.find(name);
+    if (found == body.end()) return std::nullopt;
+    Json value = std::move(*found);
+    body.erase(found);
+    if (value.is_null()) return std::nullopt;
+    if (!value.is_string()) ThrowInvalid(name, std::string(name) + " must be text: " + what + ".");
+    return std::move(value.get_ref<std::string&>());
+  };
+  image_ = take(kImagePart, "base64");
+  image_url_ = take(kImageUrl, "an address on the web");
+  if (image_ && image_url_) ThrowInvalid(kImageUrl, "image_url and image exclude each other.");
 }
 
 const Parameter& Parameters::Known(const std::string& name) const {

@@ -24,7 +24,8 @@ class Parameters {
   // a name that it does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
   // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have; in a
   // JSON body also for one of another type ("5" is no number). There null is as good as nothing.
-  // The part or field "image" is the picture, never a parameter; in a JSON body it is base64.
+  // The part or field "image" is the picture, never a parameter; in a JSON body it is base64, or
+  // "image_url" stands in its place.
   // `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
@@ -33,6 +34,8 @@ class Parameters {
 
   // The key "image" of a JSON body, where the route takes a picture; null = there is none.
   const std::string* image_base64() const { return image_ ? &*image_ : nullptr; }
+  // Likewise the key "image_url". Never both.
+  const std::string* image_url() const { return image_url_ ? &*image_url_ : nullptr; }
 
   // Absent = nothing. The name must be one of the route's, of the kind asked for; else
   // std::logic_error.
@@ -61,12 +64,14 @@ class Parameters {
   // Throws "unknown_parameter".
   const Parameter& Known(const std::string& name) const;
   void Insert(const Parameter& spec, std::string value);
+  void TakePicture(Json& body);
   const Parameter& Spec(const std::string& name) const;
   std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
 
   const Route& route_;
   std::map<std::string, std::string> values_;
   std::optional<std::string> image_;
+  std::optional<std::string> image_url_;
 };
 
 // Throws ProblemError "invalid_parameter" for `name`.

@@ -89,7 +89,7 @@ class Reception {
     Phase phase = Phase::kGreeting;
     Next after = Next::kEnd;  // of an answer that is being sent
     Clock::time_point deadline;
-    Clock::time_point last_deadline;  // kSending: of the whole answer
+    Clock::time_point last_deadline;  // of the whole answer or body
     std::uint64_t ticket = 0;         // kWaiting: the key in waiting_
     std::shared_ptr<void> subscription;
   };

@@ -16,11 +16,12 @@ namespace pliant::server {
 namespace {
 
 constexpr std::chrono::milliseconds kLingerTime{1'000};
-constexpr std::uint64_t kSlowestFile = 32 * 1024;  // bytes a second of a long answer
+constexpr std::uint64_t kSlowestFile = 32 * 1024;  // bytes a second of a long answer or body
 
-// What a long answer may take beside the time for any.
-std::chrono::seconds TimeForFile(const Connection& connection) {
-  return std::chrono::seconds(connection.file_left() / kSlowestFile);
+// What those may take beside the time for any.
+std::chrono::seconds TimeFor(std::uint64_t bytes) {
+  constexpr std::uint64_t kMostSeconds = 30 * 24 * 3600;
+  return std::chrono::seconds(std::min(bytes / kSlowestFile, kMostSeconds));
 }
 
 }  // namespace
@@ -41,13 +42,14 @@ void Reception::Enter(Guests::iterator guest, Phase phase) {
       SetDeadline(guest, now + limits.idle_timeout);
       break;
     case Phase::kBody:
+      g.last_deadline = now + limits.body_timeout + TimeFor(g.visit->connection->sink_left());
       SetDeadline(guest, now + limits.body_timeout);
       break;
     case Phase::kWaiting:
       SetDeadline(guest, g.visit->exchange->wait().until);
       break;
     case Phase::kSending:
-      g.last_deadline = now + limits.answer_timeout + TimeForFile(*g.visit->connection);
+      g.last_deadline = now + limits.answer_timeout + TimeFor(g.visit->connection->file_left());
       SetDeadline(guest, now + limits.write_timeout);
       break;
     case Phase::kLingering:
@@ -83,8 +85,15 @@ bool Reception::Step(Guests::iterator guest) {
     case Phase::kHead:
       return ReceiveHead(guest);
     case Phase::kBody: {
+      const std::size_t before = connection.body_bytes();
       const auto step = connection.ReceiveBody();
-      return step == Connection::Step::kDone ? Arrived(guest) : After(guest, step);
+      if (step == Connection::Step::kDone) return Arrived(guest);
+      // A long body that comes along gets more time, up to that for the whole.
+      if (connection.receives_into_sink() && connection.body_bytes() > before) {
+        SetDeadline(guest, std::min(guest->second.last_deadline,
+                                    Clock::now() + options_.limits.body_timeout));
+      }
+      return After(guest, step);
     }
     case Phase::kWaiting:  // the client ended its side, or the connection broke
       EndWait(guest);

@@ -152,6 +152,9 @@ void CheckContentType(const Route& route, const Request& request) {
       if (IsNdjsonType(type) || type == kTarType) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be application/x-ndjson or application/x-tar.");
+    case BodyKind::kFile:
+      if (type.empty() || type == kFileType) return;
+      throw ProblemError("unsupported_content_type", "The body must be application/octet-stream.");
     case BodyKind::kImages:
       if (type == "multipart/form-data") return;
       throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,10 +25,12 @@ enum class BodyKind {
   kImages,       // multipart/form-data with any number of pictures
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
+  kFile,         // application/octet-stream, or without a type: see Route::receive
 };
 
 class Parameters;
 using Handler = std::function<Response(const Request&, const Parameters&)>;
+using Receive = std::function<std::shared_ptr<BodySink>(const Request&, std::uint64_t body_bytes)>;
 
 struct Route {
   std::string name;          // "images.create"; stable, used in logs and metrics
@@ -46,6 +50,10 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
+  // Of kFile: called when the head is there and its parameters are right, for what takes the
+  // body, which the handler finds in Request::received. Throws what refuses it, also for its size:
+  // the server's limit on bodies does not hold for it.
+  Receive receive = {};
   bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
   bool needs_index = true;      // answered with "starting" while the index loads
 };

@@ -34,13 +34,20 @@ SkippedItem SkippedOf(const std::string& name, const Json& problem) {
   return {name, problem.value("code", ""), problem.value("detail", "")};
 }
 
+[[noreturn]] void ThrowCancelled() {
+  throw Error(ErrorCode::kCancelled, "import_cancelled",
+              "the import was stopped; what it has added stays");
+}
+
 class BulkImport {
  public:
-  BulkImport(JobQueue& jobs, Engine& engine, WorkerPool& pool, const JobStatus& job,
-             const JobContext& context, const std::function<void(const std::string&)>& on_added)
+  BulkImport(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
+             const JobStatus& job, const JobContext& context,
+             const std::function<void(const std::string&)>& on_added)
       : jobs_(jobs),
         engine_(engine),
         pool_(pool),
+        fetcher_(fetcher),
         job_(job),
         context_(context),
         on_added_(on_added) {}
@@ -57,10 +64,7 @@ class BulkImport {
     context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
     const auto at_once = static_cast<std::size_t>(std::max(1, pool_.cores() / 2));
     while (done < items.size()) {
-      if (context_.stop().stop_requested()) {
-        throw Error(ErrorCode::kCancelled, "import_cancelled",
-                    "the import was stopped; what it has added stays");
-      }
+      if (context_.stop().stop_requested()) ThrowCancelled();
       const std::size_t count = std::min(at_once, items.size() - done);
       std::vector<Outcome> outcomes(count);
       ParallelFor(count, static_cast<int>(count),
@@ -94,11 +98,20 @@ class BulkImport {
     }
   }
 
+  void Fetch(BulkItem& item) {
+    const auto stop = [this] { return context_.stop().stop_requested(); };
+    FetchedPicture fetched = fetcher_.Fetch(*item.url, Fetcher::For::kJob, stop);
+    item.request.bytes = *fetched.bytes;
+    item.decoded = std::move(fetched.bytes);
+    if (item.request.source.empty()) item.request.source = std::move(fetched.source);
+  }
+
   Outcome AddOne(const BulkItems& items, std::size_t i) {
     const std::string name = items.NameOf(i);
     Outcome outcome{{{"index", i}, {"source", name}}, std::nullopt};
     try {
       BulkItem item = items.Item(i);
+      if (item.url) Fetch(item);
       item.request.collection = job_.collection;
       const AddResult added = AddPatiently(engine_, pool_, item.request, context_.stop());
       if (added.outcome != AddOutcome::kUnchanged) on_added_(job_.collection);
@@ -108,6 +121,7 @@ class BulkImport {
       outcome.json["object"] = added.image.object;
     } catch (...) {
       const Problem problem = CurrentProblem();
+      if (problem.code == "stopping" && context_.stop().stop_requested()) ThrowCancelled();
       if (ConcernsAll(problem)) throw;
       if (problem.code == "collection_not_found") throw;  // it was removed meanwhile
       Json json = {{"code", problem.code}, {"detail", problem.detail}};
@@ -122,6 +136,7 @@ class BulkImport {
   JobQueue& jobs_;
   Engine& engine_;
   WorkerPool& pool_;
+  Fetcher& fetcher_;
   const JobStatus& job_;
   const JobContext& context_;
   const std::function<void(const std::string&)>& on_added_;
@@ -141,11 +156,11 @@ JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const 
                            {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()});
 }
 
-void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
+void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
                            std::function<void(const std::string& collection)> on_added) {
-  jobs.Register(kKind, {[&jobs, &engine, &pool, on_added = std::move(on_added)](
+  jobs.Register(kKind, {[&jobs, &engine, &pool, &fetcher, on_added = std::move(on_added)](
                             const JobStatus& job, const JobContext& context) {
-                  BulkImport(jobs, engine, pool, job, context, on_added).Run();
+                  BulkImport(jobs, engine, pool, fetcher, job, context, on_added).Run();
                   return "/v1/jobs/" + job.id + "/items";
                 }});
 }

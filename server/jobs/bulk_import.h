@@ -7,6 +7,7 @@
 #include <string>
 
 #include "index/engine/engine.h"
+#include "server/fetch/fetcher.h"
 #include "server/jobs/bulk_items.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
@@ -22,7 +23,7 @@ JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const 
 // of an item (ServiceStore::JobItems) is a JSON object: "index", "source", "status" as a request of
 // its own would have, and "outcome", "image_id" and "object", or "problem". Begun again after an
 // interruption it goes on behind the items that it has said something of.
-void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
+void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
                            std::function<void(const std::string& collection)> on_added);
 
 }  // namespace pliant::server

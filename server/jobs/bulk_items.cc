@@ -85,20 +85,28 @@ BulkItem BulkItems::Item(std::size_t i) const {
 BulkItem BulkItems::OfLine(std::string_view line) const {
   Json json = ParseJsonObject(std::string(line), "line");
   for (const auto& [name, value] : json.items()) {
-    if (name != "image" && name != "id" && name != "object" && name != "metadata" &&
-        name != "source") {
-      throw ProblemError("unknown_parameter", "There is no '" + ToDisplayText(name.substr(0, 64)) +
-                                                  "', only image, id, object, metadata and source.")
+    if (name != "image" && name != "image_url" && name != "id" && name != "object" &&
+        name != "metadata" && name != "source") {
+      throw ProblemError("unknown_parameter",
+                         "There is no '" + ToDisplayText(name.substr(0, 64)) +
+                             "', only image, image_url, id, object, metadata and "
+                             "source.")
           .Parameter(ToDisplayText(name.substr(0, 64)));
     }
   }
   const auto image = TextIn(json, "image");
-  if (!image) throw ProblemError("missing_parameter", "image is required.").Parameter("image");
-  auto decoded = std::make_shared<std::vector<std::uint8_t>>();
-  if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image is no base64.");
   BulkItem item;
-  item.request.bytes = *decoded;
-  item.decoded = std::move(decoded);
+  item.url = TextIn(json, "image_url");
+  if (image && item.url) ThrowInvalid("image_url", "image_url and image exclude each other.");
+  if (!image && !item.url) {
+    throw ProblemError("missing_parameter", "image or image_url is required.").Parameter("image");
+  }
+  if (image) {
+    auto decoded = std::make_shared<std::vector<std::uint8_t>>();
+    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image is no base64.");
+    item.request.bytes = *decoded;
+    item.decoded = std::move(decoded);
+  }
   item.request.id = TextIn(json, "id");
   item.request.object = TextIn(json, "object").value_or(defaults_.object);
   item.request.source = TextIn(json, "source").value_or("");

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures in one body: lines of JSON (NDJSON) with base64, or a TAR archive.
+// Many pictures in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,10 +25,12 @@ struct BulkDefaults {
   std::string object_from;      // of a TAR: "auto", "folder", "stem" or "none"
 };
 
-// A picture of a body. The request's bytes are those of the body, or `decoded`.
+// A picture of a body. The request's bytes are those of the body, or `decoded`; none when it has to
+// be fetched from `url` first.
 struct BulkItem {
   AddRequest request;
   std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};
+  std::optional<std::string> url = {};
 };
 
 // The items of a body, which must outlive it. An item is only looked at when it is asked for.

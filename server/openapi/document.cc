@@ -111,7 +111,14 @@ Json JsonContent(const Route& route) {
   if (route.body == BodyKind::kImageOrJson) {
     schema["properties"]["image"] = {
         {"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}};
-    if (!MayDoWithoutImage(route)) schema["required"].push_back("image");
+    schema["properties"]["image_url"] = {
+        {"type", "string"},
+        {"description",
+         "address (http, https) to fetch the picture from, where the operator allows its host "
+         "(--fetch-hosts); in place of image"}};
+    if (!MayDoWithoutImage(route)) {
+      schema["oneOf"] = {{{"required", {"image"}}}, {{"required", {"image_url"}}}};
+    }
   }
   return {{"schema", schema}};
 }
@@ -135,6 +142,9 @@ Json RequestBody(const Route& route) {
   if (route.body == BodyKind::kBulk) {
     return {{"required", true},
             {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
+  }
+  if (route.body == BodyKind::kFile) {
+    return {{"required", true}, {"content", {{kFileType, Json::object()}}}};
   }
   Json content = Json::object();
   if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {

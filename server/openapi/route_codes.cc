@@ -29,7 +29,9 @@ void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kMergePatch) {
     codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter"});
   }
-  if (route.body == BodyKind::kImageOrJson) codes.insert("invalid_parameter");  // no base64
+  if (route.body == BodyKind::kImageOrJson) {
+    codes.insert({"invalid_parameter", "fetch_off", "fetch_host_not_allowed", "fetch_failed"});
+  }
   if (!TakesImage(route.body)) return;
   if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
   codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",

@@ -19,9 +19,78 @@ Response List(Service& service) {
   return JsonResponse({{"backups", items}});
 }
 
+Response Content(Service& service, const Request& request) {
+  const std::string& name = request.captures.at("b");
+  Response response;
+  response.file = service.backups.Content(name);
+  response.content_type = kFileType;
+  response.headers.emplace_back("ETag", '"' + response.file->version() + '"');
+  response.headers.emplace_back("Accept-Ranges", "bytes");
+  response.headers.emplace_back("Cache-Control", "no-store");
+  response.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + name + "\"");
+  return response;
+}
+
+Response Publish(Service& service, const Request& request) {
+  if (!request.received) {
+    throw ProblemError("missing_parameter", "The body is required: a backup.").Parameter("body");
+  }
+  const std::string& name = request.captures.at("b");
+  std::static_pointer_cast<BackupUpload>(request.received)->Publish();
+  Response response = JsonResponse(BackupJson(service.backups.Get(name)), 201);
+  response.headers.emplace_back("Location", "/v1/backups/" + name);
+  return response;
+}
+
+void AddBackupFileRoutes(Service& service, std::vector<Route>& routes) {
+  routes.push_back({.name = "backups.content",
+                    .method = "GET",
+                    .pattern = "/v1/backups/{b}/content",
+                    .summary = "Download a backup: the database file, or a part of it",
+                    .scope = Scope::kAdmin,
+                    .answers = {{200, "the file, with ETag", "", kFileType},
+                                {206, "the part that Range asks for", "", kFileType},
+                                {304, "If-None-Match names its ETag", "", ""}},
+                    .codes = {"backups_off", "backup_not_found"},
+                    .example = R"(curl -o copy.db "$PLIANT/v1/backups/$BACKUP/content")",
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      return Content(service, request);
+                    }});
+  routes.push_back(
+      {.name = "backups.put",
+       .method = "PUT",
+       .pattern = "/v1/backups/{b}",
+       .summary = "Upload a backup; it is checked, and never replaces the database in use",
+       .scope = Scope::kAdmin,
+       .body = BodyKind::kFile,
+       .answers = {{201, "stored; Location has its address", "Backup"}},
+       .codes = {"backups_off", "backup_exists", "backup_invalid", "invalid_parameter",
+                 "missing_parameter"},
+       .example = R"(curl -T copy.db "$PLIANT/v1/backups/copy.db")",
+       .handler = [&service](const Request& request,
+                             const Parameters&) { return Publish(service, request); },
+       .receive =
+           [&service](const Request& request, std::uint64_t bytes) {
+             return service.backups.Receive(request.captures.at("b"), bytes);
+           }});
+  routes.push_back({.name = "backups.delete",
+                    .method = "DELETE",
+                    .pattern = "/v1/backups/{b}",
+                    .summary = "Delete a backup",
+                    .scope = Scope::kAdmin,
+                    .answers = {{204, "gone", "", ""}},
+                    .codes = {"backups_off", "backup_not_found"},
+                    .example = R"(curl -X DELETE "$PLIANT/v1/backups/$BACKUP")",
+                    .handler = [&service](const Request& request, const Parameters&) {
+                      service.backups.Remove(request.captures.at("b"));
+                      return Response{.status = 204};
+                    }});
+}
+
 }  // namespace
 
 void AddBackupRoutes(Service& service, std::vector<Route>& routes) {
+  AddBackupFileRoutes(service, routes);
   routes.push_back(
       {.name = "backups.create",
        .method = "POST",

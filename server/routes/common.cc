@@ -59,16 +59,22 @@ UploadedImage ImageOfBase64(const std::string& text, const std::string& name) {
   return {bytes, {}, std::move(decoded)};
 }
 
-UploadedImage ImageOf(const Request& request, const Parameters& parameters) {
+UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetcher& fetcher,
+                      Fetcher::For whom) {
   if (const std::string* base64 = parameters.image_base64()) {
     return ImageOfBase64(*base64, "image");
+  }
+  if (const std::string* url = parameters.image_url()) {
+    FetchedPicture fetched = fetcher.Fetch(*url, whom);
+    const Bytes bytes(*fetched.bytes);
+    return {bytes, std::move(fetched.source), std::move(fetched.bytes)};
   }
   if (!request.is_multipart()) {
     if (request.has_body && request.content_type != "application/json")
       return {AsBytes(request.body), {}, {}};
     throw ProblemError("missing_parameter",
-                       "A picture is required: as the body, as the form field 'image', or as "
-                       "base64 in the key 'image' of a JSON body.")
+                       "A picture is required: as the body, as the form field 'image', or in a "
+                       "JSON body as base64 in 'image' or by its address in 'image_url'.")
         .Parameter("image");
   }
   const std::vector<UploadedImage> images = ImagesOf(request);

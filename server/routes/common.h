@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "index/json/record_json.h"
+#include "server/fetch/fetcher.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/parameters.h"
@@ -31,14 +32,15 @@ std::string CollectionOf(Service& service, const Request& request);
 
 struct UploadedImage {
   Bytes bytes;           // inside the request, or `decoded`
-  std::string filename;  // base name, for people; may be empty
-  std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};  // of base64
+  std::string filename;  // base name, or the address it was fetched from; for people; may be empty
+  std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};  // of base64, or fetched
 };
 
-// The picture of the request: a raw body, the multipart part "image", or the key "image" of a JSON
-// body, as base64. Throws ProblemError "missing_parameter", "duplicate_parameter", and
-// "invalid_parameter" for what is no base64.
-UploadedImage ImageOf(const Request& request, const Parameters& parameters);
+// The picture of the request: a raw body, the multipart part "image", or in a JSON body the key
+// "image", as base64, or "image_url", which is fetched. Throws ProblemError "missing_parameter",
+// "duplicate_parameter", "invalid_parameter" for what is no base64, and what Fetcher::Fetch throws.
+UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetcher& fetcher,
+                      Fetcher::For whom = Fetcher::For::kRequest);
 // What is no base64 is ProblemError "invalid_parameter" for `name`.
 UploadedImage ImageOfBase64(const std::string& text, const std::string& name);
 

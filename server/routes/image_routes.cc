@@ -38,7 +38,7 @@ AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add, const Pictu
 
 Response Add(Service& service, const Request& request, const Parameters& parameters,
              std::optional<std::string> id) {
-  const UploadedImage image = ImageOf(request, parameters);
+  const UploadedImage image = ImageOf(request, parameters, service.fetcher);
   AddRequest add;
   add.collection = CollectionOf(service, request);
   add.id = std::move(id);

@@ -8,7 +8,7 @@ namespace pliant::server {
 
 namespace {
 
-Json MeJson(const Caller& caller) {
+Json MeJson(const Caller& caller, bool fetches) {
   Json scopes = Json::array();
   for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin}) {
     if (scope <= caller.scope) scopes.push_back(ScopeName(scope));
@@ -19,21 +19,24 @@ Json MeJson(const Caller& caller) {
   if (keys_required) {
     key = {{"id", caller.key_id}, {"name", caller.key_name}, {"scope", ScopeName(caller.scope)}};
   }
-  return {{"keys_required", keys_required}, {"scopes", scopes}, {"key", key}};
+  return {
+      {"keys_required", keys_required}, {"scopes", scopes}, {"key", key}, {"image_url", fetches}};
 }
 
 }  // namespace
 
-void AddMeRoute(std::vector<Route>& routes) {
+void AddMeRoute(Service& service, std::vector<Route>& routes) {
   routes.push_back(
       {.name = "me",
        .method = "GET",
        .pattern = "/v1/me",
-       .summary = "What the caller may do: the scopes of its key",
+       .summary = "What the caller may do: the scopes of its key, and whether pictures are fetched",
        .answers = {{200, "the caller", "Me"}},
        .example = R"(curl "$PLIANT/v1/me")",
-       .handler = [](const Request& request,
-                     const Parameters&) { return JsonResponse(MeJson(request.caller)); },
+       .handler =
+           [&service](const Request& request, const Parameters&) {
+             return JsonResponse(MeJson(request.caller, service.fetcher.on()));
+           },
        .needs_index = false});
 }
 

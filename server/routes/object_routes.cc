@@ -77,7 +77,7 @@ Response Remove(Service& service, const Request& request) {
 
 Response Locate(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const UploadedImage image = ImageOf(request, parameters);
+  const UploadedImage image = ImageOf(request, parameters, service.fetcher);
   ObjectLocation found;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     found = service.engine().Locate(image.bytes, CollectionOf(service, request),

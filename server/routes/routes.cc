@@ -10,7 +10,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   std::vector<Route> routes;
   AddPageRoutes(routes);
   AddHealthRoutes(service, routes);
-  AddMeRoute(routes);
+  AddMeRoute(service, routes);
   AddKeyRoutes(service, routes);
   AddCollectionRoutes(service, routes);
   AddAliasRoutes(service, routes);

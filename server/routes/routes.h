@@ -15,7 +15,7 @@ std::vector<Route> MakeRoutes(Service& service);
 
 // Each adds its routes to the table.
 void AddPageRoutes(std::vector<Route>& routes);
-void AddMeRoute(std::vector<Route>& routes);
+void AddMeRoute(Service& service, std::vector<Route>& routes);
 void AddKeyRoutes(Service& service, std::vector<Route>& routes);
 void AddHealthRoutes(Service& service, std::vector<Route>& routes);
 void AddCollectionRoutes(Service& service, std::vector<Route>& routes);

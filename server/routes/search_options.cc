@@ -81,7 +81,9 @@ std::vector<std::string> ExamplesOf(const Parameters& parameters) {
 
 // Whether the request has a picture, beside its parameters.
 bool HasPicture(const Request& request, const Parameters& parameters) {
-  if (request.content_type == "application/json") return parameters.image_base64() != nullptr;
+  if (request.content_type == "application/json") {
+    return parameters.image_base64() != nullptr || parameters.image_url() != nullptr;
+  }
   if (!request.is_multipart()) return request.has_body;
   return std::any_of(request.parts.begin(), request.parts.end(),
                      [](const Part& part) { return part.name == "image"; });
@@ -90,7 +92,7 @@ bool HasPicture(const Request& request, const Parameters& parameters) {
 }  // namespace
 
 SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
-                          const std::string& collection) {
+                          const std::string& collection, Fetcher& fetcher, Fetcher::For whom) {
   SearchQuery query;
   query.options = OptionsOf(parameters, collection);
   query.image_id = parameters.Text("image_id");
@@ -110,7 +112,9 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
   } else if (parameters.has("exclude_self")) {
     ThrowInvalid("exclude_self", "exclude_self goes with image_id alone.");
   }
-  if (!query.image_id && query.image_ids.empty()) query.image = ImageOf(request, parameters);
+  if (!query.image_id && query.image_ids.empty()) {
+    query.image = ImageOf(request, parameters, fetcher, whom);
+  }
   return query;
 }
 

@@ -24,8 +24,9 @@ struct SearchQuery {
   SearchOptions options;
 };
 
-// Throws ProblemError that names the parameter.
+// Throws ProblemError that names the parameter, and what ImageOf throws.
 SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
-                          const std::string& collection);
+                          const std::string& collection, Fetcher& fetcher,
+                          Fetcher::For whom = Fetcher::For::kRequest);
 
 }  // namespace pliant::server

@@ -102,7 +102,8 @@ Response Drawing(Service& service, const Request& request, const SearchQuery& qu
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const SearchQuery query = SearchQueryOf(request, parameters, CollectionOf(service, request));
+  const SearchQuery query =
+      SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
   if (draws && !query.image_ids.empty()) {
     ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
@@ -136,7 +137,8 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
     request.body = ToText(item);
     request.has_body = true;
     const Parameters parameters(SingleSearch(), request);
-    const SearchQuery query = SearchQueryOf(request, parameters, collection);
+    const SearchQuery query =
+        SearchQueryOf(request, parameters, collection, service.fetcher, Fetcher::For::kBatch);
     const SearchResult found = SearchOnPool(service, query);
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
     return {{"status", 200}, {"answer", SearchResultJson(found, took.count())}};
@@ -197,7 +199,8 @@ void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
        .body = BodyKind::kJson,
        .parameters = {Parameter("searches",
                                 "up to 100 objects, each with the parameters of a search, and "
-                                "image_id, image_ids or a picture as base64 in image")
+                                "image_id, image_ids or a picture, as base64 in image or by its "
+                                "address in image_url")
                           .JsonList()
                           .Required()},
        .answers = {{207, "a result for each search, in their order", "SearchBatchAnswer"}},

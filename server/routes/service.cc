@@ -16,7 +16,10 @@
 namespace pliant::server {
 
 Service::Service(ServiceOptions service_options)
-    : options(std::move(service_options)), pool(options.pool), backups(options.backup_dir) {}
+    : options(std::move(service_options)),
+      pool(options.pool),
+      backups(options.backups),
+      fetcher(options.fetch) {}
 
 // Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
 // tell the trainer what they add.
@@ -68,7 +71,7 @@ void Service::Open() {
   };
   RegisterImportJob(*jobs, *engine_, pool,
                     {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
-  RegisterBulkImportJob(*jobs, *engine_, pool, on_added);
+  RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, on_added);
   RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
   backups.RegisterJob(*jobs, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);

@@ -11,6 +11,7 @@
 #include "index/engine/engine.h"
 #include "index/store/service_store.h"
 #include "server/decoder/decoder_pool.h"
+#include "server/fetch/fetcher.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/demonstration.h"
@@ -27,7 +28,8 @@ struct ServiceOptions {
   WorkerPoolOptions pool;
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
   std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
-  std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
+  BackupOptions backups;             // over HTTP
+  FetchOptions fetch;                // of pictures that clients name by their address
 };
 
 // Everything the handlers share. Made before the index is loaded; engine() only after Open().
@@ -53,6 +55,7 @@ class Service {
   CrumpledPictures crumpled_pictures;
   Metrics metrics;
   const Backups backups;
+  Fetcher fetcher;
   // Jobs use the engine, so they end first: see ~Service. Null before Open().
   std::unique_ptr<JobQueue> jobs;
 

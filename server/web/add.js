@@ -7,7 +7,7 @@ import { byId, count, say } from "./dom.js";
 import { renameOffer } from "./edit.js";
 import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
-import { acceptDrops, acceptPastes } from "./incoming.js";
+import { acceptDrops, acceptPastes, fileAt } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName } from "./names.js";
 import { isLeaving, notify, settle } from "./undo.js";
@@ -96,7 +96,7 @@ const wasNamed = (item) => item.typed || Boolean(commonName());
 
 // Uploads it. What was deleted a moment ago, the object or the very picture, does not take it along.
 async function upload(item, given, { collection, ...more }) {
-  const file = await readable(item.file);
+  const file = item.file.address ? item.file : await readable(item.file);
   await settle(api.objectPath(given.object, collection));
   const add = () => api.addPicture({ file, collection, ...given }, more);
   const leaving = (id) => id && isLeaving(api.imagePath(id, "", collection));
@@ -198,10 +198,10 @@ for (const id of ["add-files", "add-folder", "add-camera"]) {
     event.target.value = "";
   });
 }
-function enqueueReceived({ files, stored, problem }) {
+function enqueueReceived({ files, stored, address, problem }) {
   if (stored) notify("This picture is in a collection already.", true);
   else if (problem) notify(problem, true);
-  else enqueue(files);
+  else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files);
 }
 acceptDrops(byId("view-add"), enqueueReceived);
 acceptPastes(byId("view-add"), enqueueReceived);

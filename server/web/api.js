@@ -134,14 +134,15 @@ const typed = (settings) => Object.fromEntries(Object.entries(settings).map(([na
   return [name, name === "explain" ? String(value) === "true" : value];
 }));
 
-// query: { file } or { id }, a stored picture, which is no answer itself; settings: the parameters of a search.
+// query: { file }, { id }, a stored picture, which is no answer itself, or { url }, which the server fetches;
+// settings: the parameters of a search.
 export function search(query, settings, signal) {
-  if (query.id) {
+  if (query.id || query.url) {
     return ask(address("/search"), {
       method: "POST",
       signal,
       headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ image_id: query.id, ...typed(settings) }),
+      body: JSON.stringify({ ...(query.id ? { image_id: query.id } : { image_url: query.url }), ...typed(settings) }),
     });
   }
   const form = new FormData();
@@ -181,9 +182,19 @@ function sendOnce(path, form, onProgress, signal) {
   });
 }
 
-// Uploads one picture into a collection. onProgress gets 0..1 of the bytes sent, onWait the seconds of a pause that
+async function sendAddress(path, picture, signal) {
+  const answer = await answerOf(path, { method: "POST", signal, body: JSON.stringify(picture),
+                                        headers: { "Content-Type": "application/json" } });
+  return { created: answer.status === 201, image: await answer.json() };
+}
+
+// Uploads one picture into a collection, or has it fetched by its address (fileAt). onProgress gets 0..1 of the bytes sent, onWait the seconds of a pause that
 // the server asked for.
 export function addPicture({ file, object, metadata, collection }, { onProgress, onWait, signal }) {
+  if (file.address) {
+    const picture = { image_url: file.address, object, ...(metadata && { metadata }) };
+    return patiently(() => sendAddress(address("/images", collection), picture, signal), onWait, signal);
+  }
   const form = new FormData();
   form.append("object", object);
   if (metadata) form.append("metadata", JSON.stringify(metadata));

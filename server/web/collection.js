@@ -111,7 +111,7 @@ function collectionItem(label) {
   else item.append(make("a", { href: name === "default" ? "#/collection" :
                                `#/collection?${new URLSearchParams({ in: name })}`, text: shownName(label) }));
   const others = [...(shown ? [name] : []), ...aliases];
-  if (others.length) item.append(make("span", { class: "quiet beside", text: others.join(", ") }));
+  if (others.length) item.append(" ", make("span", { class: "quiet beside", text: others.join(", ") }));
   if (name !== "default") {
     item.append(" ", make("button", {
       type: "button", class: "small", text: "Delete", "data-needs": "admin", "aria-label": `Delete the collection ${name}`,

@@ -40,7 +40,7 @@ function noteFor(hit, picture, query) {
   if (!hit.explain?.mesh) {
     return `It cannot be un-crumpled. ${hit.explain?.failure ?? "Nothing tells how it is bent."}`;
   }
-  return query ? "" : "This browser cannot show the picture you searched with.";
+  return query ? "" : "The picture you searched with cannot be shown here.";
 }
 
 function drawReference(hit, picture, name) {

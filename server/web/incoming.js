@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is dropped or pasted: files, folders, pictures dragged from another page, or only their addresses.
+// What is dropped or pasted: files, folders, pictures dragged from another page, or only their addresses, which
+// the server fetches where its operator lets it.
+import { mayFetch } from "./me.js";
 
 const kAddressOnly = "The browser handed over the picture's address only, and this page fetches nothing from elsewhere. " +
   "Copy the picture itself and paste it here, or save it and drop the file.";
@@ -46,23 +48,38 @@ function addressesIn(transfer) {
   return [page.querySelector("img")?.getAttribute("src"), ...listed, text].filter(Boolean);
 }
 
-// { files: [{ file, folder }], stored: { collection, id } or null, problem: words or "" }
+// A picture elsewhere as if it were a file, with its address in place of its bytes.
+export function fileAt(address) {
+  const { pathname, host } = new URL(address);
+  let name = pathname.split("/").at(-1) || host;
+  try {
+    name = decodeURIComponent(name);
+  } catch {  // it stays as it is
+  }
+  return { name, address, size: 0, type: "", lastModified: Date.now() };
+}
+
+// { files: [{ file, folder }], stored: { collection, id } or null, address of a picture elsewhere or "",
+//   problem: words or "" }
 export async function received(transfer, isPaste = false) {
   const addresses = addressesIn(transfer);  // now: nothing can be read later
   const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
   const plain = [...transfer.files].map((file) => ({ file, folder: "" }));
   const stored = addresses.map(storedAt).find(Boolean) ?? null;
-  if (stored) return { files: [], stored, problem: "" };
+  const nothing = { files: [], stored: null, address: "", problem: "" };
+  if (stored) return { ...nothing, stored };
   let files = plain;
   if (entries.some((entry) => entry?.isDirectory)) {
     files = [];
     for (const entry of entries) if (entry) await walk(entry, "", files);
   }
-  if (files.length) return { files, stored: null, problem: "" };
+  if (files.length) return { ...nothing, files };
   const data = addresses.map(fileOfData).find(Boolean);
-  if (data) return { files: [{ file: data, folder: "" }], stored: null, problem: "" };
+  if (data) return { ...nothing, files: [{ file: data, folder: "" }] };
+  const elsewhere = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
+  if (elsewhere && mayFetch()) return { ...nothing, address: elsewhere };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
-  return { files: [], stored: null, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
+  return { ...nothing, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
 }
 
 async function walk(entry, folder, found) {
@@ -79,7 +96,7 @@ async function walk(entry, folder, found) {
   }
 }
 
-// Lets files be dropped on `place`; use({ files, stored, problem }).
+// Lets files be dropped on `place`; use({ files, stored, address, problem }).
 export function acceptDrops(place, use) {
   let depth = 0;  // dragenter and dragleave come for every child
   const mark = (change) => {

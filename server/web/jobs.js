@@ -11,6 +11,7 @@ const kKinds = {
   train: "Choosing a vocabulary",
   demo: "Loading demonstration objects",
   import: "Adding pictures",
+  bulk_import: "Adding pictures that were sent",
   activate: "Switching the vocabulary",
   backup: "Backing up",
 };

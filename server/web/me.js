@@ -6,11 +6,16 @@ import { ask } from "./api.js";
 
 const kScopes = ["admin", "write", "read"];  // each includes those after it
 
+let fetches = false;
+
 // Throws the Problem of a key that does not work. Who cannot be asked keeps what is known.
 export async function refreshMe() {
-  const { scopes } = await ask("/v1/me");
+  const { scopes, image_url: isFetching } = await ask("/v1/me");
+  fetches = isFetching;
   document.documentElement.dataset.scope = kScopes.find((scope) => scopes.includes(scope)) ?? "read";
 }
 
 export const mayWrite = () => document.documentElement.dataset.scope !== "read";
+// Whether the server fetches pictures by their addresses, from the hosts that its operator allows.
+export const mayFetch = () => fetches;
 export const isAdmin = () => document.documentElement.dataset.scope === "admin";

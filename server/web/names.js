@@ -53,8 +53,19 @@ export function defaultName(file, folder = "", taken = []) {
   return name;
 }
 
+// What was fetched is called by the end of its address.
+function fileNameOf(source) {
+  if (!/^https?:\/\//.test(source)) return source;
+  const last = source.split("/").at(-1);
+  try {
+    return decodeURIComponent(last) || source;
+  } catch {
+    return last;
+  }
+}
+
 // Of a stored picture or a hit: its object's name, else its file's.
-export const objectName = (object, source = "") => object || acceptable(stem(source ?? "")) || "(no name)";
+export const objectName = (object, source = "") => object || acceptable(stem(fileNameOf(source ?? ""))) || "(no name)";
 
 // What people call a collection.
 export const shownName = ({ name, display_name: shown }) => shown || name;

@@ -20,7 +20,7 @@ import { isWeak, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
-// What is asked with: { file } or { id }, and its decoded picture where the browser can show it.
+// What is asked with: { file }, { id } or { url }, and its decoded picture where the browser can show it.
 let query = null;
 let running = null;  // AbortController of the search on its way
 let asked = "";      // the collection that was asked
@@ -42,7 +42,7 @@ async function setQuery(next) {
   byId("results-panel").hidden = true;
   resetRegion(0, 0);
   const picture = next.file ? await decode(next.file) :
-                              await storedPicture(api.imagePath(next.id)).catch(() => null);
+    next.id ? await storedPicture(api.imagePath(next.id)).catch(() => null) : null;  // the server alone has the other
   if (query !== next) return false;
   if (picture) {
     const record = next.id ? await api.ask(api.imagePath(next.id)).catch(() => null) : null;
@@ -165,9 +165,10 @@ for (const id of ["search-file", "search-camera"]) {
     event.target.value = "";  // so that the same file can be chosen again
   });
 }
-function searchReceived({ files, stored, problem }) {
+function searchReceived({ files, stored, address, problem }) {
   const here = stored?.collection === api.collectionName();
   if (stored) location.hash = link("search", { image: stored.id, ...(!here && { in: stored.collection }) });
+  else if (address) location.hash = link("search", { url: address });
   else if (problem) say(status, problem, true);
   else searchFile((files.find(({ file }) => file.type.startsWith("image/")) ?? files[0]).file);
 }
@@ -211,11 +212,14 @@ export const searchView = {
     const greeted = refreshDemonstration();
     const id = parameters.get("image");
     const key = parameters.get("photo");
+    const url = parameters.get("url");
     const elsewhere = asked !== api.collectionName();
     if (id) {
       if ((elsewhere || query?.id !== id) && await setQuery({ id })) run();
     } else if (key) {
       if (elsewhere || query?.key !== key) await showKept(key, greeted);
+    } else if (url) {
+      if ((elsewhere || query?.url !== url) && await setQuery({ url })) run();
     } else if (query) {
       forget();
     }

@@ -38,7 +38,8 @@ export function drawStage(query, hits, chosen) {
   tags.replaceChildren();
   shown = [];
   if (!query?.picture) {
-    note.textContent = "This browser cannot show this kind of picture. Searching works all the same.";
+    note.textContent = query?.url ? "The server fetches this picture; it is not shown here." :
+                                    "This browser cannot show this kind of picture. Searching works all the same.";
     return;
   }
   pictureWidth = query.width;

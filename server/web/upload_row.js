@@ -39,7 +39,7 @@ export function makeItem(file, name, onRemove) {
                                 placeholder: "no name", list: "object-names",
                                 "aria-label": `Object that ${file.name} shows` });
   const bar = make("progress", { max: 1, value: 0, "aria-label": `Progress of ${file.name}` });
-  const note = make("span", { class: "note", text: fileSize(file.size) });
+  const note = make("span", { class: "note", text: file.address ? "from the web" : fileSize(file.size) });
   const remove = make("button", { type: "button", class: "small", text: "Remove",
                                   "aria-label": `Remove ${file.name} from the list` });
   const row = make("li", {}, thumbnailOf(file), input,

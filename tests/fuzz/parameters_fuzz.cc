@@ -90,7 +90,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Answers([&] { CheckValues(Parameters(TestRoute(), request)); });
   Answers([&] {
     const Parameters parameters(TestRoute(), request);
-    const std::string filename = pliant::server::ImageOf(request, parameters).filename;
+    static pliant::server::Fetcher no_fetcher{{}};
+    const std::string filename = pliant::server::ImageOf(request, parameters, no_fetcher).filename;
     Require(filename.find('/') == std::string::npos && pliant::IsValidUtf8(filename),
             "the name of a file is no path");
   });

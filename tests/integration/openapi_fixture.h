@@ -34,9 +34,9 @@ class OpenApiTest : public ::testing::Test {
     // As few restrictions as an example may meet.
     server_ = std::make_unique<ServerProcess>(
         folder_->path() / "test.db",
-        std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--backup-dir",
-                                 (folder_->path() / "backups").string(), "--import-dir",
-                                 folder_->path().string()});
+        std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--max-backup-mb",
+                                 "1", "--backup-dir", (folder_->path() / "backups").string(),
+                                 "--import-dir", folder_->path().string()});
     Save("mug.png", TestPicture(1));
     Save("cup.png", TestPicture(2));
     std::filesystem::create_directories(folder_->path() / "shelf");
@@ -56,6 +56,8 @@ class OpenApiTest : public ::testing::Test {
     while (client.Get("/v1/backups/first.db")->status != 200) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
+    backup_ = client.Get("/v1/backups/first.db/content")->body;
+    Save("copy.db", backup_);
   }
   static void TearDownTestSuite() {
     server_.reset();
@@ -76,6 +78,9 @@ class OpenApiTest : public ::testing::Test {
     const auto mug =
         client.Put("/v1/collections/default/images/mug-1?object=mug", TestPicture(1), "image/png");
     ASSERT_LT(mug->status, 300) << mug->body;
+    if (backup_.empty()) return;  // it is not made yet
+    const auto backup = client.Put("/v1/backups/first.db", backup_, "application/octet-stream");
+    ASSERT_TRUE(backup->status == 201 || backup->status == 409) << backup->body;
   }
 
   static std::vector<Operation> Operations() {
@@ -128,6 +133,7 @@ class OpenApiTest : public ::testing::Test {
   inline static Json document_;
   inline static std::string job_;
   inline static std::string vocabulary_;
+  inline static std::string backup_;
 };
 
 }  // namespace pliant::testing

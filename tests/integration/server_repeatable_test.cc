@@ -106,6 +106,19 @@ TEST_F(RepeatableTest, ServerThatFollowsKnowsWhatWasAnswered) {
   EXPECT_EQ(Jobs(), 1u);
 }
 
+TEST_F(RepeatableTest, AnotherServerOnTheDatabaseKnowsWhatWasAnswered) {
+  const ServerProcess second(folder_.path() / "test.db", {"--auto-train", "false"});
+  auto client = server_->Client();
+  auto other = second.Client();
+  const auto first = Add(client, "one", TestPicture(1), "mug");
+  ASSERT_EQ(first->status, 201) << first->body;
+  const auto again = Add(other, "one", TestPicture(1), "mug");
+  EXPECT_EQ(again->status, 201);
+  EXPECT_EQ(again->body, first->body);
+  EXPECT_EQ(again->get_header_value("Idempotency-Replayed"), "true");
+  EXPECT_EQ(Add(other, "one", TestPicture(1), "cup")->status, 422);
+}
+
 TEST_F(RepeatableTest, OfManyAtOnceOneIsDone) {
   {
     auto client = server_->Client();

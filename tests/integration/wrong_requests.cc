@@ -27,7 +27,12 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_only_(operation.Takes("multipart/form-data") && !image_) {
-  type_ = image_ ? "image/png" : json_ ? "application/json" : form_only_ ? kForm : "";
+  constexpr const char* kFile = "application/octet-stream";
+  type_ = image_                   ? "image/png"
+          : json_                  ? "application/json"
+          : form_only_             ? kForm
+          : operation.Takes(kFile) ? kFile
+                                   : "";
   body_ = GoodBody();
   AddBodyFaults();
   AddMissingFields();
@@ -92,6 +97,7 @@ std::string WrongRequests::GoodBody() const {
             .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
     body[field] = schema["type"] == "array" ? Json::array({Json{{"image_id", "mug-1"}}}) : "shelf";
   }
+  if (operation_.Takes("application/octet-stream")) return "SQLite";
   return json_ ? body.dump() : "";
 }
 

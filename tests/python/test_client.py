@@ -2,10 +2,13 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """The client against a real server."""
+import functools
+import http.server
 import pathlib
 import shutil
 import subprocess
 import sys
+import threading
 import unittest
 
 import cv2
@@ -133,6 +136,51 @@ class Served(FolderCase):
         self.assertNotIn(keys[0], repr(reader))
         with self.fails(ValueError, "key_invalid"):
             pliant.Client(self.address, "key\r\nX-Evil: 1")
+
+
+class PicturesByAddress(FolderCase):
+    def elsewhere(self):
+        """HOST:PORT of a server that keeps the pictures of this folder."""
+        class Quiet(http.server.SimpleHTTPRequestHandler):
+            def log_message(self, *_):
+                pass
+
+        handler = functools.partial(Quiet, directory=self.folder)
+        other = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        self.addCleanup(other.server_close)
+        self.addCleanup(other.shutdown)
+        return f"127.0.0.1:{other.server_port}"
+
+    def test_fetched_by_the_server(self):
+        self.write("mug.png", picture(0))
+        self.write("view.png", other_view(0))
+        host = self.elsewhere()
+        with server(self.folder, "--fetch-hosts", host, "--fetch-private", "true") as (address, _):
+            client = pliant.Client(address, retries=0)
+            record = client.add(image_url=f"http://{host}/mug.png?secret", object="mug", id="mug-1", metadata={"n": 1})
+            self.assertEqual((record["source"], record["object"], record["metadata"]),
+                             (f"http://{host}/mug.png", "mug", {"n": 1}))
+            self.assertEqual(client.content("mug-1"), (self.folder / "mug.png").read_bytes())
+            for seed in range(1, 6):
+                client.add(picture(seed), object=f"other {seed}")
+            client.train(words=50)
+            view = f"http://{host}/view.png"
+            self.assertEqual(client.search(image_url=view, top=1)["hits"][0]["object"], "mug")
+            self.assertTrue(client.locate(None, "mug", image_url=view)["found"])
+            with self.fails(pliant.Error, "fetch_failed", "404"):
+                client.add(image_url=f"http://{host}/none.png")
+            with self.fails(pliant.Error, "fetch_host_not_allowed"):
+                client.search(image_url="http://elsewhere.test/")
+            for both in (lambda: client.add(picture(1), image_url=view), client.add, client.search,
+                         lambda: client.search(image_id="mug-1", image_url=view), lambda: client.locate(None, "mug")):
+                with self.assertRaises(TypeError):
+                    both()
+
+    def test_off(self):
+        with server(self.folder) as (address, _):
+            with self.fails(pliant.Error, "fetch_off"):
+                pliant.Client(address).add(image_url="http://127.0.0.1/mug.png")
 
 
 class WithoutTheLibrary(FolderCase):

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <random>
+#include <span>
 
 #include <gtest/gtest.h>
 
@@ -60,10 +61,9 @@ TEST_P(EveryKind, StoredPrecisionIsThatOfABlob) {
   EXPECT_EQ(rounded.model_id, "m");
   EXPECT_EQ(rounded.keypoints, back.keypoints);
   EXPECT_EQ(rounded.descriptors.bytes, back.descriptors.bytes);
-  ASSERT_EQ(rounded.descriptors.floats.size(), back.descriptors.floats.size());
-  EXPECT_EQ(std::memcmp(rounded.descriptors.floats.data(), back.descriptors.floats.data(),
-                        4 * back.descriptors.floats.size()),
-            0);
+  // As bytes: 0 and -0 are equal as numbers.
+  EXPECT_TRUE(std::ranges::equal(std::as_bytes(std::span(rounded.descriptors.floats)),
+                                 std::as_bytes(std::span(back.descriptors.floats))));
 }
 
 TEST_P(EveryKind, ComesBackAsItWas) {

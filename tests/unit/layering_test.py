@@ -17,7 +17,7 @@ ROOMS = {
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sqlite", "store/clickhouse", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
-    "server": [("decoder", "http", "web"), ("auth", "jobs", "openapi"), "routes", "app"],
+    "server": [("decoder", "http", "web"), "fetch", ("auth", "jobs", "openapi"), "routes", "app"],
     "python": ["native"],
 }
 FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
@@ -36,6 +36,7 @@ OWNERS = {
     "SQLiteCpp/": {"index/store/sqlite"},
     "sqlite3": {"index/store/sqlite"},
     "httplib": {"server", "index/store/clickhouse"},
+    "curl/": {"server/fetch"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
 }

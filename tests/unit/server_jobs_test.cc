@@ -192,7 +192,7 @@ TEST_F(JobsTest, ImportsStayInsideTheDirectory) {
 }
 
 TEST_F(JobsTest, BackupsHaveSafeNames) {
-  const Backups backups(folder_.path());
+  const Backups backups({.directory = folder_.path()});
   JobQueue jobs(store_.get());
   for (const std::string& name : std::vector<std::string>{"../x.db", "/tmp/x.db", "x", ".db",
                                                           ".x.db", "a/b.db", "x.db\n", "ü.db"}) {
@@ -212,7 +212,7 @@ TEST_F(JobsTest, BackupsSayNothingOfTheDirectory) {
   options.database = database();
   options.descriptor = "rootsift";
   Engine engine(options);
-  const Backups backups(directory);
+  const Backups backups({.directory = directory});
   JobQueue jobs(store_.get());
   backups.RegisterJob(jobs, engine);
   jobs.Start();

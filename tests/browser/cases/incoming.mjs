@@ -3,6 +3,7 @@
 // What is dropped and pasted: addresses, data, pictures of the page itself, and kinds that only a browser can read.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
+import { createServer } from "node:http";
 import { test } from "node:test";
 import * as house from "../house.mjs";
 import { thing, thingGif } from "../pictures.mjs";
@@ -53,6 +54,49 @@ test("an address of a picture elsewhere is said not to be enough, and nothing is
   await give(page, "drop", "#add-drop", { "text/uri-list": address });
   await house.waitForText(page, "#notices", /address only/);
   await house.closePage(page);  // which checks that nothing was asked for elsewhere
+});
+
+test("where the server fetches pictures, an address is enough: to search, after Reload, and to add", async () => {
+  const elsewhere = createServer((request, answer) => {
+    const seed = /(\d+)/.exec(request.url)?.[1];
+    answer.writeHead(seed ? 200 : 404).end(seed && thing(Number(seed)));
+  });
+  await new Promise((ready) => elsewhere.listen(0, "127.0.0.1", ready));
+  const host = `127.0.0.1:${elsewhere.address().port}`;
+  const fetching = await house.startServer("--fetch-hosts", host, "--fetch-private", "true");
+  for (const [id, seed] of [["one", 601], ["two", 602], ["three", 603]]) {
+    const put = await fetch(`${fetching.address}/v1/collections/default/images/${id}?object=${id}`, {
+      method: "PUT", headers: { "Content-Type": "image/png" }, body: thing(seed) });
+    assert.ok(put.ok);
+  }
+  const page = await house.openPage(fetching.address);
+  await house.waitForText(page, "#search-status", /to find/);
+  const address = `http://${host}/shop/601.png`;
+  await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  assert.equal(new URLSearchParams(new URL(page.url()).hash.split("?")[1]).get("url"), address);
+  await house.checkAccessibility(page, "a picture that the server has fetched");
+  await house.shoot(page, "fetched");
+  await page.reload();
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  await give(page, "paste", "body", { "text/plain": `http://${host}/602.png` });
+  await house.waitForText(page, "#search-status", /^Found: two/);
+  await give(page, "paste", "body", { "text/plain": `http://${host}/none.png` });
+  await house.waitForText(page, "#search-status.error", /answered 404/);
+  await give(page, "paste", "body", { "text/plain": "https://other.example/mug.png" });
+  await house.waitForText(page, "#search-status.error", /lets no pictures be fetched from this host/);
+
+  await page.goto(`${fetching.address}/#/add`);
+  await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/tea%20cup%20604.png?size=9` });
+  await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/gone.png` });
+  assert.equal(await page.locator("#add-list input").first().inputValue(), "tea cup 604");
+  await page.getByRole("button", { name: "Add 2 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 1 picture added, 1 failed/);
+  const { images } = await (await fetch(`${fetching.address}/v1/collections/default/images?object=tea%20cup%20604`)).json();
+  assert.equal(images[0].source, `http://${host}/tea%20cup%20604.png`);
+  await house.closePage(page);
+  await fetching.stop();
+  elsewhere.close();
 });
 
 test("data in place of an address are a picture; one of the page's own is searched with as it is stored", async () => {

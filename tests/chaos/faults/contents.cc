@@ -94,6 +94,9 @@ Contents Probes::Look(Engine& engine, const std::filesystem::path& database) con
   for (const std::string& collection : engine.ListCollections()) {
     LookInto(engine, collection, &contents);
   }
+  for (const AliasRecord& alias : engine.ListAliases()) {
+    contents["alias " + alias.name] = alias.collection;
+  }
   const auto service = OpenServiceStore(database);
   for (const ApiKeyRecord& key : service->Keys()) {
     contents["key " + key.id] = key.name + " " + key.scope + " " + key.hash.substr(0, 16) +
@@ -110,7 +113,7 @@ void Probes::LookInto(Engine& engine, const std::string& collection, Contents* c
   const std::string in = "collection " + collection;
   (*contents)[in] = std::to_string(record.images) + " images, " + std::to_string(record.objects) +
                     " objects, " + std::to_string(record.descriptors) + " descriptors" +
-                    (record.automatic ? ", automatic" : "");
+                    (record.automatic ? ", automatic" : "") + record.display_name;
   int number = 0;
   for (const VocabularyRecord& vocabulary : engine.ListVocabularies(collection)) {
     (*contents)[in + ", vocabulary " + std::to_string(++number)] =

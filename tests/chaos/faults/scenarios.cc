@@ -71,6 +71,7 @@ void Fill(const fs::path& folder, bool into_files) {
   Train(engine, "other", 7);
   Add(engine, "third", "r2", 2, "");
   Add(engine, "third", "r5", 5, "");
+  engine.ChangeAliases({{"live", "default"}, {"old", "other"}});
   const auto service = OpenServiceStore(options.database);
   service->AddKey(Key("key-1"));
 }
@@ -162,12 +163,13 @@ void AddPictureScenarios(bool files, std::vector<Scenario>* all) {
   all->push_back(Simple("merge_objects", files, [=](Engine& e) { rename(e, "o2", true); }));
   all->push_back(
       Simple("remove_collection", files, [](Engine& e) { e.RemoveCollection("other"); }));
-  Scenario import = Simple("import", files, {});
-  import.describes = true;
-  import.act = [](Engine & engine, const fs::path&, const Acknowledge& done) { Import(engine, done);
-};
-all->push_back(std::move(import));
-}  // namespace
+  Scenario folder = Simple("import", files, {});
+  folder.describes = true;
+  folder.act = [](Engine& engine, const fs::path&, const Acknowledge& done) {
+    Import(engine, done);
+  };
+  all->push_back(std::move(folder));
+}
 
 void AddVocabularyScenarios(std::vector<Scenario>* all) {
   all->push_back(Simple("train_first", false, [](Engine& e) {
@@ -186,6 +188,12 @@ void AddVocabularyScenarios(std::vector<Scenario>* all) {
 void AddServiceScenarios(std::vector<Scenario>* all) {
   all->push_back(
       Simple("create_collection", false, [](Engine& e) { e.CreateCollection("fourth"); }));
+  all->push_back(Simple("aliases", false, [](Engine& e) {
+    e.ChangeAliases({{"live", "third"}, {"next", "other"}});
+  }));
+  all->push_back(Simple("display_name", false, [](Engine& e) {
+    e.ChangeCollection("other", {.display_name = "Another"});
+  }));
   Scenario service = Simple("keys_and_jobs", false, {});
   service.act = [](Engine&, const fs::path& folder, const Acknowledge& done) {
     LookAfterService(folder, done);
@@ -246,7 +254,7 @@ void AddOriginalsScenarios(std::vector<Scenario>* all) {
   all->push_back(std::move(begin));
 }
 
-}  // namespace pliant::chaos
+}  // namespace
 
 const std::vector<Scenario>& Scenarios() {
   static const std::vector<Scenario> scenarios = [] {

@@ -136,5 +136,18 @@ def paths():
                     "dots": "/../x/..", "query": "/x?a=b"})
 
 
+def addresses():
+    """An address and where it redirects to."""
+    return encoded({
+        "plain": "https://images.example.org/a/b.jpg?token=secret#part\nc.jpg",
+        "port": "http://a.example:8080\n//b.example:81/x", "upper": "HTTP://A.Example/\n/",
+        "number": "http://2130706433/\nhttp://0x7f.1/", "v6": "http://[::ffff:7f00:1]:80/\nhttp://[2001:DB8:0:0::1]/",
+        "zone": "http://[fe80::1%25eth0]/\n?x", "user": "http://u:p@a.example/\n//u@b.example/",
+        "wide": "http://m\u00fctze.example/\nm\u00fctze", "escaped": "http://a%2eexample%00/%2f%zz\n%0d%0a",
+        "backslash": "http://a.example\\@b.example/\n\\\\b.example\\x", "scheme": "file:///etc/passwd\ngopher://a/",
+        "slashes": "http:///a.example//\n///b.example", "nothing": "\n", "dots": "http://a..example./../../x\n../../..",
+        "long": "http://a.example/" + "\u00fc" * 700 + "\n" + "x" * 3000})
+
+
 SEEDS = {"request_head": heads, "chunked_body": chunks, "http_server": conversations, "connection": received,
-         "parameters": parameters, "allowed_hosts": hosts, "path": paths}
+         "parameters": parameters, "allowed_hosts": hosts, "path": paths, "web_address": addresses}

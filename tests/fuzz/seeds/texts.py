@@ -28,6 +28,17 @@ def filters():
     made["twice"] = '{"a": 1, "a": 2}\n{"a": 1, "a": 2}'
     made["broken_metadata"] = '{"a": 1}\n{"a": 1'
     made["zero"] = '{"a": {"lte": -0.0, "gte": 0}}\n{"a": [0, -0, 0.0, -0.0, 1e-400]}'
+    combined = {
+        "and": ('{"and": [{"n": {"gt": 2}}, {"n": {"lt": 8}}]}', '{"n": [1, 9]}'),
+        "exists": ('{"a": {"exists": false}, "b": {"exists": true}}', '{"b": null}'),
+        "ne": ('{"a": {"ne": 1, "gt": 0}}', '{"a": [2, 3]}'),
+        "no_parts": ('{"or": []}', '{}'),
+        "not": ('{"not": {"or": [{"a": 1}, {"not": {"b": 2}}]}}', '{"a": 2, "b": 2}'),
+        "nots": ('{"not":{"not":{"not":{"not":{"not":{"not":{"not":{"n":1}}}}}}}}', '{"n": 1}'),
+        "or": ('{"or": [{"a": 1}, {"b": {"ne": null}}], "c": 2}', '{"b": 7, "c": 2}'),
+        "reserved": (r'{"\\and": 1, "\\\\x": {"in": [true]}}', r'{"and": 1, "\\x": true}'),
+    }
+    made.update({name: f"{text}\n{of}" for name, (text, of) in combined.items()})
     return encoded(made)
 
 

@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A backup that comes from elsewhere, piece by piece.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string_view>
+
+namespace pliant {
+
+// Until it is published it is a temporary file beside its place, which RemoveAbandonedBackups knows
+// and which is gone with the object. Used by one thread at a time.
+class IncomingBackup {
+ public:
+  IncomingBackup() = default;
+  virtual ~IncomingBackup() = default;
+  IncomingBackup(const IncomingBackup&) = delete;
+  IncomingBackup& operator=(const IncomingBackup&) = delete;
+
+  // Throws kCorrupt "not_a_database" as soon as the first bytes say so, and what a full disk
+  // throws, also when less than the reserve would stay free.
+  virtual void Append(std::string_view bytes) = 0;
+
+  // Checks the whole (it is a database of Pliant's, not of a newer one, complete, and its pages,
+  // keys and counts agree), flushes it and gives it its name. Throws kCorrupt "not_a_database",
+  // "newer_schema", "database_truncated" and "database_corrupt", kConflict "backup_exists".
+  virtual void Publish() = 0;
+};
+
+// Throws kConflict "backup_exists", kNotFound "no_such_directory", and what a full disk throws when
+// there is no room for `bytes` beside the reserve.
+std::unique_ptr<IncomingBackup> ReceiveBackup(const std::filesystem::path& target,
+                                              std::uint64_t bytes, std::uint64_t reserve_bytes);
+
+}  // namespace pliant

@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Pictures that a client names by their address on the web, fetched by the server where its
+// operator allows the host.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/fetch/fetch_hosts.h"
+
+namespace pliant::server {
+
+class WebAddress;
+
+struct FetchOptions {
+  std::vector<std::string> hosts = {};        // see FetchHosts; empty = nothing is fetched
+  bool allow_private = false;                 // of these hosts also loopback and private addresses
+  std::chrono::milliseconds timeout{10'000};  // of one picture, with all redirections
+  std::size_t max_bytes = 32 * 1024 * 1024;   // of a picture
+  int most_at_once = 16;                      // pictures on their way or in use
+  std::string user_agent = "Pliant";
+  std::string ca_file = {};               // PEM; empty = the system's certificates
+  std::vector<std::string> resolve = {};  // "host:port:address" in place of the system's resolver
+};
+
+struct FetchedPicture {
+  // As long as these are held, the picture counts among FetchOptions::most_at_once.
+  std::shared_ptr<const std::vector<std::uint8_t>> bytes;
+  std::string source;  // its address without query and fragment
+};
+
+// Thread-safe. What it returns may outlive it.
+class Fetcher {
+ public:
+  static constexpr int kMostRedirections = 3;
+
+  // Throws Error kInvalidArgument "fetch_hosts_invalid".
+  explicit Fetcher(FetchOptions options);
+  ~Fetcher();
+  Fetcher(const Fetcher&) = delete;
+  Fetcher& operator=(const Fetcher&) = delete;
+
+  bool on() const { return !hosts_.empty(); }
+
+  // Who asks, when all places are taken.
+  enum class For {
+    kRequest,  // is refused at once: it holds a thread that serves requests
+    kBatch,    // waits as long as one picture may take
+    kJob,      // waits until `stop`, and leaves half of the places to the others
+  };
+  // Throws ProblemError: "fetch_off"; "fetch_host_not_allowed", also for a redirection to such a
+  // host, and for a host that has only addresses that may not be connected to; "fetch_failed",
+  // which says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
+  // "image_url_invalid".
+  FetchedPicture Fetch(const std::string& url, For whom = For::kRequest,
+                       const std::function<bool()>& stop = {});
+
+  // Ends what runs, within a second, and refuses all that comes.
+  void Stop();
+
+ private:
+  class Places;
+
+  void RequireAllowed(const WebAddress& address, const char* what) const;
+
+  const FetchOptions options_;
+  const FetchHosts hosts_;
+  const std::shared_ptr<Places> places_;
+};
+
+}  // namespace pliant::server

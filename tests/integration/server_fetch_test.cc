@@ -1,0 +1,219 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Pictures by their addresses on the web (image_url), wherever a picture is taken in JSON.
+#include <chrono>
+#include <csignal>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/elsewhere.h"
+#include "tests/integration/server_fixture.h"
+
+namespace pliant::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kJson = "application/json";
+
+class FetchTest : public ServerTest {
+ protected:
+  void StartFetching(std::vector<std::string> flags = {"--fetch-private", "true"}) {
+    flags.insert(flags.begin(), {"--fetch-hosts", other_.host()});
+    Start(flags);
+    client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
+    client_->set_read_timeout(60);
+  }
+
+  static std::string AnswerTo(const std::string& head) {
+    const std::size_t begin = head.find(' ') + 1;
+    const std::string path = head.substr(begin, head.find_first_of(" ?", begin) - begin);
+    if (path == "/gone.png") return "HTTP/1.1 404 No\r\nContent-Length: 0\r\n\r\n";
+    if (path == "/page.html") return Elsewhere::Ok("<html>");
+    if (path == "/empty.png") return Elsewhere::Ok("");
+    if (path == "/large.png") return Elsewhere::Ok(std::string((1 << 20) + 1, 'x'));
+    if (path == "/moved.png") return Elsewhere::Redirect("/1.png");
+    if (path == "/away.png") return Elsewhere::Redirect("http://169.254.169.254/latest/meta-data");
+    return Elsewhere::Ok(TestPicture(static_cast<std::uint64_t>(std::atoi(path.c_str() + 1)),
+                                     path.find("view") == std::string::npos ? 0 : 2),
+                         "Content-Type: text/html\r\n");  // nobody looks at it
+  }
+
+  Json Ask(const std::string& path, const Json& body, int status) {
+    const auto answer = client_->Post(path, body.dump(), kJson);
+    if (!answer) {
+      ADD_FAILURE() << "no answer";
+      return Json::object();
+    }
+    EXPECT_EQ(answer->status, status) << answer->body;
+    return Json::parse(answer->body);
+  }
+
+  void Refused(const std::string& path, const Json& body, int status, const std::string& code,
+               const std::string& parameter, const std::string& words = "") {
+    const Json problem = Ask(path, body, status);
+    EXPECT_EQ(problem.value("code", ""), code) << problem;
+    EXPECT_EQ(problem.value("parameter", ""), parameter) << problem;
+    EXPECT_THAT(problem.value("detail", ""), HasSubstr(words));
+  }
+
+  Json Items(const std::string& lines) {
+    const auto accepted =
+        client_->Post("/v1/collections/default/images:import", lines, "application/x-ndjson");
+    EXPECT_EQ(accepted->status, 202) << accepted->body;
+    const std::string path = "/v1/jobs/" + Json::parse(accepted->body)["id"].get<std::string>();
+    Json job;
+    do {
+      job = Json::parse(client_->Get(path + "?wait=30")->body);
+    } while (job["finished_at"].is_null());
+    EXPECT_EQ(job["state"], "done") << job;
+    return Json::parse(client_->Get(path + "/items")->body)["items"];
+  }
+
+  Elsewhere other_{AnswerTo};
+  std::unique_ptr<httplib::Client> client_;
+};
+
+TEST_F(FetchTest, IsOffUnlessTheOperatorSaysOtherwise) {
+  Start();
+  client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
+  EXPECT_EQ(Json::parse(client_->Get("/v1/me")->body)["image_url"], false);
+  const Json body = {{"image_url", other_.url("/1.png")}};
+  Refused(kImages, body, 409, "fetch_off", "image_url", "--fetch-hosts");
+  Refused(kSearch, body, 409, "fetch_off", "image_url");
+  const Json batch = Ask("/v1/collections/default/search:batch", {{"searches", {body}}}, 207);
+  EXPECT_EQ(batch["results"][0]["problem"]["code"], "fetch_off");
+  const Json items = Items(body.dump());
+  EXPECT_EQ(items[0]["problem"]["code"], "fetch_off");
+  EXPECT_EQ(other_.connections(), 0);
+}
+
+TEST_F(FetchTest, PicturesAreFetchedWhereverJsonTakesThem) {
+  StartFetching();
+  EXPECT_EQ(Json::parse(client_->Get("/v1/me")->body)["image_url"], true);
+  const Json added =
+      Ask(kImages,
+          {{"image_url", other_.url("/1.png?token=secret")}, {"object", "one"}, {"image", nullptr}},
+          201);
+  EXPECT_EQ(added["source"], other_.url("/1.png"));
+  EXPECT_EQ(added["object"], "one");
+  EXPECT_EQ(added["media_type"], "image/png");
+  EXPECT_EQ(
+      client_->Get(std::string(kImages) + "/" + added["id"].get<std::string>() + "/content")->body,
+      TestPicture(1));
+  const auto put =
+      client_->Put(std::string(kImages) + "/two",
+                   Json{{"image_url", other_.url("/2.png")}, {"object", "two"}}.dump(), kJson);
+  EXPECT_EQ(put->status, 201) << put->body;
+  EXPECT_EQ(Ask(kImages, {{"image_url", other_.url("/moved.png")}, {"object", "one"}}, 200)["id"],
+            added["id"])
+      << "the same bytes, redirected";
+  for (int i = 3; i < 8; ++i) Upload(*client_, TestPicture(static_cast<std::uint64_t>(i)), "more");
+  const Json query = {{"image_url", other_.url("/1view.png")}, {"limit", 1}};
+  EXPECT_EQ(Ask(kSearch, query, 200)["hits"][0]["object"], "one");
+  EXPECT_EQ(Ask("/v1/collections/default/objects/one/locate",
+                {{"image_url", other_.url("/1view.png")}}, 200)["found"],
+            true);
+  const Json batch = Ask("/v1/collections/default/search:batch",
+                         {{"searches", {query, {{"image_url", other_.url("/gone.png")}}}}}, 207);
+  EXPECT_EQ(batch["results"][0]["answer"]["hits"][0]["object"], "one");
+  EXPECT_EQ(batch["results"][1]["status"], 422);
+  EXPECT_EQ(batch["results"][1]["problem"]["code"], "fetch_failed");
+  EXPECT_THAT(server_->Log(), Not(HasSubstr("secret")));
+}
+
+TEST_F(FetchTest, ImportsFetchEachLine) {
+  StartFetching();
+  const auto line = [](const Json& json) { return json.dump() + "\n"; };
+  const Json items =
+      Items(line({{"image_url", other_.url("/11.png")}, {"object", "eleven"}}) +
+            line({{"image_url", other_.url("/12.png")}, {"source", "shelf 12"}, {"id", "twelve"}}) +
+            line({{"image_url", other_.url("/gone.png")}}) +
+            line({{"image_url", "http://evil.test/"}}) + line({{"image_url", 7}}) +
+            line({{"image_url", other_.url("/1.png")}, {"image", Base64Of("x")}}) +
+            line({{"object", "none"}}) + line({{"image", Base64Of(TestPicture(13))}}));
+  ASSERT_EQ(items.size(), 8U);
+  EXPECT_EQ(items[0]["status"], 201) << items[0];
+  EXPECT_EQ(items[1]["image_id"], "twelve") << items[1];
+  EXPECT_EQ(items[2]["problem"]["code"], "fetch_failed");
+  EXPECT_EQ(items[3]["problem"]["code"], "fetch_host_not_allowed");
+  EXPECT_EQ(items[4]["problem"]["code"], "invalid_parameter");
+  EXPECT_EQ(items[5]["problem"]["parameter"], "image_url");
+  EXPECT_EQ(items[6]["problem"]["code"], "missing_parameter");
+  EXPECT_EQ(items[7]["status"], 201);
+  const auto record = [&](const std::string& id) {
+    return Json::parse(client_->Get(std::string(kImages) + "/" + id)->body);
+  };
+  EXPECT_EQ(record(items[0]["image_id"])["source"], other_.url("/11.png"));
+  EXPECT_EQ(record("twelve")["source"], "shelf 12");
+}
+
+TEST_F(FetchTest, RefusesWhatIsWrong) {
+  StartFetching({"--fetch-private", "true", "--max-body-mb", "1", "--fetch-timeout", "2"});
+  const auto url = [&](const std::string& path) { return Json{{"image_url", other_.url(path)}}; };
+  Refused(kImages, url("/gone.png"), 422, "fetch_failed", "image_url", "answered 404");
+  Refused(kImages, url("/large.png"), 422, "fetch_failed", "image_url", "larger than 1048576");
+  Refused(kImages, url("/drip.png"), 422, "fetch_failed", "image_url", "longer than 2 s");
+  Refused(kImages, url("/away.png"), 422, "fetch_host_not_allowed", "image_url", "redirected");
+  Refused(kImages, url("/page.html"), 415, "image_type_unknown", "");
+  Refused(kImages, url("/empty.png"), 422, "image_empty", "");
+  Refused(kImages, {{"image_url", "http://evil.test/"}}, 422, "fetch_host_not_allowed",
+          "image_url");
+  for (const Json& wrong : std::vector<Json>{"", "x", "file:///etc/passwd", 7, true, Json::array(),
+                                             "http://u@" + other_.host() + "/"}) {
+    Refused(kImages, {{"image_url", wrong}}, 400, "invalid_parameter", "image_url");
+  }
+  Json both = url("/1.png");
+  both["image"] = Base64Of(TestPicture(1));
+  Refused(kImages, both, 400, "invalid_parameter", "image_url", "exclude each other");
+  Json stored = url("/1.png");
+  stored["image_id"] = "x";
+  Refused(kSearch, stored, 400, "invalid_parameter", "image_id", "exclude each other");
+  Refused(kImages, {{"image_url", nullptr}}, 400, "missing_parameter", "image");
+  const auto query = client_->Post(std::string(kImages) + "?image_url=http://a/", "{}", kJson);
+  EXPECT_EQ(query->status, 400) << "it stands in the body alone";
+  EXPECT_EQ(Json::parse(client_->Get("/v1/collections/default")->body)["images"], 0);
+}
+
+TEST_F(FetchTest, PrivateAddressesAreRefusedByDefault) {
+  StartFetching({});
+  Refused(kImages, {{"image_url", other_.url("/1.png")}}, 422, "fetch_host_not_allowed",
+          "image_url", "no public address");
+  EXPECT_EQ(other_.connections(), 0);
+}
+
+// A host that never answers holds neither the others nor the server's end.
+TEST_F(FetchTest, AFetchHoldsNobodyElse) {
+  StartFetching({"--fetch-private", "true", "--fetch-timeout", "60", "--http-threads", "8"});
+  std::vector<std::thread> fetching;
+  std::atomic<int> busy{0};
+  std::atomic<int> stopped{0};
+  for (int i = 0; i < 6; ++i) {
+    fetching.emplace_back([&] {
+      httplib::Client client("127.0.0.1", server_->port());
+      client.set_read_timeout(60);
+      const auto answer =
+          client.Post(kSearch, Json{{"image_url", other_.url("/silent")}}.dump(), kJson);
+      const std::string code = answer ? Json::parse(answer->body).value("code", "") : "";
+      if (code == "busy") ++busy;
+      if (code == "stopping") ++stopped;
+    });
+  }
+  while (busy < 4) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_EQ(Upload(*client_, TestPicture(1), "one")->status, 201);
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(server_->Stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));
+  for (std::thread& thread : fetching) thread.join();
+  EXPECT_EQ(busy, 4) << "a quarter of the threads may fetch";
+  EXPECT_EQ(stopped, 2);
+}
+
+}  // namespace
+}  // namespace pliant::testing
