@@ -71,7 +71,7 @@ TEST(ClickhouseNative, BytesOfABlock) {
   const NativeBlock block{
       .rows = 1,
       .columns = {{{"n", ParseNativeType("UInt32")}, std::vector<std::uint32_t>{258}, {}}}};
-  EXPECT_EQ(EncodeNative(block), std::string("\x01\x01\x01n\x06UInt32\x02\x01\0\0", 14));
+  EXPECT_EQ(EncodeNative(block), std::string("\x01\x01\x01n\x06UInt32\x02\x01\0\0", 15));
 }
 
 TEST(ClickhouseNative, HostileSizesAreRefusedBeforeAnythingIsAllocated) {

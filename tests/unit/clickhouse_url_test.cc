@@ -60,7 +60,8 @@ TEST(ClickhouseErrors, BothFormsAreUnderstood) {
   EXPECT_EQ(old->code, 60);
   EXPECT_EQ(old->text, "Table p.x doesn't exist");
   const auto later = FindServerError(
-      "bytes before\x01Code: 279. DB::NetException: All tries failed. (ALL) (version 24.3.1)\n");
+      "bytes before\x01"
+      "Code: 279. DB::NetException: All tries failed. (ALL) (version 24.3.1)\n");
   ASSERT_TRUE(later);
   EXPECT_EQ(ToError(*later, "h:1").reason(), "shard_unavailable");
   EXPECT_EQ(ToError(*later, "h:1").code(), ErrorCode::kUnavailable);

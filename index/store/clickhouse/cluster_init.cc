@@ -37,6 +37,21 @@ bool AllHaveSettings(const ClusterState& state) {
                      [](const NodeState& node) { return !node.settings.empty(); });
 }
 
+// Whether they are written on a node; other ones than these are kConflict "cluster_differs".
+bool HaveSettings(const ClusterState& state, const std::string& wanted) {
+  bool present = false;
+  for (const NodeState& node : state.nodes) {
+    if (node.settings.empty()) continue;
+    present = true;
+    if (node.settings != wanted) {
+      throw Error(ErrorCode::kConflict, "cluster_differs",
+                  "the cluster was made with the settings " + node.settings +
+                      ", and this Pliant, or this number of replicas, needs " + wanted);
+    }
+  }
+  return present;
+}
+
 }  // namespace
 
 void Cluster::Command(const std::string& statement) {
@@ -50,17 +65,7 @@ void Cluster::Command(const std::string& statement) {
 // False: they are there.
 bool Cluster::WriteSettings(const ClusterState& state) {
   const std::string wanted = FixedSettingsText(state.Replicas());
-  bool present = false;
-  for (const NodeState& node : state.nodes) {
-    if (node.settings.empty()) continue;
-    present = true;
-    if (node.settings != wanted) {
-      throw Error(ErrorCode::kConflict, "cluster_differs",
-                  "the cluster was made with the settings " + node.settings +
-                      ", and this Pliant, or this number of replicas, needs " + wanted);
-    }
-  }
-  if (present) return false;
+  if (HaveSettings(state, wanted)) return false;
   NativeBlock row{.rows = 1, .columns = {}};
   const NativeType text{.kind = NativeKind::kString};
   const auto add = [&row](const std::string& name, const NativeType& type, NativeValues values) {
@@ -83,6 +88,7 @@ bool Cluster::WriteSettings(const ClusterState& state) {
 InitReport Cluster::Init() {
   const ClusterState before = Read();
   RequireAllNodes(before);
+  HaveSettings(before, FixedSettingsText(before.Replicas()));  // before anything is made
   InitReport report;
   report.nodes = before.nodes.size();
   Command(CreateDatabase(url_));
