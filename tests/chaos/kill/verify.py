@@ -45,8 +45,9 @@ class Verifier:
         records = self.records(connection)
         actual = {key: state_of(record) if key[1] else EXISTS for key, record in records.items()
                   if not key[1] or key[0] not in self.model.opaque}
+        late = dict(self.model.maybe)  # what may be added since the list was read, also by an import that ends now
         self.book.settle_by(connection.get("/v1/jobs")["jobs"])
-        for key, state in list(self.model.maybe.items()):  # added since the list was read
+        for key, state in late.items():
             if key not in actual and connection.json("GET", image_path(key))[0] == 200:
                 actual[key] = state
         self.model.settle_by(actual)
