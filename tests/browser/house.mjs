@@ -103,9 +103,19 @@ export async function openPage(url, { width = 1200, height = 900, flags = [], ..
       page.faults.push(`a request to elsewhere: ${request.url()}`);
     }
   });
+  if (process.env.PLIANT_SLOW) await slowDown(page, Number(process.env.PLIANT_SLOW));
   await servePageFrom(page, process.env.PLIANT_WEB);
   await page.goto(url);
   return page;
+}
+
+// A page whose answers come `latency` ms late, on a quarter of a processor: a case that reads what the page has
+// not drawn yet fails here every time, and not only on a busy machine.
+async function slowDown(page, latency) {
+  const devtools = await page.context().newCDPSession(page);
+  await devtools.send("Network.enable");
+  await devtools.send("Network.emulateNetworkConditions", { offline: false, latency, downloadThroughput: -1, uploadThroughput: -1 });
+  await devtools.send("Emulation.setCPUThrottlingRate", { rate: 4 });
 }
 
 // While the page is being written: its files from a folder, in place of those built into the server.

@@ -41,6 +41,7 @@ test("the first key closes the server, and the page goes on with it; others are 
   assert.equal(await page.evaluate(() => navigator.clipboard.readText()), read);
 
   await page.getByRole("link", { name: "Collection", exact: true }).click();
+  await page.locator("#view-keys").waitFor({ state: "hidden" });
   await page.goBack();
   await house.waitForText(page, "#keys-list", /front desk/);
   assert.equal((await page.content()).includes(read), false, "it is shown only once");
