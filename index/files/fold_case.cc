@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/files/fold_case.h"
 
+#include <algorithm>
+
 #include <clocale>
 #include <cwctype>
 
@@ -57,6 +59,16 @@ std::vector<std::u32string> FoldedWords(std::string_view text) {
     }
   }
   return words;
+}
+
+bool OccurIn(const std::vector<std::u32string>& words, const std::vector<std::string_view>& texts) {
+  std::vector<std::u32string> folded;
+  for (const std::string_view text : texts) folded.push_back(FoldCase(text));
+  return std::all_of(words.begin(), words.end(), [&](const std::u32string& word) {
+    return std::any_of(folded.begin(), folded.end(), [&](const std::u32string& text) {
+      return text.find(word) != std::u32string::npos;
+    });
+  });
 }
 
 }  // namespace pliant

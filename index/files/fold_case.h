@@ -17,4 +17,7 @@ std::u32string FoldCase(std::string_view text);
 // The words of `text`, folded, as white space parts them.
 std::vector<std::u32string> FoldedWords(std::string_view text);
 
+// Whether each of the folded words occurs in one of the texts.
+bool OccurIn(const std::vector<std::u32string>& words, const std::vector<std::string_view>& texts);
+
 }  // namespace pliant

@@ -64,12 +64,12 @@ class ClusterTest(unittest.TestCase):
 
     def test_1_tables_are_made_once(self):
         made = self.cluster("init")
-        self.assertGreater(len(made["made"]), 10, made)
+        self.assertGreaterEqual(len(made["made"]), 10, made)
         again = self.cluster("init")
         self.assertEqual(again["made"], [])
         self.assertEqual(sorted(again["present"]), sorted(made["made"]))
         for node in NODES:
-            self.assertIn("postings", self.on_node(node, "SHOW TABLES FROM pliant").split())
+            self.assertIn("words", self.on_node(node, "SHOW TABLES FROM pliant").split())
 
     def test_2_every_table_of_every_node_is_listed(self):
         nodes = self.cluster("status")["nodes"]
@@ -83,8 +83,8 @@ class ClusterTest(unittest.TestCase):
         self.assertEqual(self.cluster("check"), {"ok": True, "problems": []})
 
     def test_4_a_table_that_one_node_lost(self):
-        self.on_node("s2r1", "DROP TABLE pliant.heads")
-        self.assertRegex(self.problems(), r"s2r1.*heads|heads.*s2r1")
+        self.on_node("s2r1", "DROP TABLE pliant.features")
+        self.assertRegex(self.problems(), r"s2r1.*features|features.*s2r1")
 
     def test_5_a_node_that_does_not_answer(self):
         subprocess.run(["kill", f"-{int(signal.SIGKILL)}", str(self.process("s1r2"))], check=True)

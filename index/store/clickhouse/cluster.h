@@ -34,7 +34,7 @@ class Cluster {
 
   // Makes what is not there yet, on every node. Throws kUnavailable "node_unavailable" before
   // anything is made when one does not answer, and kConflict "cluster_differs" when the settings
-  // in the registry are others.
+  // that it was made with are others.
   InitReport Init();
 
  private:

@@ -64,21 +64,19 @@ void Cluster::Command(const std::string& statement) {
 
 // False: they are there.
 bool Cluster::WriteSettings(const ClusterState& state) {
-  const std::string wanted = FixedSettingsText(state.Replicas());
+  const std::string wanted = FixedSettingsText(state.Shards(), state.Replicas());
   if (HaveSettings(state, wanted)) return false;
   NativeBlock row{.rows = 1, .columns = {}};
   const NativeType text{.kind = NativeKind::kString};
   const auto add = [&row](const std::string& name, const NativeType& type, NativeValues values) {
     row.columns.push_back({{name, type}, std::move(values), {}});
   };
-  add("kind", text, std::vector<std::string>{"settings"});
   add("name", text, std::vector<std::string>{"fixed"});
   add("version", {.kind = NativeKind::kUInt64}, std::vector<std::uint64_t>{1});
-  add("deleted", {.kind = NativeKind::kUInt8}, std::vector<std::uint8_t>{0});
   add("body", text, std::vector<std::string>{wanted});
   DatabaseRequest request;
   request.statement = "INSERT INTO " + url_.database +
-                      ".registry (kind, name, version, deleted, body) FORMAT Native";
+                      ".settings (name, version, body) FORMAT Native";
   request.rows = EncodeNative(row);
   request.repeatable = true;  // the same row again is the same row
   pool_.Fetch(request);
@@ -88,7 +86,7 @@ bool Cluster::WriteSettings(const ClusterState& state) {
 InitReport Cluster::Init() {
   const ClusterState before = Read();
   RequireAllNodes(before);
-  HaveSettings(before, FixedSettingsText(before.Replicas()));  // before anything is made
+  HaveSettings(before, FixedSettingsText(before.Shards(), before.Replicas()));  // before anything is made
   InitReport report;
   report.nodes = before.nodes.size();
   Command(CreateDatabase(url_));
@@ -98,9 +96,6 @@ InitReport Cluster::Init() {
     (present ? report.present : report.made).push_back(name);
   };
   for (const TableSpec& table : Tables()) make(table.name, CreateTable(url_, table, dialect_));
-  for (const TableSpec& table : Tables()) {
-    if (HasReading(table)) make(ReadingName(table), CreateReading(url_, table));
-  }
   report.settings_written = WriteSettings(Read());
   const auto until = std::chrono::steady_clock::now() + kEverywhereWithin;
   while (!AllHaveSettings(Read())) {

@@ -171,11 +171,10 @@ void Cluster::ReadReplication(NodeState& node) {
 }
 
 void Cluster::ReadSettings(NodeState& node) {
-  if (node.tables.count("registry") == 0) return;
-  const NativeBlock rows = Rows(
-      node, "body", url_.database, "registry",
-      "WHERE kind = 'settings' AND name = 'fixed' AND deleted = 0 ORDER BY version DESC LIMIT 1",
-      {{"body", "String"}});
+  if (node.tables.count("settings") == 0) return;
+  const NativeBlock rows =
+      Rows(node, "body", url_.database, "settings",
+           "WHERE name = 'fixed' ORDER BY version DESC LIMIT 1", {{"body", "String"}});
   if (rows.rows > 0) node.settings = TextAt(rows, 0, 0);
 }
 

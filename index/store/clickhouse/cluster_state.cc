@@ -73,22 +73,14 @@ void CheckTables(const NodeState& node, Problems& problems) {
     return;
   }
   for (const TableSpec& spec : Tables()) {
-    const auto check = [&](const std::string& name, bool reading) {
-      const auto found = node.tables.find(name);
-      if (found == node.tables.end()) {
-        problems.push_back(node.Text() + " lacks the table " + name);
-        return;
-      }
-      const std::string where = node.Text() + ": " + name;
-      CheckColumns(where, found->second, spec.columns, problems);
-      if (!reading) CheckReplicated(where, spec, found->second, problems);
-      if (reading && found->second.engine != "Distributed") {
-        problems.push_back(where + " is a " + ToDisplayText(found->second.engine) +
-                           " and does not read all shards");
-      }
-    };
-    check(spec.name, false);
-    if (HasReading(spec)) check(ReadingName(spec), true);
+    const auto found = node.tables.find(spec.name);
+    if (found == node.tables.end()) {
+      problems.push_back(node.Text() + " lacks the table " + spec.name);
+      continue;
+    }
+    const std::string where = node.Text() + ": " + spec.name;
+    CheckColumns(where, found->second, spec.columns, problems);
+    CheckReplicated(where, spec, found->second, problems);
   }
 }
 
@@ -106,9 +98,9 @@ void CheckNode(const NodeState& node, const std::string& settings, Problems& pro
                        (node.clock_ahead_s > 0 ? "ahead of" : "behind") + " this machine's");
   }
   CheckTables(node, problems);
-  if (node.tables.count("registry") == 0) return;
+  if (node.tables.count("settings") == 0) return;
   if (node.settings.empty()) {
-    problems.push_back(node.Text() + " does not have the cluster's settings in its registry");
+    problems.push_back(node.Text() + " does not have the cluster's settings");
   } else if (node.settings != settings) {
     problems.push_back(node.Text() + " has the settings " + ToDisplayText(node.settings) +
                        ", and this Pliant sends " + settings);
@@ -166,6 +158,12 @@ std::string NodeState::Text() const {
   return shown + " (" + address.Text() + ")";
 }
 
+std::size_t ClusterState::Shards() const {
+  std::set<std::uint64_t> shards;
+  for (const NodeState& node : nodes) shards.insert(node.shard);
+  return shards.size();
+}
+
 std::size_t ClusterState::Replicas() const {
   std::map<std::uint64_t, std::size_t> counts;
   for (const NodeState& node : nodes) ++counts[node.shard];
@@ -176,7 +174,7 @@ std::size_t ClusterState::Replicas() const {
 
 std::vector<std::string> FindProblems(const ClusterState& state) {
   Problems problems;
-  const std::string settings = FixedSettingsText(state.Replicas());
+  const std::string settings = FixedSettingsText(state.Shards(), state.Replicas());
   for (const NodeState& node : state.nodes) CheckNode(node, settings, problems);
   CheckNames(state, problems);
   for (const TableSpec& spec : Tables()) CheckContents(state, spec, problems);

@@ -42,7 +42,7 @@ struct NodeState {
   std::string shard_name;          // the macro {shard}
   std::int64_t clock_ahead_s = 0;  // of this machine's; 0 when it cannot be told from the answer
   std::map<std::string, TableState> tables;
-  std::string settings;  // the fixed ones in its registry; empty: none
+  std::string settings;  // the fixed ones; empty: none
 
   std::string Text() const;  // "s1r2 (10.0.0.2:9000)"
 };
@@ -50,6 +50,7 @@ struct NodeState {
 struct ClusterState {
   std::vector<NodeState> nodes;
 
+  std::size_t Shards() const;
   std::size_t Replicas() const;  // of the shard with the fewest
 };
 

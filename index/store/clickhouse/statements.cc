@@ -2,11 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/clickhouse/statements.h"
 
+#include "descriptor/base/error.h"
+
 namespace pliant::clickhouse {
 namespace {
-
-// Words from here on are no words: 0xFFFFFF00 + epoch is the word of a picture's norm.
-constexpr const char* kFirstNormWord = "4294967040";
 
 std::string Path(const DatabaseUrl& url, const TableSpec& table) {
   const std::string shard = table.placement == Placement::kShard ? "{shard}" : "all";
@@ -20,80 +19,44 @@ std::string Engine(const DatabaseUrl& url, const TableSpec& table) {
   return engine + ")";
 }
 
-// What ranks. Both hold (vocabulary, word, picture), so a word's list is one range of the key.
-std::vector<TableSpec> RankingTables() {
+// A picture's number is used for one attempt to store it, and written first. All rows of a number are
+// on the shard of the picture's id, and so are all states of that id.
+std::vector<TableSpec> DescriptionTables() {
   return {
-      // For `tfidf`: a row per word of a picture, with the signature of its descriptors there. A
-      // picture's norm is a row too, so that it comes with the same scan; norms have partitions of
-      // their own, so that an old epoch is dropped in an instant. The first bits of the signature
-      // are in the key: a query may read only the rows whose first bits are near its own.
-      {.name = "postings",
-       .columns = {{"vocabulary", "UInt32"},
-                   {"word", "UInt32"},
-                   {"picture", "UInt32"},
-                   {"signature", "UInt64"}},
-       .partition = std::string("(vocabulary, if(word < ") + kFirstNormWord + ", 0, word))",
-       .order = "(word, bitShiftRight(signature, 58), picture)",
-       .granularity = 1024},
-      // For `neighbours`: a row per descriptor x, because its votes are for descriptors and not for
-      // words: max(0, a |q - w|^2 - |q - x|^2), the best per query descriptor q and picture.
-      // |q - x|^2 = |q - w|^2 + b - 2 (R q).c comes from the code c and its bias b alone
-      // (vocab/residual_codes.h), so that no descriptor is read. A signature stands for all
-      // descriptors of a picture in a word and cannot replace them; the two tables are filled by
-      // one upload, and which is read depends on the ranking.
-      {.name = "codes",
-       .columns = {{"vocabulary", "UInt32"},
-                   {"word", "UInt32"},
-                   {"picture", "UInt32"},
-                   {"code", "FixedString(32)"},
-                   {"bias", "Int16"}},
+      // A bag of words (word_codec.h): what a ranker in memory is made of.
+      {.name = "words",
+       .columns = {{"vocabulary", "UInt32"}, {"picture", "UInt32"}, {"data", "String"}},
        .partition = "vocabulary",
-       .order = "(word, picture)",
-       .granularity = 1024},
-      // Who a picture number is. `keypoints`: the sum of votes is divided by its square root.
-      {.name = "heads",
-       .columns = {{"picture", "UInt32"},
-                   {"collection", "UInt32"},
-                   {"id", "String"},
-                   {"version", "UInt64"},
-                   {"sha256", "FixedString(32)"},
-                   {"keypoints", "UInt32"}},
        .order = "picture",
-       .granularity = 256},
+       .granularity = 16},
       {.name = "features",
-       .columns = {{"picture", "UInt32"}, {"model", "UInt32"}, {"data", "String"}},
+       .columns = {{"picture", "UInt32"}, {"data", "String"}},
        .order = "picture",
+       .granularity = 1},
+      {.name = "originals",
+       .columns = {{"sha256", "FixedString(32)"}, {"data", "String"}},
+       .replacing = true,
+       .order = "sha256",
        .granularity = 1},
   };
 }
 
-// The record is the truth: a picture is there when its row is, and gone when a later one says so.
+// Every state that a picture has had, so that a reader sees all shards as they were at one commit.
 std::vector<TableSpec> RecordTables() {
   return {
       {.name = "pictures",
-       .columns = {{"collection", "UInt32"},
-                   {"id", "String"},
-                   {"version", "UInt64"},
-                   {"deleted", "UInt8"},
-                   {"picture", "UInt32"},
-                   {"object", "String"},
-                   {"sha256", "FixedString(32)"},
-                   {"media_type", "String"},
-                   {"width", "UInt32"},
-                   {"height", "UInt32"},
-                   {"bytes", "UInt64"},
-                   {"keypoints", "UInt32"},
-                   {"metadata", "String"},
-                   {"meta_key", "Array(String)"},
-                   {"meta_kind", "Array(UInt8)"},
-                   {"meta_text", "Array(String)"},
-                   {"meta_number", "Array(Float64)"},
-                   {"source", "String"},
-                   {"added_ms", "Int64"}},
-       .replacing = true,
-       .version = "version",
-       .order = "(collection, id)",
+       .columns = {{"collection", "UInt32"},    {"id", "String"},
+                   {"version", "UInt64"},       {"deleted", "UInt8"},
+                   {"picture", "UInt32"},       {"content", "UInt8"},
+                   {"object", "String"},        {"sha256", "FixedString(32)"},
+                   {"media_type", "String"},    {"width", "UInt32"},
+                   {"height", "UInt32"},        {"bytes", "UInt64"},
+                   {"keypoints", "UInt32"},     {"metadata", "String"},
+                   {"source", "String"},        {"added_ms", "Int64"},
+                   {"updated_ms", "Int64"}},
+       .order = "(collection, id, version)",
        .granularity = 256},
+      // Where to look. They may hold too much, never too little.
       {.name = "by_sha256",
        .columns = {{"sha256", "FixedString(32)"}, {"collection", "UInt32"}, {"id", "String"}},
        .replacing = true,
@@ -104,19 +67,24 @@ std::vector<TableSpec> RecordTables() {
        .replacing = true,
        .order = "(collection, object, id)",
        .granularity = 256},
-      {.name = "originals",
-       .columns = {{"sha256", "FixedString(32)"}, {"data", "String"}},
-       .replacing = true,
-       .order = "sha256",
-       .granularity = 1},
   };
 }
 
 std::vector<TableSpec> CommonTables() {
   return {
-      // Collections, keys, vocabularies, jobs, settings: little, and needed everywhere.
+      // The commits: a state is there when it stands here. One block is one commit, over all shards.
+      {.name = "log",
+       .columns = {{"version", "UInt64"},
+                   {"before", "UInt64"},
+                   {"collection", "UInt32"},
+                   {"id", "String"},
+                   {"deleted", "UInt8"},
+                   {"picture", "UInt32"},
+                   {"object", "String"}},
+       .order = "version",
+       .granularity = 256},
+      // Collections, aliases, vocabularies, keys, jobs.
       {.name = "registry",
-       .placement = Placement::kEverywhere,
        .columns = {{"kind", "String"},
                    {"name", "String"},
                    {"version", "UInt64"},
@@ -127,7 +95,6 @@ std::vector<TableSpec> CommonTables() {
        .order = "(kind, name)",
        .granularity = 64},
       {.name = "vocabulary_words",
-       .placement = Placement::kEverywhere,
        .columns = {{"vocabulary", "UInt32"},
                    {"word", "UInt32"},
                    {"data", "String"},
@@ -135,32 +102,35 @@ std::vector<TableSpec> CommonTables() {
        .partition = "vocabulary",
        .order = "word",
        .granularity = 64},
-      {.name = "statistics",
+      {.name = "settings",
        .placement = Placement::kEverywhere,
-       .columns =
-           {{"vocabulary", "UInt32"}, {"epoch", "UInt32"}, {"word", "UInt32"}, {"df", "UInt64"}},
-       .partition = "vocabulary",
-       .order = "(epoch, word)",
-       .granularity = 1024},
+       .columns = {{"name", "String"}, {"version", "UInt64"}, {"body", "String"}},
+       .replacing = true,
+       .version = "version",
+       .order = "name",
+       .granularity = 64},
   };
 }
 
 }  // namespace
 
+const TableSpec& Table(std::string_view name) {
+  for (const TableSpec& table : Tables()) {
+    if (table.name == name) return table;
+  }
+  throw Error(ErrorCode::kInternal, "database_error", "there is no table of this name");
+}
+
 const std::vector<TableSpec>& Tables() {
   static const std::vector<TableSpec> tables = [] {
     std::vector<TableSpec> all;
-    for (const auto& room : {RankingTables(), RecordTables(), CommonTables()}) {
+    for (const auto& room : {DescriptionTables(), RecordTables(), CommonTables()}) {
       all.insert(all.end(), room.begin(), room.end());
     }
     return all;
   }();
   return tables;
 }
-
-std::string ReadingName(const TableSpec& table) { return "all_" + table.name; }
-
-bool HasReading(const TableSpec& table) { return table.placement == Placement::kShard; }
 
 std::string CreateDatabase(const DatabaseUrl& url) {
   return "CREATE DATABASE IF NOT EXISTS " + url.database + " ON CLUSTER " + url.cluster;
@@ -180,12 +150,6 @@ std::string CreateTable(const DatabaseUrl& url, const TableSpec& table, const Di
   return text + dialect.more_table_settings;
 }
 
-std::string CreateReading(const DatabaseUrl& url, const TableSpec& table) {
-  return "CREATE TABLE IF NOT EXISTS " + url.database + "." + ReadingName(table) + " ON CLUSTER " +
-         url.cluster + " AS " + url.database + "." + table.name + " ENGINE = Distributed(" +
-         url.cluster + ", " + url.database + ", " + table.name + ")";
-}
-
 Settings FixedSettings(std::size_t replicas) {
   Settings settings = {
       // Acknowledged is what so many replicas have: with two, both, and any may answer.
@@ -200,8 +164,9 @@ Settings FixedSettings(std::size_t replicas) {
   return settings;
 }
 
-std::string FixedSettingsText(std::size_t replicas) {
-  std::string text = "{\"schema\":1,\"replicas\":" + std::to_string(replicas);
+std::string FixedSettingsText(std::size_t shards, std::size_t replicas) {
+  std::string text = "{\"schema\":1,\"shards\":" + std::to_string(shards) +
+                     ",\"replicas\":" + std::to_string(replicas);
   for (const auto& [name, value] : FixedSettings(replicas)) text += ",\"" + name + "\":" + value;
   return text + "}";
 }

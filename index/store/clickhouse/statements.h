@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,7 +17,9 @@
 namespace pliant::clickhouse {
 
 enum class Placement {
-  kShard,       // rows are divided among the shards; the replicas of a shard hold the same
+  // The replicas of a shard hold the same. Pictures are divided among the shards; what is common to
+  // all of them is on the first shard alone (ClusterLink::kHome).
+  kShard,
   kEverywhere,  // every node holds all rows
 };
 
@@ -41,20 +45,19 @@ struct TableSpec {
 
 // In the order in which they are made.
 const std::vector<TableSpec>& Tables();
+const TableSpec& Table(std::string_view name);
 
-// Name of the table that reads `table` from all shards.
-std::string ReadingName(const TableSpec& table);
-bool HasReading(const TableSpec& table);
+// In `vocabulary_words`: no word, but the codebook.
+inline constexpr std::uint32_t kCodebookWord = 0xFFFFFFFF;
 
 std::string CreateDatabase(const DatabaseUrl& url);
 std::string CreateTable(const DatabaseUrl& url, const TableSpec& table, const Dialect& dialect);
-std::string CreateReading(const DatabaseUrl& url, const TableSpec& table);
 
 // One fixed set for all servers of a cluster, because mixed ones hide rows: what is sent with each
 // request that reads or writes, by the number of replicas that each shard has.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 Settings FixedSettings(std::size_t replicas);
-// The same as it stands in the registry (kind "settings", name "fixed").
-std::string FixedSettingsText(std::size_t replicas);
+// The same as it stands in the table `settings`, under the name "fixed".
+std::string FixedSettingsText(std::size_t shards, std::size_t replicas);
 
 }  // namespace pliant::clickhouse

@@ -6,16 +6,12 @@
 #include <string_view>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
-#include "descriptor/base/error.h"
 #include "index/store/facet_count.h"
+#include "index/store/list_place.h"
 #include "index/store/sqlite/row_tests.h"
 
 namespace pliant {
 namespace {
-
-using Json = nlohmann::json;
 
 // A column that lists are in order of, as SQL, and whether it is text.
 struct OrderColumn {
@@ -53,38 +49,6 @@ OrderColumn ColumnOf(ObjectOrder order) {
   return {"name", true};
 }
 
-// Where a page ended: the value of the order's column there, and what decides between equal ones.
-struct Place {
-  std::string text;
-  std::int64_t number = 0;
-  std::string tie;
-};
-
-std::string WritePlace(const OrderColumn& column, const Place& place) {
-  const Json value = column.is_text ? Json(place.text) : Json(place.number);
-  // Text in a database may be any bytes when another program has written it.
-  return Json::array({value, place.tie}).dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-std::optional<Place> ReadPlace(const OrderColumn& column, const std::string& text) {
-  if (text.empty()) return std::nullopt;
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  const bool fits = json.is_array() && json.size() == 2 && json[1].is_string() &&
-                    (column.is_text ? json[0].is_string() : json[0].is_number_integer());
-  if (!fits) {
-    throw Error(ErrorCode::kInvalidArgument, "after_invalid",
-                "the place to go on at is none of this list");
-  }
-  Place place;
-  place.tie = json[1].get<std::string>();
-  if (column.is_text) {
-    place.text = json[0].get<std::string>();
-  } else {
-    place.number = json[0].get<std::int64_t>();
-  }
-  return place;
-}
-
 // What all statements here have: ?1 the collection, ?2 the object; those of pages also ?3 and ?4,
 // the place, and ?5, the limit. A parameter can be bound where one with a higher number stands.
 constexpr const char* kHasObject = " AND ?2 IS ?2";
@@ -109,7 +73,7 @@ Cursor PreparePage(const Query& query, std::string sql) {
   const std::string place =
       is_tie ? std::string(query.tie) + " {} ?4"
              : std::string("(") + query.column.sql + ", " + query.tie + ") {} (?3, ?4)";
-  const auto after = ReadPlace(query.column, query.page.after);
+  const auto after = ReadPlace(query.column.is_text, query.page.after);
   if (after) {
     sql += " AND " +
            std::string(place).replace(place.find("{}"), 2, query.page.descending ? "<" : ">");
@@ -118,7 +82,7 @@ Cursor PreparePage(const Query& query, std::string sql) {
   sql += std::string(" ORDER BY ") + query.column.sql + direction;
   if (!is_tie) sql += std::string(", ") + query.tie + direction;
   Cursor row = query.db.Prepare(sql + " LIMIT ?5");
-  const Place begin = after.value_or(Place{});
+  const ListPlace begin = after.value_or(ListPlace{});
   const int rows = query.page.limit + 1;  // one more says that there is another page
   if (query.column.is_text) {
     row.Bind(query.collection, query.object, begin.text, begin.tie, rows);
@@ -133,10 +97,10 @@ template <typename Record, typename Read>
 void ReadPage(const Query& query, const std::string& sql, const Read& read,
               ListPage<Record>* page) {
   Cursor row = PreparePage(query, sql);
-  Place last;
+  ListPlace last;
   while (row.Next()) {
     if (page->records.size() == static_cast<std::size_t>(query.page.limit)) {
-      page->next = WritePlace(query.column, last);
+      page->next = WritePlace(query.column.is_text, last);
       return;
     }
     page->records.push_back(read(row, &last));
@@ -187,7 +151,7 @@ Key ObjectOf(Connection& db, Key collection, const Selection& which) {
   return which.object ? FindObject(db, collection, *which.object) : 0;
 }
 
-ImageRecord ReadPicture(const Cursor& row, PictureOrder order, Place* place) {
+ImageRecord ReadPicture(const Cursor& row, PictureOrder order, ListPlace* place) {
   ImageRecord record = ToPicture(row).record;
   place->tie = record.id;
   place->text = order == PictureOrder::kObject   ? record.object
@@ -197,7 +161,7 @@ ImageRecord ReadPicture(const Cursor& row, PictureOrder order, Place* place) {
   return record;
 }
 
-ListedObject ReadObject(const Cursor& row, ObjectOrder order, Place* place) {
+ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) {
   ListedObject object;
   object.record = {row.Text(0), static_cast<std::uint64_t>(row.Int(1))};
   if (!row.IsNull(2)) object.image_id = row.Text(2);
@@ -232,7 +196,7 @@ PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListi
   PicturePage page;
   ReadPage(
       query, SelectPictureSql() + where,
-      [&](const Cursor& row, Place* place) { return ReadPicture(row, list.order, place); }, &page);
+      [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); }, &page);
   if (list.count) {
     page.total = static_cast<std::uint64_t>(
         Prepare(query, std::string("SELECT count(*) ") + kFromPictures + where).One().Int(0));
@@ -252,7 +216,7 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
   ObjectPage page;
   ReadPage(
       query, "SELECT * FROM (" + (kSelectObjects + where) + ") WHERE ?2 IS ?2",
-      [&](const Cursor& row, Place* place) { return ReadObject(row, list.order, place); }, &page);
+      [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); }, &page);
   if (list.count) {
     page.total = static_cast<std::uint64_t>(
         Prepare(query, "SELECT count(*) FROM objects o " + where).One().Int(0));

@@ -2,18 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/catalogue_vocabularies.h"
 
-#include <cstring>
 #include <string>
 
-#include "descriptor/base/error.h"
-#include "index/store/blob_bytes.h"
 #include "index/store/sqlite/database.h"
+#include "index/store/vocabulary_rows.h"
 #include "index/store/word_codec.h"
 
 namespace pliant {
 namespace {
 
-constexpr std::int64_t kMostComponents = 1 << 14;  // of a descriptor
 constexpr std::int64_t kDayMs = 24LL * 60 * 60 * 1000;
 
 #define PLIANT_SELECT_VOCABULARY                                                          \
@@ -37,36 +34,6 @@ VocabularyRecord ToRecord(const Cursor& row, const CollectionRow& collection) {
   return record;
 }
 
-Bytes WordBytes(const Descriptors& words, std::size_t i) {
-  if (words.kind == DescriptorKind::kBinary) return words.binary_row(i);
-  const std::span<const float> row = words.float_row(i);
-  return {reinterpret_cast<const std::uint8_t*>(row.data()), row.size_bytes()};
-}
-
-// Of word i; empty when there are none.
-Bytes ThresholdBytes(const Vocabulary& vocabulary, std::size_t i) {
-  if (vocabulary.thresholds.empty()) return {};
-  return {reinterpret_cast<const std::uint8_t*>(vocabulary.thresholds.data() + i * kSignatureBits),
-          kSignatureBits * sizeof(float)};
-}
-
-std::uint32_t Checksum(const Vocabulary& vocabulary) {
-  std::uint32_t crc = 0;
-  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
-    crc = Crc32(WordBytes(vocabulary.words, i), crc);
-  }
-  if (vocabulary.thresholds.empty()) return crc;
-  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
-    crc = Crc32(ThresholdBytes(vocabulary, i), crc);
-  }
-  return crc;
-}
-
-[[noreturn]] void ThrowCorrupt(Key vocabulary, const std::string& what) {
-  throw Error(ErrorCode::kCorrupt, "vocabulary_corrupt",
-              "vocabulary " + std::to_string(vocabulary) + " " + what + "; train a new one");
-}
-
 }  // namespace
 
 Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary& vocabulary) {
@@ -80,7 +47,7 @@ Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary
         "method, checksum, created_ms, codebook) "
         "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, x''))")
       .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
-            origin.available, origin.loss, origin.method, Checksum(vocabulary), NowMs(),
+            origin.available, origin.loss, origin.method, VocabularyChecksum(vocabulary), NowMs(),
             Bytes(codebook))
       .Run();
   const Key key = db.last_insert_key();
@@ -112,53 +79,20 @@ void DeleteAbandonedVocabularies(Connection& db, Key collection) {
 
 std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary) {
   Cursor row = db.Prepare(PLIANT_SELECT_VOCABULARY "WHERE v.key = ?");
-  if (!row.Bind(vocabulary).Next()) ThrowCorrupt(vocabulary, "is missing");
-  if (row.Int(2) < 1 || row.Int(2) > static_cast<std::int64_t>(kMaxWords) || row.Int(11) < 1 ||
-      row.Int(11) > kMostComponents) {
-    ThrowCorrupt(vocabulary, "claims an impossible size");
-  }
-  const auto kind = static_cast<DescriptorKind>(row.Int(10));
-  const int dim = static_cast<int>(row.Int(11));
-  const auto rows = static_cast<std::size_t>(row.Int(2));
-  auto result = std::make_shared<Vocabulary>();
-  result->words = kind == DescriptorKind::kFloat ? Descriptors::Float(rows, dim)
-                                                 : Descriptors::Binary(rows, dim);
-  result->model_id = row.Text(1);
-  result->origin = ToOrigin(row);
+  if (!row.Bind(vocabulary).Next()) VocabularyRows::ThrowCorrupt(vocabulary, "is missing");
+  VocabularyRows rows({vocabulary, row.Int(2), static_cast<DescriptorKind>(row.Int(10)),
+                       row.Int(11), row.Text(1), ToOrigin(row),
+                       static_cast<std::uint32_t>(row.Int(9))});
   Cursor words = db.Prepare(
       "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = ? "
       "ORDER BY word");
   words.Bind(vocabulary);
-  std::size_t i = 0;
-  for (; words.Next(); ++i) {
-    if (i >= rows || words.Int(0) != static_cast<std::int64_t>(i))
-      ThrowCorrupt(vocabulary, "has a gap");
-    const Bytes target = WordBytes(result->words, i);
-    const Bytes data = words.Blob(1);
-    if (data.size() != target.size()) ThrowCorrupt(vocabulary, "has a word of the wrong size");
-    std::memcpy(const_cast<std::uint8_t*>(target.data()), data.data(), data.size());
-    if (words.IsNull(2)) continue;
-    const Bytes thresholds = words.Blob(2);
-    if (thresholds.size() != kSignatureBits * sizeof(float)) {
-      ThrowCorrupt(vocabulary, "has thresholds of the wrong size");
-    }
-    const std::size_t at = result->thresholds.size();
-    result->thresholds.resize(at + kSignatureBits);
-    std::memcpy(result->thresholds.data() + at, thresholds.data(), thresholds.size());
-  }
-  if (i != rows) ThrowCorrupt(vocabulary, "has lost words");
-  if (!result->thresholds.empty() && result->thresholds.size() != rows * kSignatureBits) {
-    ThrowCorrupt(vocabulary, "has lost thresholds");
+  while (words.Next()) {
+    rows.Add(words.Int(0), words.Blob(1), words.IsNull(2) ? Bytes() : words.Blob(2));
   }
   Cursor codebook =
       db.Prepare("SELECT codebook FROM vocabularies WHERE key = ? AND codebook IS NOT NULL");
-  if (codebook.Bind(vocabulary).Next()) {
-    result->codebook = DecodeCodebook(codebook.Blob(0), result->words);
-  }
-  if (Checksum(*result) != static_cast<std::uint32_t>(row.Int(9))) {
-    ThrowCorrupt(vocabulary, "does not match its checksum");
-  }
-  return result;
+  return rows.Finish(codebook.Bind(vocabulary).Next() ? codebook.Blob(0) : Bytes());
 }
 
 std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const CollectionRow& collection) {

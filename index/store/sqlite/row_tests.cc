@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/row_tests.h"
 
-#include <algorithm>
 #include <exception>
 #include <new>
 #include <string_view>
@@ -49,13 +48,9 @@ void ContainsFunction(sqlite3_context* context, int count, sqlite3_value** value
   Answer(context, [&] {
     const RowTests& tests = TestsOf(context);
     if (tests.words.empty()) return true;
-    std::vector<std::u32string> texts;
-    for (int i = 0; i < count; ++i) texts.push_back(FoldCase(TextOf(values[i])));
-    return std::all_of(tests.words.begin(), tests.words.end(), [&](const std::u32string& word) {
-      return std::any_of(texts.begin(), texts.end(), [&](const std::u32string& text) {
-        return text.find(word) != std::u32string::npos;
-      });
-    });
+    std::vector<std::string_view> texts;
+    for (int i = 0; i < count; ++i) texts.push_back(TextOf(values[i]));
+    return OccurIn(tests.words, texts);
   });
 }
 

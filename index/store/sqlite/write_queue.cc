@@ -3,66 +3,36 @@
 #include "index/store/sqlite/write_queue.h"
 
 #include <algorithm>
-#include <array>
+#include <utility>
 
 #include <sqlite3.h>
 
 namespace pliant {
-namespace {
-
-constexpr std::size_t kMaxBatch = 64;
-
-}  // namespace
-
-std::size_t WriteQueue::NextBatch() const {
-  if (!jobs_.empty() && jobs_.front()->options.alone) return 1;
-  const auto end =
-      std::find_if(jobs_.begin(), jobs_.end(), [](const Job* job) { return job->options.alone; });
-  return std::min(static_cast<std::size_t>(end - jobs_.begin()), kMaxBatch);
-}
-
 void WriteQueue::Run(Work work, const WriteOptions& options) {
-  Job job{std::move(work), options, false, nullptr};
-  std::unique_lock lock(mutex_);
-  jobs_.push_back(&job);
-  while (!job.done) {
-    changed_.wait(lock, [&] { return job.done || !busy_; });
-    if (job.done) break;
-    // From here to the end of the loop nothing throws: the array needs no memory, and Execute keeps
-    // what it catches. Whatever left busy_ set would block every writer for ever.
-    busy_ = true;
-    std::array<Job*, kMaxBatch> jobs;
-    const std::size_t count = NextBatch();
-    std::copy_n(jobs_.begin(), count, jobs.begin());
-    jobs_.erase(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(count));
-    const std::span<Job* const> batch = std::span(jobs).first(count);
-    lock.unlock();
-    Execute(batch);
-    lock.lock();
-    for (Job* each : batch) each->done = true;
-    busy_ = false;
-    changed_.notify_all();
-  }
-  lock.unlock();
-  if (job.failure) std::rethrow_exception(job.failure);
+  Job job;
+  job.alone = options.alone;
+  job.work = std::move(work);
+  job.options = options;
+  queue_.Run(job, [this](std::span<GroupQueue::Job* const> batch) { Execute(batch); });
 }
 
-void WriteQueue::Execute(std::span<Job* const> batch) noexcept {
+void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
   try {
     connection_->EndLeftOver();
     SQLite::Transaction transaction(connection_->database(),
                                     SQLite::TransactionBehavior::IMMEDIATE);
-    for (Job* job : batch) RunInSavepoint(*job);
+    for (GroupQueue::Job* job : batch) RunInSavepoint(static_cast<Job&>(*job));
     transaction.commit();
   } catch (...) {
-    for (Job* job : batch) {
+    for (GroupQueue::Job* job : batch) {
       if (!job->failure) job->failure = std::current_exception();
     }
     return;
   }
   try {
-    if (std::any_of(batch.begin(), batch.end(),
-                    [](const Job* j) { return j->options.reclaim && !j->failure; })) {
+    if (std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
+          return static_cast<const Job*>(job)->options.reclaim && !job->failure;
+        })) {
       ReclaimSpace();
     }
     after_commit_();

@@ -1,19 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One writer for many threads, with group commit: whoever finds nobody writing takes everything
-// that waits, runs it in ONE transaction (a savepoint each) and commits once. Private to
-// store/sqlite.
+// One writer for many threads, with group commit: what waits runs in ONE transaction (a savepoint
+// each), which is committed once. Private to store/sqlite.
 #pragma once
 
-#include <condition_variable>
-#include <cstddef>
-#include <deque>
-#include <exception>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <span>
 
+#include "index/store/group_queue.h"
 #include "index/store/sqlite/connection.h"
 
 namespace pliant {
@@ -40,23 +35,17 @@ class WriteQueue {
   void Run(Work work, const WriteOptions& options = {});
 
  private:
-  struct Job {
+  struct Job : GroupQueue::Job {
     Work work;
     WriteOptions options;
-    bool done = false;
-    std::exception_ptr failure;
   };
 
-  std::size_t NextBatch() const;  // how many of jobs_, from the first; mutex_ held
-  void Execute(std::span<Job* const> batch) noexcept;
+  void Execute(std::span<GroupQueue::Job* const> batch) noexcept;
   void RunInSavepoint(Job& job);
   void ReclaimSpace();
 
-  std::mutex mutex_;  // guards jobs_, busy_, Job::done
-  std::condition_variable changed_;
-  std::deque<Job*> jobs_;
-  bool busy_ = false;  // whoever set it owns connection_
-  std::unique_ptr<Connection> connection_;
+  GroupQueue queue_;
+  std::unique_ptr<Connection> connection_;  // whoever executes a batch owns it
   std::function<void()> after_commit_;
 };
 

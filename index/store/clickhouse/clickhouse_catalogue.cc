@@ -1,0 +1,283 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/clickhouse/clickhouse_catalogue.h"
+
+#include <algorithm>
+#include <set>
+
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
+#include "index/files/text.h"
+#include "index/store/clickhouse/clickhouse_feed.h"
+#include "index/store/clickhouse/query.h"
+#include "index/store/draw_descriptors.h"
+#include "index/store/unchanged.h"
+
+namespace pliant::clickhouse {
+namespace {
+
+[[noreturn]] void ThrowNoPicture(const std::string& collection, const std::string& id) {
+  throw Error(
+      ErrorCode::kNotFound, "image_not_found",
+      "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
+}
+
+// Of this collection.
+std::vector<ImageRecord> WithBytes(std::vector<PictureState> states,
+                                   const CollectionEntry& collection) {
+  std::vector<ImageRecord> records;
+  for (const PictureState& state : states) {
+    if (state.collection == collection.key) records.push_back(RecordOf(state, collection.name));
+  }
+  return records;
+}
+
+}  // namespace
+
+ImageRecord RecordOf(const PictureState& state, const std::string& collection) {
+  ImageRecord record = state.record;
+  record.collection = collection;
+  return record;
+}
+
+std::optional<ImageRecord> ClickhouseCatalogue::FindPicture(const std::string& collection,
+                                                            const std::string& id) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(collection);
+  const auto state = states_.ById(in.key, id, now.log);
+  if (!state) return std::nullopt;
+  return RecordOf(*state, in.name);
+}
+
+std::optional<ImageRecord> ClickhouseCatalogue::FindBySha256(const std::string& collection,
+                                                             const std::string& sha256) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(collection);
+  std::vector<ImageRecord> records = WithBytes(states_.BySha256({sha256}, now.log), in);
+  if (records.empty()) return std::nullopt;
+  return std::move(records.front());
+}
+
+std::optional<ImageRecord> ClickhouseCatalogue::FindUnchanged(const AddRequest& request,
+                                                              const std::string& sha256) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(request.collection);
+  if (!request.id) return FindMeant(WithBytes(states_.BySha256({sha256}, now.log), in), request);
+  const auto state = states_.ById(in.key, *request.id, now.log);
+  if (!state || !IsUnchanged(state->record, request, sha256)) return std::nullopt;
+  return RecordOf(*state, in.name);
+}
+
+std::optional<StoredPicture> ClickhouseCatalogue::FindDescribed(const std::string& sha256) {
+  const Snapshot now = snapshots_.Now();
+  for (const PictureState& state : states_.BySha256({sha256}, now.log)) {
+    const CollectionEntry* collection = now.registry->Find(state.collection);
+    auto features = states_.Features({state.picture});
+    if (features.empty()) continue;
+    return StoredPicture{static_cast<std::int64_t>(state.version),
+                         RecordOf(state, collection == nullptr ? "" : collection->name),
+                         std::move(features.begin()->second)};
+  }
+  return std::nullopt;
+}
+
+std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
+    std::span<const PictureRef> refs, Load what) {
+  std::vector<std::optional<StoredPicture>> pictures(refs.size());
+  if (refs.empty()) return pictures;
+  const Snapshot now = snapshots_.Now();
+  std::vector<std::pair<std::uint32_t, std::string>> wanted;
+  for (const PictureRef& ref : refs) {
+    wanted.emplace_back(static_cast<std::uint32_t>(ref.collection), ref.id);
+  }
+  std::map<std::pair<std::uint32_t, std::string>, PictureState> found;
+  std::vector<std::uint64_t> numbers;
+  for (PictureState& state : states_.ByRefs(wanted, now.log)) {
+    numbers.push_back(state.picture);
+    std::pair key(state.collection, state.record.id);
+    found.emplace(std::move(key), std::move(state));
+  }
+  const auto features = what == Load::kRecordsAndFeatures
+                            ? states_.Features(numbers)
+                            : std::map<std::uint32_t, std::vector<std::uint8_t>>{};
+  for (std::size_t i = 0; i < refs.size(); ++i) {
+    const auto state = found.find(wanted[i]);
+    if (state == found.end()) continue;
+    const CollectionEntry* collection = now.registry->Find(wanted[i].first);
+    if (collection == nullptr) continue;
+    pictures[i] = StoredPicture{static_cast<std::int64_t>(state->second.version),
+                                RecordOf(state->second, collection->name),
+                                {}};
+    if (what == Load::kRecords) continue;
+    const auto blob = features.find(state->second.picture);
+    if (blob == features.end()) {
+      throw Error(ErrorCode::kCorrupt, "features_missing",
+                  "a stored picture has lost its features; run `pliant db check`");
+    }
+    pictures[i]->features = blob->second;
+  }
+  return pictures;
+}
+
+std::vector<std::uint8_t> ClickhouseCatalogue::ReadContent(const std::string& collection,
+                                                           const std::string& id) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(collection);
+  const auto state = states_.ById(in.key, id, now.log);
+  if (!state) ThrowNoPicture(collection, id);
+  if (!state->content) {
+    throw Error(ErrorCode::kNotFound, "content_not_kept",
+                "the bytes of image \"" + ToDisplayText(id) + "\" were not kept");
+  }
+  const NativeBlock rows = link_.Read(link_.ShardOf(in.key, id),
+                                      "SELECT data FROM originals WHERE sha256 = "
+                                      "toFixedString(unhex(" +
+                                          Literal(state->record.sha256) + "), 32) LIMIT 1",
+                                      {{"data", "String"}});
+  if (rows.rows == 0) {
+    throw Error(ErrorCode::kCorrupt, "original_missing",
+                "the stored bytes of image \"" + ToDisplayText(id) + "\" are lost");
+  }
+  const std::string& data = Row(rows, 0).Text(0);
+  std::vector<std::uint8_t> bytes(data.begin(), data.end());
+  if (Sha256Hex(bytes) != state->record.sha256) {
+    throw Error(ErrorCode::kCorrupt, "original_corrupt",
+                "the stored bytes of image \"" + ToDisplayText(id) + "\" are damaged");
+  }
+  return bytes;
+}
+
+Admission ClickhouseCatalogue::Admit(Key collection, const std::optional<std::string>& object,
+                                     const Filter& filter,
+                                     const std::vector<std::string>& without) {
+  Admission admission;
+  admission.object = object;
+  admission.filter = filter;
+  admission.without = without;
+  if (!object && filter.empty() && without.empty()) return admission;
+  const Snapshot now = snapshots_.Now();
+  const auto in = static_cast<std::uint32_t>(collection);
+  if (object) {
+    admission.object_key = ObjectKey(*object);
+    admission.nothing = !object->empty() && states_
+                                                .Outlines({.collection = in,
+                                                           .log = now.log,
+                                                           .object = object,
+                                                           .end = " LIMIT 1"})
+                                                .empty();
+  }
+  for (const PictureState& state : states_.ByIds(in, without, now.log)) {
+    admission.without_versions.push_back(static_cast<std::int64_t>(state.version));
+  }
+  std::sort(admission.without_versions.begin(), admission.without_versions.end());
+  if (filter.empty() || admission.nothing) return admission;
+  std::vector<std::int64_t> passing;
+  for (const PictureOutline& outline :
+       states_.Outlines({.collection = in, .log = now.log, .metadata = true})) {
+    if (Passes(filter, outline.metadata)) {
+      passing.push_back(static_cast<std::int64_t>(outline.version));
+    }
+  }
+  std::sort(passing.begin(), passing.end());
+  admission.versions = std::make_shared<const std::vector<std::int64_t>>(std::move(passing));
+  return admission;
+}
+
+std::vector<VocabularyRecord> ClickhouseCatalogue::ListVocabularies(const std::string& collection) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(collection);
+  std::vector<VocabularyRecord> records;
+  for (const auto& [key, entry] : now.registry->vocabularies) {
+    if (entry.collection == in.key && entry.ready) records.push_back(now.registry->Describe(entry));
+  }
+  return records;
+}
+
+std::optional<VocabularyRecord> ClickhouseCatalogue::FindVocabulary(const std::string& collection,
+                                                                    Key vocabulary) {
+  const Snapshot now = snapshots_.Now();
+  const CollectionEntry& in = now.registry->Require(collection);
+  const VocabularyEntry* found = now.registry->FindVocabulary(in.key, vocabulary);
+  if (found == nullptr) return std::nullopt;
+  return now.registry->Describe(*found);
+}
+
+std::shared_ptr<const Vocabulary> ClickhouseCatalogue::ReadVocabulary(Key vocabulary) {
+  return clickhouse::ReadVocabulary(link_, *snapshots_.Now().registry, vocabulary);
+}
+
+std::uint64_t ClickhouseCatalogue::CountPictures(Key collection) {
+  const auto counts = CountAll(snapshots_.Now());
+  const auto found = counts->find(static_cast<std::uint32_t>(collection));
+  return found == counts->end() ? 0 : found->second.images;
+}
+
+std::vector<PictureOutline> Unquantized(PictureStates& states, std::uint32_t collection,
+                                        std::uint64_t log, Key vocabulary, std::int64_t after,
+                                        int limit) {
+  OutlineQuery query{.collection = collection, .log = log};
+  query.more = " AND v > " + std::to_string(after) +
+               " AND number NOT IN (SELECT picture FROM words WHERE vocabulary = " +
+               std::to_string(vocabulary) + ")";
+  if (limit > 0) query.end = " ORDER BY v LIMIT " + std::to_string(limit);
+  std::vector<PictureOutline> outlines = states.Outlines(query);
+  std::sort(outlines.begin(), outlines.end(),
+            [](const auto& a, const auto& b) { return a.version < b.version; });
+  if (limit > 0 && outlines.size() > static_cast<std::size_t>(limit)) {
+    outlines.resize(static_cast<std::size_t>(limit));
+  }
+  return outlines;
+}
+
+std::vector<StoredFeatures> FeaturesOf(PictureStates& states,
+                                       const std::vector<PictureOutline>& pictures) {
+  std::vector<std::uint64_t> numbers;
+  for (const PictureOutline& outline : pictures) numbers.push_back(outline.picture);
+  const auto blobs = states.Features(numbers);
+  std::vector<StoredFeatures> features;
+  for (const PictureOutline& outline : pictures) {
+    const auto blob = blobs.find(outline.picture);
+    if (blob == blobs.end()) {
+      throw Error(ErrorCode::kCorrupt, "features_missing",
+                  "a stored picture has lost its features; run `pliant db check`");
+    }
+    features.push_back({static_cast<std::int64_t>(outline.version), blob->second});
+  }
+  return features;
+}
+
+std::uint64_t ClickhouseCatalogue::CountUnquantized(const std::string& collection, Key vocabulary) {
+  const Snapshot now = snapshots_.Now();
+  return Unquantized(states_, now.registry->Require(collection).key, now.log, vocabulary, 0, 0)
+      .size();
+}
+
+std::vector<StoredFeatures> ClickhouseCatalogue::LoadUnquantized(Key collection, Key vocabulary,
+                                                                 std::int64_t after, int limit) {
+  return FeaturesOf(states_, Unquantized(states_, static_cast<std::uint32_t>(collection),
+                                         snapshots_.Now().log, vocabulary, after, limit));
+}
+
+DescriptorSample ClickhouseCatalogue::SampleDescriptors(Key collection, std::size_t count,
+                                                        std::uint64_t seed) {
+  const Snapshot now = snapshots_.Now();
+  std::vector<PictureOutline> outlines = states_.Outlines(
+      {.collection = static_cast<std::uint32_t>(collection), .log = now.log});
+  std::sort(outlines.begin(), outlines.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
+  std::vector<StoredCount> pictures;
+  for (const PictureOutline& outline : outlines) {
+    pictures.push_back({outline.picture, outline.keypoints});
+  }
+  return DrawDescriptors(
+      now.registry->model.value().info, pictures, count, seed, [&](std::span<const Key> keys) {
+        auto blobs = states_.Features({keys.begin(), keys.end()});
+        std::vector<std::vector<std::uint8_t>> encoded;
+        for (const Key key : keys) {
+          encoded.push_back(std::move(blobs[static_cast<std::uint32_t>(key)]));
+        }
+        return encoded;
+      });
+}
+
+}  // namespace pliant::clickhouse

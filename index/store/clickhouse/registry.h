@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What is common to all shards and little: the model, collections, aliases, vocabularies. Rows of
+// the table `registry`, whose bodies are JSON.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "index/store/catalogue.h"
+
+namespace pliant::clickhouse {
+
+struct CollectionEntry {
+  std::uint32_t key = 0;
+  std::string name;
+  std::string display_name;
+  std::int64_t created_ms = 0;
+  Key vocabulary = 0;  // the active one
+  bool automatic = false;
+};
+
+struct AliasEntry {
+  std::string name;
+  std::uint32_t collection = 0;
+  std::int64_t updated_ms = 0;
+};
+
+struct VocabularyEntry {
+  Key key = 0;
+  std::uint32_t collection = 0;
+  std::size_t words = 0;
+  VocabularyOrigin origin;
+  std::uint32_t checksum = 0;
+  std::int64_t created_ms = 0;
+  bool ready = false;
+};
+
+// As of one moment. Plain values.
+struct Registry {
+  std::uint64_t version = 0;  // the greatest of a row
+  std::optional<StoredModel> model;
+  std::map<std::string, CollectionEntry> collections;  // by name
+  std::map<std::string, AliasEntry> aliases;           // by name
+  std::map<Key, VocabularyEntry> vocabularies;
+
+  // By name or alias.
+  const CollectionEntry* Find(const std::string& name) const;
+  const CollectionEntry* Find(std::uint32_t key) const;
+  // kNotFound "collection_not_found".
+  const CollectionEntry& Require(const std::string& name) const;
+  // Of the collection and ready; nullptr = there is none.
+  const VocabularyEntry* FindVocabulary(std::uint32_t collection, Key vocabulary) const;
+  VocabularyRecord Describe(const VocabularyEntry& vocabulary) const;
+  std::vector<std::string> AliasesOf(std::uint32_t collection) const;
+};
+
+struct RegistryRow {
+  std::string kind;
+  std::string name;
+  bool deleted = false;
+  std::string body;
+};
+
+RegistryRow ToRow(const StoredModel& model);
+RegistryRow ToRow(const CollectionEntry& collection, bool deleted = false);
+RegistryRow ToRow(const AliasEntry& alias, bool deleted = false);
+RegistryRow ToRow(const VocabularyEntry& vocabulary, bool deleted = false);
+
+// Rows of other kinds are left out. Throws kCorrupt "registry_corrupt".
+void Apply(const RegistryRow& row, Registry& registry);
+
+}  // namespace pliant::clickhouse
