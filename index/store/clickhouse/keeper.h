@@ -94,6 +94,7 @@ class Keeper {
 
  private:
   class Impl;
+  class Taking;
   std::unique_ptr<Impl> impl_;
 };
 
