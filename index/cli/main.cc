@@ -8,6 +8,7 @@
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
+#include "index/store/cluster_scheme.h"
 #include "index/usage/completion.h"
 #include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
@@ -85,6 +86,7 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::QuietDecoders();
+  pliant::UseClusters();
   const ExitStatus status = Run(argc, argv);
   // What was stopped by a signal ends as shells say it of those that signals end.
   const int number = pliant::cli::Interrupt::Signal();

@@ -3,7 +3,6 @@
 #include "index/files/fold_case.h"
 
 #include <algorithm>
-
 #include <clocale>
 #include <cwctype>
 

@@ -66,7 +66,8 @@ Drawn Divide(std::span<const StoredCount> pictures, const std::vector<std::uint6
       drawn.keys.push_back(picture.key);
       drawn.descriptors.push_back(picture.descriptors);
       drawn.rows.emplace_back();
-      for (; next != chosen.end() && *next < end; ++next) drawn.rows.back().push_back(*next - first);
+      for (; next != chosen.end() && *next < end; ++next)
+        drawn.rows.back().push_back(*next - first);
     }
     first = end;
   }

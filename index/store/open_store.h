@@ -15,7 +15,7 @@
 namespace pliant {
 
 struct StoreOptions {
-  std::filesystem::path database;
+  std::filesystem::path database;  // or the URL of a cluster (cluster_scheme.h)
   bool create = true;  // make it if it does not exist; else kNotFound "database_not_found"
   bool read_only = false;
   std::function<DescriptorInfo()> model_of_new;  // asked only when it is made

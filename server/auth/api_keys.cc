@@ -15,6 +15,7 @@
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/text.h"
+#include "index/store/cluster_scheme.h"
 #include "index/store/open_store.h"
 #include "server/http/problem.h"
 
@@ -105,7 +106,10 @@ std::optional<Scope> ScopeFromName(const std::string& name) {
 
 KeyRing::KeyRing(std::filesystem::path database) : database_(std::move(database)) {
   std::error_code absent;
-  if (std::filesystem::file_size(database_, absent) == 0 || absent) return;
+  if (!IsClusterUrl(database_.string()) &&
+      (std::filesystem::file_size(database_, absent) == 0 || absent)) {
+    return;
+  }
   in_use_at_start_ = !OpenServiceStore(database_)->Keys().empty();
 }
 

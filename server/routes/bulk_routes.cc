@@ -3,6 +3,7 @@
 // Many pictures in one body, added in the background, and what became of each.
 #include <filesystem>
 
+#include "index/store/cluster_scheme.h"
 #include "server/http/problem.h"
 #include "server/jobs/bulk_import.h"
 #include "server/routes/adding.h"
@@ -17,8 +18,7 @@ namespace {
 void RequireSpace(const Service& service, std::size_t bytes) {
   const EngineOptions& engine = service.options.engine;
   std::error_code error;
-  const auto space =
-      std::filesystem::space(std::filesystem::absolute(engine.database).parent_path(), error);
+  const auto space = std::filesystem::space(FolderOf(engine.database), error);
   if (!error && space.available < engine.reserve_bytes + bytes) {
     throw ProblemError("no_space", "The server's disk has no space for this.");
   }

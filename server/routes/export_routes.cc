@@ -4,6 +4,7 @@
 #include <atomic>
 #include <filesystem>
 
+#include "index/store/cluster_scheme.h"
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
@@ -32,10 +33,6 @@ class Turn {
  private:
   std::atomic<int>& running_;
 };
-
-std::filesystem::path FolderOf(const std::filesystem::path& database) {
-  return std::filesystem::absolute(database).parent_path();
-}
 
 Response Export(Service& service, const Request& request, const Parameters& parameters) {
   static std::atomic<int> running{0};

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "index/store/cluster_scheme.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
@@ -27,10 +28,7 @@ Response MetricsText(Service& service) {
   // Where it cannot be asked, as of a database that is gone, there is none to count on.
   std::error_code unknown;
   const std::filesystem::space_info disk =
-      std::filesystem::space(service.options.engine.database.parent_path().empty()
-                                 ? "."
-                                 : service.options.engine.database.parent_path(),
-                             unknown);
+      std::filesystem::space(FolderOf(service.options.engine.database), unknown);
   now.disk_free_bytes = unknown ? 0 : disk.available;
   response.body = service.metrics.Text(now);
   return response;

@@ -113,7 +113,8 @@ EngineStats ClickhouseCatalogue::Count() {
     stats.descriptors += count->second.descriptors;
   }
   const std::string size =
-      "SELECT toUInt64(sum(bytes_on_disk)) AS bytes FROM system.parts WHERE active AND database = " +
+      "SELECT toUInt64(sum(bytes_on_disk)) AS bytes FROM system.parts WHERE active AND database "
+      "= " +
       Literal(link_.url().database);
   for (const NativeBlock& block : link_.ReadEach(size, {{"bytes", "UInt64"}})) {
     if (block.rows > 0) stats.database_bytes += Row(block, 0).Number(0);

@@ -32,9 +32,9 @@ ListPlace PlaceOf(const PictureOutline& outline, PictureOrder order) {
 ListPlace PlaceOf(const ListedObject& object, ObjectOrder order) {
   ListPlace place;
   place.tie = place.text = object.record.object;
-  place.number = order == ObjectOrder::kImages
-                     ? static_cast<std::int64_t>(object.record.images)
-                     : order == ObjectOrder::kUpdated ? object.updated_ms : object.created_ms;
+  place.number = order == ObjectOrder::kImages    ? static_cast<std::int64_t>(object.record.images)
+                 : order == ObjectOrder::kUpdated ? object.updated_ms
+                                                  : object.created_ms;
   return place;
 }
 

@@ -159,12 +159,10 @@ Admission ClickhouseCatalogue::Admit(Key collection, const std::optional<std::st
   const auto in = static_cast<std::uint32_t>(collection);
   if (object) {
     admission.object_key = ObjectKey(*object);
-    admission.nothing = !object->empty() && states_
-                                                .Outlines({.collection = in,
-                                                           .log = now.log,
-                                                           .object = object,
-                                                           .end = " LIMIT 1"})
-                                                .empty();
+    admission.nothing =
+        !object->empty() &&
+        states_.Outlines({.collection = in, .log = now.log, .object = object, .end = " LIMIT 1"})
+            .empty();
   }
   for (const PictureState& state : states_.ByIds(in, without, now.log)) {
     admission.without_versions.push_back(static_cast<std::int64_t>(state.version));
@@ -261,23 +259,23 @@ std::vector<StoredFeatures> ClickhouseCatalogue::LoadUnquantized(Key collection,
 DescriptorSample ClickhouseCatalogue::SampleDescriptors(Key collection, std::size_t count,
                                                         std::uint64_t seed) {
   const Snapshot now = snapshots_.Now();
-  std::vector<PictureOutline> outlines = states_.Outlines(
-      {.collection = static_cast<std::uint32_t>(collection), .log = now.log});
+  std::vector<PictureOutline> outlines =
+      states_.Outlines({.collection = static_cast<std::uint32_t>(collection), .log = now.log});
   std::sort(outlines.begin(), outlines.end(),
             [](const auto& a, const auto& b) { return a.id < b.id; });
   std::vector<StoredCount> pictures;
   for (const PictureOutline& outline : outlines) {
     pictures.push_back({outline.picture, outline.keypoints});
   }
-  return DrawDescriptors(
-      now.registry->model.value().info, pictures, count, seed, [&](std::span<const Key> keys) {
-        auto blobs = states_.Features({keys.begin(), keys.end()});
-        std::vector<std::vector<std::uint8_t>> encoded;
-        for (const Key key : keys) {
-          encoded.push_back(std::move(blobs[static_cast<std::uint32_t>(key)]));
-        }
-        return encoded;
-      });
+  return DrawDescriptors(now.registry->model.value().info, pictures, count, seed,
+                         [&](std::span<const Key> keys) {
+                           auto blobs = states_.Features({keys.begin(), keys.end()});
+                           std::vector<std::vector<std::uint8_t>> encoded;
+                           for (const Key key : keys) {
+                             encoded.push_back(std::move(blobs[static_cast<std::uint32_t>(key)]));
+                           }
+                           return encoded;
+                         });
 }
 
 }  // namespace pliant::clickhouse

@@ -46,8 +46,8 @@ class ClickhouseFeedView : public FeedView {
 
   std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) override {
     const NativeBlock rows =
-        link_.Read(ClusterLink::kHome,
-                   "SELECT before FROM log WHERE before != 0" + After(removal), {{"before", "UInt64"}});
+        link_.Read(ClusterLink::kHome, "SELECT before FROM log WHERE before != 0" + After(removal),
+                   {{"before", "UInt64"}});
     std::vector<std::int64_t> removed;
     for (std::size_t i = 0; i < rows.rows; ++i) removed.push_back(Row(rows, i).Signed(0));
     return removed;
@@ -89,23 +89,23 @@ class ClickhouseFeedView : public FeedView {
     std::vector<Wanted> wanted;
     for (PictureOutline& outline :
          states_.Outlines({.collection = collection, .log = snapshot_.log})) {
-      wanted.push_back({outline.version, outline.picture, std::move(outline.id),
-                        std::move(outline.object)});
+      wanted.push_back(
+          {outline.version, outline.picture, std::move(outline.id), std::move(outline.object)});
     }
     return Sorted(std::move(wanted));
   }
 
   // The newest state of each picture that has changed, unless it is gone.
   std::vector<Wanted> Since(std::uint32_t collection, std::int64_t after) {
-    const NativeBlock rows = link_.Read(
-        ClusterLink::kHome,
-        "SELECT version, picture, id, object, deleted FROM log WHERE collection = " +
-            std::to_string(collection) + After(after),
-        {{"version", "UInt64"},
-         {"picture", "UInt32"},
-         {"id", "String"},
-         {"object", "String"},
-         {"deleted", "UInt8"}});
+    const NativeBlock rows =
+        link_.Read(ClusterLink::kHome,
+                   "SELECT version, picture, id, object, deleted FROM log WHERE collection = " +
+                       std::to_string(collection) + After(after),
+                   {{"version", "UInt64"},
+                    {"picture", "UInt32"},
+                    {"id", "String"},
+                    {"object", "String"},
+                    {"deleted", "UInt8"}});
     std::map<std::string, std::size_t> newest;  // row by id
     for (std::size_t i = 0; i < rows.rows; ++i) {
       const auto [known, fresh] = newest.emplace(Row(rows, i).Text(2), i);
@@ -115,8 +115,7 @@ class ClickhouseFeedView : public FeedView {
     for (const auto& [id, i] : newest) {
       const Row row(rows, i);
       if (row.Number(4) != 0) continue;
-      wanted.push_back(
-          {row.Number(0), static_cast<std::uint32_t>(row.Number(1)), id, row.Text(3)});
+      wanted.push_back({row.Number(0), static_cast<std::uint32_t>(row.Number(1)), id, row.Text(3)});
     }
     return Sorted(std::move(wanted));
   }
@@ -165,11 +164,11 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(ClusterLink& link, const Regist
   const DescriptorInfo& model = registry.model->info;
   VocabularyRows rows({vocabulary, static_cast<std::int64_t>(entry.words), model.kind, model.dim,
                        model.model_id, entry.origin, entry.checksum});
-  const NativeBlock words = link.Read(
-      ClusterLink::kHome,
-      "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = " +
-          std::to_string(vocabulary) + " ORDER BY word",
-      {{"word", "UInt32"}, {"data", "String"}, {"thresholds", "String"}});
+  const NativeBlock words =
+      link.Read(ClusterLink::kHome,
+                "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = " +
+                    std::to_string(vocabulary) + " ORDER BY word",
+                {{"word", "UInt32"}, {"data", "String"}, {"thresholds", "String"}});
   Bytes codebook;
   for (std::size_t i = 0; i < words.rows; ++i) {
     const Row row(words, i);

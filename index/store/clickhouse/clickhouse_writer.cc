@@ -4,7 +4,6 @@
 #include "index/store/clickhouse/clickhouse_writer.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "descriptor/base/error.h"
 #include "index/files/merge_patch.h"
@@ -15,12 +14,6 @@
 
 namespace pliant::clickhouse {
 namespace {
-
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 std::optional<ImageRecord> FindUnchangedIn(Change& change, const CollectionEntry& collection,
                                            const AddRequest& request, const std::string& sha256) {

@@ -41,6 +41,12 @@ void ClusterCommits::Run(Work work, const Foreseen& foreseen, bool alone) {
   if (!after_commit_) {
     throw Error(ErrorCode::kReadOnly, "read_only", "this database was opened for reading only");
   }
+  Submit(std::move(work), foreseen, alone);
+}
+
+void ClusterCommits::RunAtOpening(Work work, bool alone) { Submit(std::move(work), {}, alone); }
+
+void ClusterCommits::Submit(Work work, const Foreseen& foreseen, bool alone) {
   Job job;
   job.alone = alone;
   job.work = std::move(work);
@@ -59,7 +65,7 @@ void ClusterCommits::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
     return;
   }
   try {
-    if (committed) after_commit_();
+    if (committed && after_commit_) after_commit_();
   } catch (...) {
     // What was written is durable and must be reported so; the next search follows, or says why
     // not.
@@ -116,8 +122,10 @@ void ClusterCommits::Recover() {
       newer +
       ") ANY LEFT JOIN (SELECT collection, id, max(version) AS before FROM pictures WHERE version "
       "<= " +
-      std::to_string(now.log) + " AND (collection, id) IN (SELECT collection, id FROM pictures "
-      "WHERE " + newer + ") GROUP BY collection, id) USING collection, id";
+      std::to_string(now.log) +
+      " AND (collection, id) IN (SELECT collection, id FROM pictures "
+      "WHERE " +
+      newer + ") GROUP BY collection, id) USING collection, id";
   for (const NativeBlock& block : link_.ReadEach(statement, {{"version", "UInt64"},
                                                              {"collection", "UInt32"},
                                                              {"id", "String"},

@@ -38,6 +38,8 @@ class ClusterCommits {
   // or may not have been committed; and what ClusterLink throws. Thread-safe. `alone`: it sees
   // nothing but what is committed (Change::snapshot).
   void Run(Work work, const Foreseen& foreseen = {}, bool alone = false);
+  // The same, without Begin and what runs after a commit.
+  void RunAtOpening(Work work, bool alone = false);
 
  private:
   struct Job : GroupQueue::Job {
@@ -45,6 +47,7 @@ class ClusterCommits {
     const Foreseen* foreseen = nullptr;
   };
 
+  void Submit(Work work, const Foreseen& foreseen, bool alone);
   void Execute(std::span<GroupQueue::Job* const> batch) noexcept;
   bool Commit(std::span<GroupQueue::Job* const> batch);
   void Recover();

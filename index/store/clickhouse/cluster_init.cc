@@ -75,8 +75,8 @@ bool Cluster::WriteSettings(const ClusterState& state) {
   add("version", {.kind = NativeKind::kUInt64}, std::vector<std::uint64_t>{1});
   add("body", text, std::vector<std::string>{wanted});
   DatabaseRequest request;
-  request.statement = "INSERT INTO " + url_.database +
-                      ".settings (name, version, body) FORMAT Native";
+  request.statement =
+      "INSERT INTO " + url_.database + ".settings (name, version, body) FORMAT Native";
   request.rows = EncodeNative(row);
   request.repeatable = true;  // the same row again is the same row
   pool_.Fetch(request);
@@ -86,7 +86,8 @@ bool Cluster::WriteSettings(const ClusterState& state) {
 InitReport Cluster::Init() {
   const ClusterState before = Read();
   RequireAllNodes(before);
-  HaveSettings(before, FixedSettingsText(before.Shards(), before.Replicas()));  // before anything is made
+  HaveSettings(before,
+               FixedSettingsText(before.Shards(), before.Replicas()));  // before anything is made
   InitReport report;
   report.nodes = before.nodes.size();
   Command(CreateDatabase(url_));

@@ -48,8 +48,8 @@ Probe ProbeServer(HttpPoolOptions options, const DatabaseUrl& url) {
         pool,
         "SELECT (SELECT any(substitution) FROM system.macros WHERE macro = 'shard') AS shard, "
         "toUInt64((SELECT count() FROM (SELECT DISTINCT shard_num " +
+            cluster + "))) AS shards, toUInt64((SELECT min(n) FROM (SELECT count() AS n " +
             cluster +
-            "))) AS shards, toUInt64((SELECT min(n) FROM (SELECT count() AS n " + cluster +
             " GROUP BY shard_num))) AS replicas, toUInt64((SELECT count() FROM system.tables WHERE "
             "database = " +
             Literal(url.database) + " AND name = 'settings')) AS tables",
@@ -120,9 +120,8 @@ HttpPoolOptions ClusterLink::Options(std::vector<HostPort> hosts) const {
 std::shared_ptr<ClusterLink::Shape> ClusterLink::Find() const {
   std::vector<std::future<Probe>> probes;
   for (const HostPort& host : url_.hosts) {
-    probes.push_back(std::async(std::launch::async, [this, host] {
-      return ProbeServer(Options({host}), url_);
-    }));
+    probes.push_back(std::async(std::launch::async,
+                                [this, host] { return ProbeServer(Options({host}), url_); }));
   }
   auto shape = std::make_shared<Shape>();
   std::map<std::string, std::vector<HostPort>> hosts;  // by shard, in the order of their names
@@ -223,8 +222,8 @@ std::vector<NativeBlock> ClusterLink::ReadEach(const std::string& statement,
   const std::size_t count = shards();
   std::vector<std::future<NativeBlock>> others;
   for (std::size_t shard = 1; shard < count; ++shard) {
-    others.push_back(std::async(std::launch::async,
-                                [&, shard] { return Read(shard, statement, columns); }));
+    others.push_back(
+        std::async(std::launch::async, [&, shard] { return Read(shard, statement, columns); }));
   }
   std::vector<NativeBlock> blocks;
   blocks.push_back(Read(0, statement, columns));

@@ -159,17 +159,16 @@ std::vector<PictureOutline> PictureStates::Outlines(const OutlineQuery& query) {
       "argMax(updated_ms, version) AS updated FROM pictures WHERE " +
       where + " GROUP BY id) WHERE gone = 0" + having + query.more + query.end;
   const std::vector<TableColumn> columns = {
-      {"id", "String"},          {"v", "UInt64"},        {"number", "UInt32"},
-      {"of_object", "String"},   {"of_source", "String"}, {"of_metadata", "String"},
-      {"points", "UInt32"},      {"added", "Int64"},      {"updated", "Int64"}};
+      {"id", "String"},        {"v", "UInt64"},         {"number", "UInt32"},
+      {"of_object", "String"}, {"of_source", "String"}, {"of_metadata", "String"},
+      {"points", "UInt32"},    {"added", "Int64"},      {"updated", "Int64"}};
   std::vector<PictureOutline> outlines;
   for (const NativeBlock& block : link_.ReadEach(statement, columns)) {
     for (std::size_t i = 0; i < block.rows; ++i) {
       const Row row(block, i);
       outlines.push_back({row.Number(1), static_cast<std::uint32_t>(row.Number(2)), row.Text(0),
                           row.Text(3), row.Text(4), row.Text(5),
-                          static_cast<std::uint32_t>(row.Number(6)), row.Signed(7),
-                          row.Signed(8)});
+                          static_cast<std::uint32_t>(row.Number(6)), row.Signed(7), row.Signed(8)});
     }
   }
   return outlines;
@@ -196,8 +195,8 @@ std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Features(
     const std::size_t to = std::min(pictures.size(), from + kBlobsTogether);
     const std::vector<std::uint64_t> some(pictures.begin() + static_cast<std::ptrdiff_t>(from),
                                           pictures.begin() + static_cast<std::ptrdiff_t>(to));
-    all.merge(Blobs("SELECT picture, data FROM features WHERE picture IN (" + LiteralList(some) +
-                    ")"));
+    all.merge(
+        Blobs("SELECT picture, data FROM features WHERE picture IN (" + LiteralList(some) + ")"));
   }
   return all;
 }

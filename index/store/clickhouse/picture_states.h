@@ -41,11 +41,11 @@ struct PictureOutline {
 
 struct OutlineQuery {
   std::uint32_t collection = 0;
-  std::uint64_t log = 0;              // Snapshot::log
-  std::optional<std::string> object;  // "" = without one
+  std::uint64_t log = 0;                   // Snapshot::log
+  std::optional<std::string> object = {};  // "" = without one
   bool metadata = false;
-  std::string more;  // further conditions on the result, as SQL: " AND v > 5"
-  std::string end;   // " ORDER BY id LIMIT 10", of each shard
+  std::string more = {};  // further conditions on the result, as SQL: " AND v > 5"
+  std::string end = {};   // " ORDER BY id LIMIT 10", of each shard
 };
 
 // An object as rankers know it: never 0 for one with a name. (64 bits of its name's SHA-256.)

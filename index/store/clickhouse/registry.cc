@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/clickhouse/registry.h"
 
+#include <chrono>
+
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
@@ -73,6 +75,12 @@ void Put(Map& map, const Name& name, bool deleted, const Read& read) {
 
 }  // namespace
 
+std::int64_t NowMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
 const CollectionEntry* Registry::Find(const std::string& name) const {
   if (const auto found = collections.find(name); found != collections.end()) return &found->second;
   const auto alias = aliases.find(name);
@@ -94,8 +102,8 @@ const CollectionEntry& Registry::Require(const std::string& name) const {
 
 const VocabularyEntry* Registry::FindVocabulary(std::uint32_t collection, Key vocabulary) const {
   const auto found = vocabularies.find(vocabulary);
-  const bool fits = found != vocabularies.end() && found->second.ready &&
-                    found->second.collection == collection;
+  const bool fits =
+      found != vocabularies.end() && found->second.ready && found->second.collection == collection;
   return fits ? &found->second : nullptr;
 }
 

@@ -39,6 +39,8 @@ struct VocabularyEntry {
   bool ready = false;
 };
 
+std::int64_t NowMs();  // Unix time
+
 // As of one moment. Plain values.
 struct Registry {
   std::uint64_t version = 0;  // the greatest of a row

@@ -34,7 +34,7 @@ class RowWriter {
 
  private:
   template <typename Number>
-    requires std::is_arithmetic_v<Number>
+  requires std::is_arithmetic_v<Number>
   static void Put(NativeColumn& column, Number number) {
     std::visit(
         [number](auto& values) {

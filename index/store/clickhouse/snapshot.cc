@@ -10,6 +10,12 @@
 #include "index/store/clickhouse/rows.h"
 
 namespace pliant::clickhouse {
+namespace {
+
+// Jobs and keys change all the time, and change nothing here.
+constexpr const char* kKinds = "('model', 'collection', 'alias', 'vocabulary')";
+
+}  // namespace
 
 Snapshots::Versions Snapshots::ReadVersions() {
   std::uint64_t known = 0;
@@ -18,12 +24,14 @@ Snapshots::Versions Snapshots::ReadVersions() {
     known = known_log_;
   }
   // From what is known on: the rest of the log need not be read.
-  const NativeBlock rows = link_.Read(
-      ClusterLink::kHome,
-      "SELECT toUInt8(0) AS kind, max(version) AS newest FROM log WHERE version >= " +
-          std::to_string(known) +
-          " UNION ALL SELECT toUInt8(1) AS kind, max(version) AS newest FROM registry",
-      {{"kind", "UInt8"}, {"newest", "UInt64"}});
+  const NativeBlock rows =
+      link_.Read(ClusterLink::kHome,
+                 "SELECT toUInt8(0) AS kind, max(version) AS newest FROM log WHERE version >= " +
+                     std::to_string(known) +
+                     " UNION ALL SELECT toUInt8(1) AS kind, max(version) AS newest FROM registry "
+                     "WHERE kind IN " +
+                     kKinds,
+                 {{"kind", "UInt8"}, {"newest", "UInt64"}});
   Versions versions;
   for (std::size_t i = 0; i < rows.rows; ++i) {
     const Row row(rows, i);
@@ -54,7 +62,8 @@ Snapshot Snapshots::Now() {
   const NativeBlock rows =
       link_.Read(ClusterLink::kHome,
                  "SELECT kind, name, max(version) AS newest, argMax(deleted, version) AS gone, "
-                 "argMax(body, version) AS text FROM registry GROUP BY kind, name",
+                 "argMax(body, version) AS text FROM registry WHERE kind IN " +
+                     std::string(kKinds) + " GROUP BY kind, name",
                  {{"kind", "String"},
                   {"name", "String"},
                   {"newest", "UInt64"},

@@ -19,8 +19,8 @@ std::string Engine(const DatabaseUrl& url, const TableSpec& table) {
   return engine + ")";
 }
 
-// A picture's number is used for one attempt to store it, and written first. All rows of a number are
-// on the shard of the picture's id, and so are all states of that id.
+// A picture's number is used for one attempt to store it, and written first. All rows of a number
+// are on the shard of the picture's id, and so are all states of that id.
 std::vector<TableSpec> DescriptionTables() {
   return {
       // A bag of words (word_codec.h): what a ranker in memory is made of.
@@ -45,14 +45,22 @@ std::vector<TableSpec> DescriptionTables() {
 std::vector<TableSpec> RecordTables() {
   return {
       {.name = "pictures",
-       .columns = {{"collection", "UInt32"},    {"id", "String"},
-                   {"version", "UInt64"},       {"deleted", "UInt8"},
-                   {"picture", "UInt32"},       {"content", "UInt8"},
-                   {"object", "String"},        {"sha256", "FixedString(32)"},
-                   {"media_type", "String"},    {"width", "UInt32"},
-                   {"height", "UInt32"},        {"bytes", "UInt64"},
-                   {"keypoints", "UInt32"},     {"metadata", "String"},
-                   {"source", "String"},        {"added_ms", "Int64"},
+       .columns = {{"collection", "UInt32"},
+                   {"id", "String"},
+                   {"version", "UInt64"},
+                   {"deleted", "UInt8"},
+                   {"picture", "UInt32"},
+                   {"content", "UInt8"},
+                   {"object", "String"},
+                   {"sha256", "FixedString(32)"},
+                   {"media_type", "String"},
+                   {"width", "UInt32"},
+                   {"height", "UInt32"},
+                   {"bytes", "UInt64"},
+                   {"keypoints", "UInt32"},
+                   {"metadata", "String"},
+                   {"source", "String"},
+                   {"added_ms", "Int64"},
                    {"updated_ms", "Int64"}},
        .order = "(collection, id, version)",
        .granularity = 256},
@@ -72,7 +80,8 @@ std::vector<TableSpec> RecordTables() {
 
 std::vector<TableSpec> CommonTables() {
   return {
-      // The commits: a state is there when it stands here. One block is one commit, over all shards.
+      // The commits: a state is there when it stands here. One block is one commit, over all
+      // shards.
       {.name = "log",
        .columns = {{"version", "UInt64"},
                    {"before", "UInt64"},

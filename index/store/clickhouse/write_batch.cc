@@ -76,8 +76,7 @@ std::optional<PictureState> Change::Find(std::uint32_t collection, const std::st
   }
   const auto known = batch_.known_.find(name);
   if (known != batch_.known_.end()) return known->second;
-  return batch_.known_
-      .emplace(name, batch_.states_.ById(collection, id, batch_.snapshot_.log))
+  return batch_.known_.emplace(name, batch_.states_.ById(collection, id, batch_.snapshot_.log))
       .first->second;
 }
 
@@ -137,8 +136,8 @@ void Change::AddFeatures(std::uint32_t collection, const std::string& id, std::u
       {batch_.link_.ShardOf(collection, id), picture, {}, std::move(encoded)});
 }
 
-void Change::AddOriginal(std::uint32_t collection, const std::string& id,
-                         const std::string& sha256, Bytes bytes) {
+void Change::AddOriginal(std::uint32_t collection, const std::string& id, const std::string& sha256,
+                         Bytes bytes) {
   changes_.originals.push_back(
       {batch_.link_.ShardOf(collection, id), 0, sha256, {bytes.begin(), bytes.end()}});
 }
@@ -278,8 +277,8 @@ void WriteLogRows(ClusterLink& link, const std::vector<NewCommit>& commits) {
   RowWriter rows(Table("log").columns);  // one block: one commit
   for (const NewCommit& commit : commits) {
     const PictureState& state = commit.state;
-    rows.Add(state.version, commit.before, state.collection, state.record.id,
-             state.deleted ? 1 : 0, state.picture, state.record.object);
+    rows.Add(state.version, commit.before, state.collection, state.record.id, state.deleted ? 1 : 0,
+             state.picture, state.record.object);
   }
   link.Insert(ClusterLink::kHome, Table("log"), rows.block());
 }

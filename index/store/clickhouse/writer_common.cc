@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // ClickhouseWriter: collections and vocabularies.
-#include <chrono>
-
 #include "descriptor/base/error.h"
 #include "index/store/clickhouse/clickhouse_writer.h"
 #include "index/store/quantize_batch.h"
@@ -13,12 +11,6 @@ namespace pliant::clickhouse {
 namespace {
 
 constexpr std::int64_t kDayMs = 24LL * 60 * 60 * 1000;
-
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 // A vocabulary that is gone, or was never finished: only its entry goes; its words, and what
 // pictures have of it, are found by nobody.
@@ -148,13 +140,13 @@ void ClickhouseWriter::AddWords(Key vocabulary, std::span<const PictureWords> pi
     std::string id;
   };
   std::map<std::uint64_t, Place> places;  // by version
-  for (const NativeBlock& block : link_.ReadEach(
-           "SELECT version, collection, picture, id FROM pictures WHERE version IN (" +
-               LiteralList(versions) + ")",
-           {{"version", "UInt64"},
-            {"collection", "UInt32"},
-            {"picture", "UInt32"},
-            {"id", "String"}})) {
+  for (const NativeBlock& block :
+       link_.ReadEach("SELECT version, collection, picture, id FROM pictures WHERE version IN (" +
+                          LiteralList(versions) + ")",
+                      {{"version", "UInt64"},
+                       {"collection", "UInt32"},
+                       {"picture", "UInt32"},
+                       {"id", "String"}})) {
     for (std::size_t i = 0; i < block.rows; ++i) {
       const Row row(block, i);
       places[row.Number(0)] = {static_cast<std::uint32_t>(row.Number(1)),
@@ -165,8 +157,8 @@ void ClickhouseWriter::AddWords(Key vocabulary, std::span<const PictureWords> pi
     for (const PictureWords& picture : pictures) {
       const auto place = places.find(static_cast<std::uint64_t>(picture.version));
       if (place == places.end()) continue;
-      change.AddWords(place->second.collection, place->second.id, vocabulary,
-                      place->second.picture, EncodeBow(picture.bow));
+      change.AddWords(place->second.collection, place->second.id, vocabulary, place->second.picture,
+                      EncodeBow(picture.bow));
     }
   });
 }
@@ -183,8 +175,7 @@ void ClickhouseWriter::QuantizeRest(Change& change, std::uint32_t collection, Ke
                                            rest.begin() + static_cast<std::ptrdiff_t>(to));
     const auto words = QuantizeBatch(quantizer, FeaturesOf(states, some), 0);
     for (std::size_t i = 0; i < some.size(); ++i) {
-      change.AddWords(collection, some[i].id, vocabulary, some[i].picture,
-                      EncodeBow(words[i].bow));
+      change.AddWords(collection, some[i].id, vocabulary, some[i].picture, EncodeBow(words[i].bow));
     }
   }
 }
@@ -226,7 +217,8 @@ void ClickhouseWriter::SetActiveVocabulary(const std::string& collection, Key vo
 void ClickhouseWriter::DropVocabulary(Key vocabulary) {
   commits_.Run([&](Change& change) {
     const auto found = change.registry().vocabularies.find(vocabulary);
-    if (found != change.registry().vocabularies.end()) Forget(change, VocabularyEntry(found->second));
+    if (found != change.registry().vocabularies.end())
+      Forget(change, VocabularyEntry(found->second));
   });
 }
 

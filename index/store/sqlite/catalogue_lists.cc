@@ -196,7 +196,8 @@ PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListi
   PicturePage page;
   ReadPage(
       query, SelectPictureSql() + where,
-      [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); }, &page);
+      [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); },
+      &page);
   if (list.count) {
     page.total = static_cast<std::uint64_t>(
         Prepare(query, std::string("SELECT count(*) ") + kFromPictures + where).One().Int(0));
@@ -216,7 +217,8 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
   ObjectPage page;
   ReadPage(
       query, "SELECT * FROM (" + (kSelectObjects + where) + ") WHERE ?2 IS ?2",
-      [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); }, &page);
+      [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
+      &page);
   if (list.count) {
     page.total = static_cast<std::uint64_t>(
         Prepare(query, "SELECT count(*) FROM objects o " + where).One().Int(0));

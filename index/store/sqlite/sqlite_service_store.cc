@@ -10,6 +10,7 @@
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
+#include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
@@ -117,6 +118,9 @@ std::uint64_t SqliteServiceStore::ForgetRevokedKeys() {
 }
 
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database) {
+  if (IsClusterUrl(database.string())) {
+    return RequireClusterOpener().service_store(database.string());
+  }
   RequireDatabaseFile(database);
   return std::make_unique<SqliteServiceStore>(database);
 }

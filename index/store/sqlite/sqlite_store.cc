@@ -3,6 +3,7 @@
 // A store on one database file.
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
+#include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/access.h"
@@ -55,6 +56,7 @@ class SqliteStore : public Store {
 }  // namespace
 
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
+  if (IsClusterUrl(options.database.string())) return RequireClusterOpener().store(options);
   const std::filesystem::path& file = options.database;
   RequireDatabaseFile(file);
   WithDatabaseErrors(file, [&] {
