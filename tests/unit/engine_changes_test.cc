@@ -65,7 +65,7 @@ TEST(MergeMetadata, IsAMergePatch) {
 TEST_F(EngineTest, APictureMovesToAnotherObjectWithAllItHas) {
   for (const bool files : {false, true}) {
     EngineOptions options = Options();
-    options.database = folder_ / (files ? "files.db" : "a.db");
+    options.database = Database(folder_ / (files ? "files.db" : "a.db"));
     if (files) options.originals_dir = folder_ / "originals";
     Engine engine(options);
     AddMany(engine, 4);  // o1 = p1, p2; o2 = p3, p4

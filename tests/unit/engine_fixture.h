@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// An engine on a temporary database, for the parts of engine_test.
+// An engine on a temporary database, for the parts of engine_test; the same tests run on a file and
+// on a cluster (tests/cluster).
 #pragma once
 
 #include <atomic>
@@ -16,6 +17,7 @@
 #include "index/engine/engine.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
+#include "tests/unit/test_database.h"
 
 namespace pliant::testing {
 
@@ -39,7 +41,7 @@ class EngineTest : public ::testing::Test {
  protected:
   EngineOptions Options() {
     EngineOptions options;
-    options.database = folder_ / "a.db";
+    options.database = Database(folder_ / "a.db");
     options.descriptor = "rootsift";
     options.custom_descriptor = descriptor_;
     options.busy_timeout_ms = 300;

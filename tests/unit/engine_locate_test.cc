@@ -9,6 +9,7 @@
 #include "index/verify/locate.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
+#include "tests/unit/test_database.h"
 
 namespace pliant {
 namespace {
@@ -23,7 +24,7 @@ class EngineLocateTest : public ::testing::Test {
 
   EngineOptions Options() {
     EngineOptions options;
-    options.database = folder_ / "a.db";
+    options.database = testing::Database(folder_ / "a.db");
     options.descriptor = "rootsift";
     return options;
   }

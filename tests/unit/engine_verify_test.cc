@@ -10,6 +10,7 @@
 #include "index/engine/engine.h"
 #include "index/verify/verification.h"
 #include "tests/unit/index_test_pictures.h"
+#include "tests/unit/test_database.h"
 
 namespace pliant {
 namespace {
@@ -33,7 +34,7 @@ class EngineVerifyTest : public ::testing::TestWithParam<const char*> {
   }
   EngineOptions Options() {
     EngineOptions options;
-    options.database = folder_ / "a.db";
+    options.database = testing::Database(folder_ / "a.db");
     options.descriptor = GetParam();
     return options;
   }

@@ -102,7 +102,7 @@ TEST_F(EngineTest, TheSameSeedGivesTheSameVocabularyInAnyOrderOfAdding) {
   double loss = 0;
   for (const bool reversed : {false, true}) {
     EngineOptions options = Options();
-    options.database = folder_ / (reversed ? "r.db" : "f.db");
+    options.database = Database(folder_ / (reversed ? "r.db" : "f.db"));
     Engine engine(options);
     for (int i = 1; i <= 6; ++i) {
       Add(engine, RandomPng(static_cast<std::uint64_t>(reversed ? 7 - i : i)), "x");

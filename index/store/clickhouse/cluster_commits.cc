@@ -79,7 +79,7 @@ bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
   if (keeper_->Read(kUnfinished)) Recover();
   const Snapshot now = snapshots_.Now();
   WriteBatch changes(&link_, now, {[this] { return NextPicture(); }, [this] { return NextKey(); }},
-                     std::max({NowUs(), now.log + 1, now.registry->version + 1}));
+                     std::max(NowUs(), now.log + 1));
   Foreseen all;
   for (const GroupQueue::Job* each : batch) {
     const Foreseen& one = *static_cast<const Job*>(each)->foreseen;
@@ -96,7 +96,7 @@ bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
     }
   }
   if (changes.empty()) return false;
-  const bool marked = changes.HasPictures();
+  const bool marked = changes.HasCommit();
   if (marked) keeper_->Create(kUnfinished, "");
   RequireHeld(*lease);
   changes.WriteRows();
@@ -111,7 +111,8 @@ bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
   return true;
 }
 
-// Rows that no commit knows: commits them, in the order of their versions.
+// Rows that no commit knows: commits them, in the order of their versions. Those of the registry
+// are seen by who reads it anew: that somebody has changed it is said.
 void ClusterCommits::Recover() {
   const Snapshot now = snapshots_.Now();
   const std::string newer = "version > " + std::to_string(now.log);
@@ -149,7 +150,16 @@ void ClusterCommits::Recover() {
   std::sort(commits.begin(), commits.end(), [](const NewCommit& a, const NewCommit& b) {
     return a.state.version < b.state.version;
   });
-  if (!commits.empty()) WriteLogRows(link_, commits);
+  const NativeBlock common = link_.Read(
+      ClusterLink::kHome,
+      "SELECT max(version) AS newest FROM registry WHERE kind IN " + std::string(kCommonKinds),
+      {{"newest", "UInt64"}});
+  const std::uint64_t of_registry = common.rows == 0 ? 0 : Row(common, 0).Number(0);
+  const std::uint64_t newest = commits.empty() ? now.log : commits.back().state.version;
+  const bool behind = of_registry > now.registry->version;
+  if (behind || !commits.empty()) {
+    WriteLogRows(link_, commits, behind ? std::max(of_registry, newest) + 1 : 0);
+  }
   keeper_->Remove(kUnfinished);
 }
 

@@ -128,6 +128,11 @@ std::vector<std::string> Registry::AliasesOf(std::uint32_t collection) const {
   return names;
 }
 
+bool IsCommon(const RegistryRow& row) {
+  return row.kind == kModel || row.kind == kCollection || row.kind == kAlias ||
+         row.kind == kVocabulary;
+}
+
 RegistryRow ToRow(const StoredModel& model) {
   return {kModel, kModel, false,
           Text({{"name", model.info.name},

@@ -41,9 +41,21 @@ struct VocabularyEntry {
 
 std::int64_t NowMs();  // Unix time
 
+struct RegistryRow {
+  std::string kind;
+  std::string name;
+  bool deleted = false;
+  std::string body;
+};
+
+// The kinds of rows that are read here, for IN. Others (jobs, keys) change all the time, and change
+// nothing here.
+inline constexpr const char* kCommonKinds = "('model', 'collection', 'alias', 'vocabulary')";
+bool IsCommon(const RegistryRow& row);
+
 // As of one moment. Plain values.
 struct Registry {
-  std::uint64_t version = 0;  // the greatest of a row
+  std::uint64_t version = 0;  // of a commit; what it has changed, and all before it, is in it
   std::optional<StoredModel> model;
   std::map<std::string, CollectionEntry> collections;  // by name
   std::map<std::string, AliasEntry> aliases;           // by name
@@ -58,13 +70,6 @@ struct Registry {
   const VocabularyEntry* FindVocabulary(std::uint32_t collection, Key vocabulary) const;
   VocabularyRecord Describe(const VocabularyEntry& vocabulary) const;
   std::vector<std::string> AliasesOf(std::uint32_t collection) const;
-};
-
-struct RegistryRow {
-  std::string kind;
-  std::string name;
-  bool deleted = false;
-  std::string body;
 };
 
 RegistryRow ToRow(const StoredModel& model);

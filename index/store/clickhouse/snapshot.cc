@@ -10,13 +10,6 @@
 #include "index/store/clickhouse/rows.h"
 
 namespace pliant::clickhouse {
-namespace {
-
-// Jobs and keys change all the time, and change nothing here.
-constexpr const char* kKinds = "('model', 'collection', 'alias', 'vocabulary')";
-
-}  // namespace
-
 Snapshots::Versions Snapshots::ReadVersions() {
   std::uint64_t known = 0;
   {
@@ -24,19 +17,14 @@ Snapshots::Versions Snapshots::ReadVersions() {
     known = known_log_;
   }
   // From what is known on: the rest of the log need not be read.
-  const NativeBlock rows =
-      link_.Read(ClusterLink::kHome,
-                 "SELECT toUInt8(0) AS kind, max(version) AS newest FROM log WHERE version >= " +
-                     std::to_string(known) +
-                     " UNION ALL SELECT toUInt8(1) AS kind, max(version) AS newest FROM registry "
-                     "WHERE kind IN " +
-                     kKinds,
-                 {{"kind", "UInt8"}, {"newest", "UInt64"}});
+  const NativeBlock rows = link_.Read(
+      ClusterLink::kHome,
+      "SELECT max(version) AS newest, maxIf(version, collection = 0) AS common FROM log WHERE "
+      "version >= " +
+          std::to_string(known),
+      {{"newest", "UInt64"}, {"common", "UInt64"}});
   Versions versions;
-  for (std::size_t i = 0; i < rows.rows; ++i) {
-    const Row row(rows, i);
-    (row.Number(0) == 0 ? versions.log : versions.registry) = row.Number(1);
-  }
+  if (rows.rows > 0) versions = {Row(rows, 0).Number(0), Row(rows, 0).Number(1)};
   const std::lock_guard lock(mutex_);
   if (versions.log < known) {
     // What a failed insert has left on one replica alone. To go back would be to forget it there,
@@ -45,35 +33,29 @@ Snapshots::Versions Snapshots::ReadVersions() {
                 "the replica that answered has not got yet what another one showed; try again");
   }
   known_log_ = std::max(known_log_, versions.log);
+  known_common_ = versions.common = std::max(known_common_, versions.common);
   return versions;
 }
 
-std::uint64_t Snapshots::Version() {
-  const Versions versions = ReadVersions();
-  return std::max(versions.log, versions.registry);
-}
+std::uint64_t Snapshots::Version() { return ReadVersions().log; }
 
 Snapshot Snapshots::Now() {
   const Versions versions = ReadVersions();
   {
     const std::lock_guard lock(mutex_);
-    if (registry_ && registry_->version == versions.registry) return {versions.log, registry_};
+    if (registry_ && registry_->version >= versions.common) return {versions.log, registry_};
   }
   const NativeBlock rows =
       link_.Read(ClusterLink::kHome,
-                 "SELECT kind, name, max(version) AS newest, argMax(deleted, version) AS gone, "
+                 "SELECT kind, name, argMax(deleted, version) AS gone, "
                  "argMax(body, version) AS text FROM registry WHERE kind IN " +
-                     std::string(kKinds) + " GROUP BY kind, name",
-                 {{"kind", "String"},
-                  {"name", "String"},
-                  {"newest", "UInt64"},
-                  {"gone", "UInt8"},
-                  {"text", "String"}});
+                     std::string(kCommonKinds) + " GROUP BY kind, name",
+                 {{"kind", "String"}, {"name", "String"}, {"gone", "UInt8"}, {"text", "String"}});
   auto registry = std::make_shared<Registry>();
+  registry->version = versions.common;
   for (std::size_t i = 0; i < rows.rows; ++i) {
     const Row row(rows, i);
-    registry->version = std::max(registry->version, row.Number(2));
-    Apply({row.Text(0), row.Text(1), row.Number(3) != 0, row.Text(4)}, *registry);
+    Apply({row.Text(0), row.Text(1), row.Number(2) != 0, row.Text(3)}, *registry);
   }
   const std::lock_guard lock(mutex_);
   if (!registry_ || registry_->version < registry->version) registry_ = registry;

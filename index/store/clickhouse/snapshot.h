@@ -28,19 +28,20 @@ class Snapshots {
   // Whatever was acknowledged before the call is in it. One statement, unless the registry has
   // changed.
   Snapshot Now();
-  // The greatest number that a commit has, of the log or of the registry. One statement.
+  // The version of the newest commit. One statement.
   std::uint64_t Version();
 
  private:
   struct Versions {
     std::uint64_t log = 0;
-    std::uint64_t registry = 0;
+    std::uint64_t common = 0;  // the newest change of the registry
   };
   Versions ReadVersions();
 
   ClusterLink& link_;
   std::mutex mutex_;  // guards the rest
   std::uint64_t known_log_ = 0;
+  std::uint64_t known_common_ = 0;
   std::shared_ptr<const Registry> registry_;
 };
 

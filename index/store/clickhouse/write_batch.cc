@@ -28,6 +28,10 @@ void Append(std::vector<T>& to, std::vector<T>& from) {
   to.insert(to.end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
 }
 
+bool HasCommon(const Changes& changes) {
+  return std::any_of(changes.registry.begin(), changes.registry.end(), IsCommon);
+}
+
 // Writes rows of a table, so many at a time.
 class Rows {
  public:
@@ -198,6 +202,8 @@ bool WriteBatch::empty() const {
          changes_.originals.empty() && changes_.registry.empty() && changes_.vocabularies.empty();
 }
 
+bool WriteBatch::HasCommit() const { return !changes_.commits.empty() || HasCommon(changes_); }
+
 void WriteBatch::WriteShard(std::size_t shard) {
   Rows words(&link_, shard, "words");
   for (const NewWords& one : changes_.words) {
@@ -270,16 +276,17 @@ void WriteBatch::WriteLog() {
     }
     rows.Write();
   }
-  WriteLogRows(link_, changes_.commits);
+  if (HasCommit()) WriteLogRows(link_, changes_.commits, HasCommon(changes_) ? next_version_++ : 0);
 }
 
-void WriteLogRows(ClusterLink& link, const std::vector<NewCommit>& commits) {
+void WriteLogRows(ClusterLink& link, const std::vector<NewCommit>& commits, std::uint64_t common) {
   RowWriter rows(Table("log").columns);  // one block: one commit
   for (const NewCommit& commit : commits) {
     const PictureState& state = commit.state;
     rows.Add(state.version, commit.before, state.collection, state.record.id, state.deleted ? 1 : 0,
              state.picture, state.record.object);
   }
+  if (common != 0) rows.Add(common, 0, 0, std::string_view(), 0, 0, std::string_view());
   link.Insert(ClusterLink::kHome, Table("log"), rows.block());
 }
 

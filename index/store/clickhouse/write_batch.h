@@ -109,7 +109,8 @@ class WriteBatch {
   void Run(const std::function<void(Change& change)>& work);
 
   bool empty() const;
-  bool HasPictures() const { return !changes_.commits.empty(); }
+  // Whether it has a commit of the log: of pictures, or of what is common to all.
+  bool HasCommit() const;
   // Writes all but the log: what nobody sees yet.
   void WriteRows();
   // The commit.
@@ -132,7 +133,7 @@ class WriteBatch {
   std::map<std::string, std::vector<PictureName>> known_sha256_;
 };
 
-// The log's rows for states that were written, but not committed.
-void WriteLogRows(ClusterLink& link, const std::vector<NewCommit>& commits);
+// A commit of pictures, and of changes of the registry where `common` is not 0.
+void WriteLogRows(ClusterLink& link, const std::vector<NewCommit>& commits, std::uint64_t common);
 
 }  // namespace pliant::clickhouse

@@ -18,6 +18,11 @@ void Forget(Change& change, const VocabularyEntry& vocabulary) {
   change.Set(ToRow(vocabulary, /*deleted=*/true));
 }
 
+[[noreturn]] void ThrowCollectionGone() {
+  throw Error(ErrorCode::kNotFound, "collection_not_found",
+              "the collection was removed while its vocabulary was made");
+}
+
 void Activate(Change& change, CollectionEntry collection, Key vocabulary, bool automatic) {
   collection.vocabulary = vocabulary;
   collection.automatic = automatic;
@@ -110,6 +115,8 @@ Key ClickhouseWriter::AddVocabulary(Key collection, const Vocabulary& vocabulary
   Key key = 0;
   commits_.Run([&](Change& change) {
     const Registry before = change.registry();
+    const bool gone = before.Find(static_cast<std::uint32_t>(collection)) == nullptr;
+    if (gone) ThrowCollectionGone();
     for (const auto& [old, entry] : before.vocabularies) {
       if (entry.collection == collection && !entry.ready && entry.created_ms < NowMs() - kDayMs) {
         Forget(change, entry);
@@ -187,9 +194,9 @@ VocabularyRecord ClickhouseWriter::FinishVocabulary(const std::string& collectio
       [&](Change& change) {
         const CollectionEntry in = change.registry().Require(collection);
         const auto found = change.registry().vocabularies.find(vocabulary);
-        if (found == change.registry().vocabularies.end()) {
-          throw Error(ErrorCode::kNotFound, "vocabulary_not_found",
-                      "the vocabulary was removed while it was trained");
+        // Another collection may have the name by now.
+        if (found == change.registry().vocabularies.end() || found->second.collection != in.key) {
+          ThrowCollectionGone();
         }
         QuantizeRest(change, in.key, vocabulary, quantizer);
         VocabularyEntry entry = found->second;
@@ -208,6 +215,7 @@ void ClickhouseWriter::SetActiveVocabulary(const std::string& collection, Key vo
       [&](Change& change) {
         const CollectionEntry in = change.registry().Require(collection);
         if (automatic && in.vocabulary != 0 && !in.automatic) return;
+        if (change.registry().FindVocabulary(in.key, vocabulary) == nullptr) ThrowCollectionGone();
         QuantizeRest(change, in.key, vocabulary, quantizer);
         Activate(change, in, vocabulary, automatic);
       },
