@@ -30,6 +30,7 @@ struct PicturePut {
   Bow bow = {};
   bool keep_content = true;  // the uploaded bytes too
   PictureCheck check = {};   // of the picture that has the id
+  bool keep_times = false;   // those of the record: a copy of another database's picture
 };
 
 struct PutOutcome {

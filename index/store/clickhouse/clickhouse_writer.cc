@@ -77,8 +77,7 @@ PutOutcome ClickhouseWriter::Store(Change& change, const PicturePut& put) {
   }
   const std::string& id = state.record.id;
   state.record.object = request.object;
-  state.record.added_ms = NowMs();
-  state.record.updated_ms = state.record.added_ms;
+  if (!put.keep_times) state.record.added_ms = state.record.updated_ms = NowMs();
   state.picture = change.NewPicture();
   state.content = put.keep_content;
   change.AddFeatures(collection.key, id, state.picture, put.encoded);
@@ -100,6 +99,12 @@ PutOutcome ClickhouseWriter::Store(Change& change, const PicturePut& put) {
 }
 
 void ClickhouseWriter::RestoreContent(const ImageRecord& stored, Bytes bytes) {
+  try {
+    catalogue_.ReadContent(stored.collection, stored.id);
+    return;
+  } catch (const Error& error) {
+    if (error.reason() != "original_missing" && error.reason() != "original_corrupt") return;
+  }
   commits_.Run([&](Change& change) {
     const CollectionEntry& collection = change.registry().Require(stored.collection);
     const auto now = change.Find(collection.key, stored.id);

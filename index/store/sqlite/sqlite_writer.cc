@@ -71,8 +71,7 @@ PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
   if (put.check) put.check(replaced ? &replaced->record : nullptr);
   if (replaced) DeletePicture(db, *replaced);
   picture.object = FindOrInsertObject(db, collection.key, request.object);
-  picture.record.added_ms = NowMs();
-  picture.record.updated_ms = picture.record.added_ms;
+  if (!put.keep_times) picture.record.added_ms = picture.record.updated_ms = NowMs();
   const Key key = InsertPicture(db, collection.key, picture);
   InsertFeatures(db, key, model_.key, put.encoded);
   if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);

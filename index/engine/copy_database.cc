@@ -1,0 +1,310 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/engine/copy_database.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "descriptor/base/error.h"
+#include "index/files/durable_file.h"
+#include "index/files/text.h"
+#include "index/store/feature_codec.h"
+#include "index/store/open_store.h"
+#include "index/store/quantize_batch.h"
+#include "index/store/vocabulary_rows.h"
+
+namespace pliant {
+namespace {
+
+constexpr int kPage = 250;  // pictures whose features are in memory together
+constexpr double kSameScore = 1e-5;
+
+bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
+  return a.sha256 == b.sha256 && a.object == b.object && a.metadata == b.metadata &&
+         a.source == b.source;
+}
+
+class Copy {
+ public:
+  explicit Copy(const CopyOptions& options) : options_(options) {
+    if (options.from == options.to) {
+      throw Error(ErrorCode::kInvalidArgument, "same_database",
+                  "a database cannot be copied into itself");
+    }
+    from_ = OpenStore(
+        {.database = options.from, .create = false, .read_only = true, .model_of_new = {}});
+    from_->OpenOriginals(std::nullopt, false);
+    to_ =
+        OpenStore({.database = options.to, .model_of_new = [this] { return from_->model().info; }});
+    if (from_->model().info.model_id != to_->model().info.model_id) {
+      throw Error(ErrorCode::kConflict, "model_mismatch",
+                  DisplayPath(options.from) + " was made with " + from_->model().info.model_id +
+                      ", and " + DisplayPath(options.to) + " with " + to_->model().info.model_id);
+    }
+    to_->SettleExtraction(from_->model().limits);
+    to_->OpenOriginals(std::nullopt, true);
+    to_->BeginWriting([] {});
+  }
+
+  CopyResult Run() {
+    std::uint64_t total = 0;
+    const std::vector<CollectionLabel> labels = from_->catalogue().ListLabels();
+    for (const CollectionLabel& label : labels) {
+      total += from_->catalogue().DescribeCollection(label.name).images;
+    }
+    total_ = total;
+    AliasChanges aliases;
+    for (const CollectionLabel& label : labels) {
+      CopyCollection(label);
+      for (const std::string& alias : label.aliases) aliases[alias] = label.name;
+    }
+    if (!aliases.empty()) to_->writer().ChangeAliases(aliases);
+    CopyKeys();
+    return result_;
+  }
+
+ private:
+  void ThrowIfStopped() const {
+    if (options_.stop.stop_requested()) {
+      throw Error(ErrorCode::kCancelled, "cancelled",
+                  "the copy was stopped; what was copied stays, and the next copy goes on there");
+    }
+  }
+
+  void CopyCollection(const CollectionLabel& label) {
+    to_->writer().CreateCollection(label.name);
+    to_->writer().ChangeCollection(label.name, {.display_name = label.display_name});
+    ++result_.collections;
+    active_ = to_->catalogue().RequireCollection(label.name).vocabulary;
+    quantizer_.reset();
+    if (active_ != 0) quantizer_.emplace(to_->catalogue().ReadVocabulary(active_));
+    PictureListing list;
+    list.which.collection = label.name;
+    list.limit = kPage;
+    std::uint64_t seen = 0;
+    from_->catalogue().ForEachPicturePage(list, [&](const PicturePage& page) {
+      ThrowIfStopped();
+      CopyPage(label.name, page.records);
+      seen += page.records.size();
+    });
+    const std::uint64_t there = to_->catalogue().DescribeCollection(label.name).images;
+    result_.extra += there > seen ? there - seen : 0;
+    CopyVocabularies(label.name);
+  }
+
+  // Those that are not there, or otherwise.
+  std::vector<ImageRecord> Missing(const std::string& collection,
+                                   const std::vector<ImageRecord>& records) {
+    const Key in = to_->catalogue().RequireCollection(collection).key;
+    std::vector<PictureRef> refs;
+    for (const ImageRecord& record : records) refs.push_back({in, record.id});
+    const auto there = to_->catalogue().LoadPictures(refs, Load::kRecords);
+    std::vector<ImageRecord> missing;
+    for (std::size_t i = 0; i < records.size(); ++i) {
+      if (!there[i] || !SameRecord(there[i]->record, records[i])) missing.push_back(records[i]);
+    }
+    return missing;
+  }
+
+  void CopyPage(const std::string& collection, const std::vector<ImageRecord>& records) {
+    const std::vector<ImageRecord> missing = Missing(collection, records);
+    result_.unchanged += records.size() - missing.size();
+    const Key in = from_->catalogue().RequireCollection(collection).key;
+    std::vector<PictureRef> refs;
+    for (const ImageRecord& record : missing) refs.push_back({in, record.id});
+    const auto pictures = from_->catalogue().LoadPictures(refs, Load::kRecordsAndFeatures);
+    std::atomic<std::size_t> next{0};
+    std::mutex mutex;
+    std::exception_ptr failure;
+    const auto work = [&] {
+      try {
+        for (std::size_t i = next++; i < pictures.size(); i = next++) {
+          if (pictures[i]) CopyPicture(collection, *pictures[i]);  // else removed meanwhile
+        }
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = pictures.size();
+      }
+    };
+    {
+      std::vector<std::jthread> writers;
+      const auto count =
+          std::min<std::size_t>(static_cast<std::size_t>(options_.writers), pictures.size());
+      for (std::size_t i = 0; i < count; ++i) writers.emplace_back(work);
+    }
+    if (failure) std::rethrow_exception(failure);
+    result_.copied += pictures.size();
+    result_.without_content += without_content_.exchange(0);
+    if (options_.progress) options_.progress(result_.copied + result_.unchanged, total_);
+  }
+
+  void CopyPicture(const std::string& collection, const StoredPicture& picture) {
+    std::vector<std::uint8_t> content;
+    bool has_content = true;
+    try {
+      content = from_->catalogue().ReadContent(collection, picture.record.id);
+    } catch (const Error& error) {
+      if (error.reason() != "content_not_kept" && error.reason() != "original_missing" &&
+          error.reason() != "original_corrupt") {
+        throw;
+      }
+      has_content = false;
+      ++without_content_;
+    }
+    AddRequest request;
+    request.collection = collection;
+    request.id = picture.record.id;
+    request.object = picture.record.object;
+    request.metadata = picture.record.metadata;
+    request.source = picture.record.source;
+    request.bytes = content;
+    PicturePut put{.request = request};
+    put.record = picture.record;
+    put.encoded = picture.features;
+    put.features = DecodeFeatures(picture.features);
+    put.keep_content = has_content;
+    put.keep_times = true;
+    if (quantizer_) {
+      const Descriptors& descriptors = put.features.descriptors;
+      put.vocabulary = active_;
+      put.bow = quantizer_->BowOf(descriptors, 0, quantizer_->Assign(descriptors, 1));
+    }
+    to_->writer().Put(put);
+  }
+
+  // The vocabulary of the target that is the same; 0 = none.
+  Key FindSame(const std::string& collection, const Vocabulary& vocabulary) {
+    const std::uint32_t checksum = VocabularyChecksum(vocabulary);
+    for (const VocabularyRecord& record : to_->catalogue().ListVocabularies(collection)) {
+      if (record.words == vocabulary.size() &&
+          VocabularyChecksum(*to_->catalogue().ReadVocabulary(record.id)) == checksum) {
+        return record.id;
+      }
+    }
+    return 0;
+  }
+
+  void Quantize(const std::string& collection, Key vocabulary, const Quantizer& quantizer) {
+    const Key in = to_->catalogue().RequireCollection(collection).key;
+    std::int64_t after = 0;
+    while (true) {
+      ThrowIfStopped();
+      const std::vector<StoredFeatures> batch =
+          to_->catalogue().LoadUnquantized(in, vocabulary, after, kPicturesABatch);
+      if (batch.empty()) return;
+      to_->writer().AddWords(vocabulary, QuantizeBatch(quantizer, batch, 0));
+      after = batch.back().version;
+    }
+  }
+
+  void CopyVocabularies(const std::string& collection) {
+    for (const VocabularyRecord& record : from_->catalogue().ListVocabularies(collection)) {
+      const auto vocabulary = from_->catalogue().ReadVocabulary(record.id);
+      const Quantizer quantizer(vocabulary);
+      Key key = FindSame(collection, *vocabulary);
+      const bool is_new = key == 0;
+      if (is_new) {
+        key = to_->writer().AddVocabulary(to_->catalogue().RequireCollection(collection).key,
+                                          *vocabulary);
+      }
+      const bool automatic = from_->catalogue().DescribeCollection(collection).automatic;
+      if (is_new || record.active) Quantize(collection, key, quantizer);
+      if (is_new) {
+        to_->writer().FinishVocabulary(collection, key, quantizer, automatic);
+        ++result_.vocabularies;
+      }
+      const bool is_active = to_->catalogue().RequireCollection(collection).vocabulary == key;
+      if (record.active && !is_active) {
+        to_->writer().SetActiveVocabulary(collection, key, quantizer, automatic);
+      }
+    }
+  }
+
+  void CopyKeys() {
+    std::set<std::string> there;
+    const auto to = OpenServiceStore(options_.to);
+    for (const ApiKeyRecord& key : to->Keys()) there.insert(key.id);
+    for (const ApiKeyRecord& key : OpenServiceStore(options_.from)->Keys()) {
+      if (key.revoked_ms != 0 || !there.insert(key.id).second) continue;
+      to->AddKey(key);
+      ++result_.keys;
+    }
+  }
+
+  const CopyOptions& options_;
+  std::unique_ptr<Store> from_;
+  std::unique_ptr<Store> to_;
+  std::uint64_t total_ = 0;
+  Key active_ = 0;  // vocabulary of the collection that is copied into
+  std::optional<Quantizer> quantizer_;
+  std::atomic<std::uint64_t> without_content_{0};
+  CopyResult result_;
+};
+
+std::map<std::string, double> ScoresOf(const SearchResult& result) {
+  std::map<std::string, double> scores;
+  for (const Hit& hit : result.hits) scores[hit.image_id] = hit.score;
+  return scores;
+}
+
+// Where equal scores end a page, either of the pictures may be the last on it.
+bool SameHits(const SearchResult& a, const SearchResult& b) {
+  if (a.hits.size() != b.hits.size()) return false;
+  const std::map<std::string, double> other = ScoresOf(b);
+  for (std::size_t i = 0; i < a.hits.size(); ++i) {
+    if (std::abs(a.hits[i].score - b.hits[i].score) > kSameScore) return false;
+    const auto found = other.find(a.hits[i].image_id);
+    const double last = a.hits.back().score;
+    if (found == other.end() && std::abs(a.hits[i].score - last) > kSameScore) return false;
+    if (found != other.end() && std::abs(found->second - a.hits[i].score) > kSameScore) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+CopyResult CopyDatabase(const CopyOptions& options) { return Copy(options).Run(); }
+
+RankingsCompared CompareRankings(Engine& from, Engine& to, std::uint64_t count) {
+  RankingsCompared compared;
+  for (const std::string& collection : from.ListCollections()) {
+    const CollectionRecord record = from.GetCollection(collection);
+    if (!record.vocabulary || record.images == 0) continue;
+    const std::uint64_t step =
+        std::max<std::uint64_t>(1, record.images / std::max<std::uint64_t>(1, count));
+    std::uint64_t number = 0;
+    PictureListing list;
+    list.which.collection = collection;
+    list.limit = 1000;
+    from.ForEachPage(list, [&](const PicturePage& page) {
+      for (const ImageRecord& picture : page.records) {
+        if (number++ % step != 0 || compared.compared >= count) continue;
+        SearchOptions search;
+        search.collection = collection;
+        search.group_by = GroupBy::kImage;
+        search.limit = 10;
+        const Features features = from.GetFeatures(collection, picture.id);
+        ++compared.compared;
+        if (SameHits(from.SearchFeatures(features, search), to.SearchFeatures(features, search))) {
+          continue;
+        }
+        compared.differences.push_back("a search with picture \"" + ToDisplayText(picture.id) +
+                                       "\" of collection \"" + collection +
+                                       "\" has other hits, or other scores");
+      }
+    });
+  }
+  return compared;
+}
+
+}  // namespace pliant
