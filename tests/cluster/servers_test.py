@@ -1,0 +1,320 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several servers on one cluster, while processes of all kinds are killed with SIGKILL at random moments.
+
+    tests/cluster/on_cluster.sh tests/cluster/servers_test.py --bin build/release/bin [--seconds 600] [--servers 4]
+
+Clients put, replace, delete, look and search, each time at another server. A model of what was acknowledged decides:
+every look and every search that begins afterwards, at any server, must agree with it. What had no answer, or another one
+than 2xx, may have happened, also later, until the next acknowledged change of the same picture. At the end nothing may
+be lost or back, and the replicas must be equal.
+"""
+import argparse
+import collections
+import contextlib
+import http.client
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "chaos"))
+from service.pictures import sha256, texture  # noqa: E402  (needs the path above)
+from service.server import Connection, Server, Wrong  # noqa: E402
+
+LOCAL = HERE.parent.parent / "docker" / "cluster_local.sh"
+IMAGES = "/v1/collections/default/images"
+SEARCH = "/v1/collections/default/search?group_by=image&limit=5"
+IDS = 5  # of each client
+KEPT = 20  # pictures at the beginning
+HISTORY = 12
+SETTLE_S = 180
+
+
+class Book:
+    """What is wrong, and what was counted. Thread-safe."""
+
+    def __init__(self):
+        self.lock, self.figures, self.wrong = threading.Lock(), collections.Counter(), []
+
+    def count(self, what):
+        with self.lock:
+            self.figures[what] += 1
+
+    def blame(self, text, history=()):
+        with self.lock:
+            self.wrong.append("\n    ".join([text, *history]))
+
+
+class Picture:
+    """One id: the hashes that it may have now (None: it is not there)."""
+
+    def __init__(self, name):
+        self.name, self.may, self.data = name, {None}, {}  # data: bytes by hash
+        self.history = collections.deque(maxlen=HISTORY)
+
+    def note(self, text):
+        self.history.append(f"{time.strftime('%H:%M:%S')} {text}")
+
+
+class Client(threading.Thread):
+    def __init__(self, number, servers, book, dice):
+        super().__init__(daemon=True)
+        self.number, self.servers, self.book, self.dice = number, servers, book, random.Random(dice)
+        self.pictures = [Picture(f"c{number}-{i}") for i in range(IDS)]
+        self.made, self.stopped = 0, False
+
+    def run(self):
+        try:
+            while not self.stopped:
+                self.dice.choices([self.put, self.delete, self.look, self.search], [4, 2, 3, 5])[0](self.dice.choice(self.pictures))
+        except Exception as error:  # a defect of the test must not look like a quiet client
+            self.book.blame(f"client {self.number}: defect of the test: {error!r}")
+
+    def ask(self, method, path, body=None, kind="application/octet-stream"):
+        """(status, JSON); status 0: no whole answer."""
+        connection = Connection(self.dice.choice(self.servers).address, keep_alive=False)
+        try:
+            status, data = connection.ask(method, path, body, kind)
+            answer = json.loads(data) if data else {}
+        except (OSError, http.client.HTTPException):
+            return 0, {}
+        finally:
+            connection.close()
+        if status >= 500 and status not in (503, 507):
+            self.book.blame(f"{method} {path}: {status} {answer}")
+        self.book.count(f"{method} {status or 'no answer'}")
+        return status, answer
+
+    def put(self, picture):
+        self.made += 1
+        data = texture(f"client {self.number} {self.made}")
+        mine = sha256(data)
+        picture.data[mine] = data
+        picture.note(f"put {mine[:8]}")
+        before, picture.may = picture.may, picture.may | {mine}
+        status, answer = self.ask("PUT", f"{IMAGES}/{picture.name}?object={picture.name}", data, "image/png")
+        picture.note(f"-> {status}")
+        if status in (200, 201):
+            picture.may = {mine}
+        elif 400 <= status < 500:
+            self.book.blame(f"PUT {picture.name}: {status} {answer}", picture.history)
+            picture.may = before
+
+    def delete(self, picture):
+        picture.note("delete")
+        before, picture.may = picture.may, picture.may | {None}
+        status, _ = self.ask("DELETE", f"{IMAGES}/{picture.name}")
+        picture.note(f"-> {status}")
+        if status == 404 and None not in before:
+            self.book.blame(f"{picture.name} was lost: DELETE says 404", picture.history)
+        if status == 204 and before == {None}:
+            self.book.blame(f"{picture.name} was back: DELETE says 204", picture.history)
+        if status in (204, 404):
+            picture.may = {None}
+
+    def look(self, picture):
+        status, record = self.ask("GET", f"{IMAGES}/{picture.name}")
+        if status not in (200, 404):
+            return
+        found = record["sha256"] if status == 200 else None
+        if found not in picture.may:
+            self.book.blame(f"{picture.name} is {found and found[:8]}, may be {[one and one[:8] for one in picture.may]}", picture.history)
+
+    def search(self, picture):
+        if not picture.data:
+            return
+        if len(picture.may) > 1:
+            return self.look(picture)
+        now = next(iter(picture.may))
+        asked = now or self.dice.choice(list(picture.data))
+        status, answer = self.ask("POST", SEARCH, picture.data[asked], "image/png")
+        if status != 200:
+            return
+        hits = [hit["image_id"] for hit in answer["hits"]]
+        if now and picture.name not in hits[:1]:
+            self.book.blame(f"{picture.name} ({now[:8]}) is not found: {hits}", picture.history)
+        if not now and picture.name in hits:
+            self.book.blame(f"{picture.name} is deleted, and found", picture.history)
+
+
+class Killer(threading.Thread):
+    """Kills one process after the other; the last thing it does is to start what it has killed."""
+
+    def __init__(self, home, servers, start, book, dice):
+        super().__init__(daemon=True)
+        self.home, self.servers, self.start_server, self.book = home, servers, start, book
+        self.dice, self.stopped = random.Random(dice), False
+
+    def run(self):
+        try:
+            while not self.stopped:
+                time.sleep(self.dice.uniform(1, 5))
+                self.dice.choices([self.server, self.node, self.keeper], [4, 4, 1])[0]()
+        except Exception as error:
+            self.book.blame(f"killer: {error!r}")
+
+    def server(self):
+        i = self.dice.randrange(len(self.servers))
+        self.servers[i].kill()
+        self.book.count("killed servers")
+        self.servers[i] = self.start_server(i)
+
+    def process(self, name, what):
+        pid = int((self.home / name / "pid").read_text(encoding="ascii"))
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+        self.book.count(f"killed {what}")
+        time.sleep(self.dice.uniform(0.5, 6))
+        local("up", self.home)
+
+    def node(self):
+        self.process(self.dice.choice(["s1r1", "s1r2", "s2r1", "s2r2"]), "ClickHouse")
+
+    def keeper(self):
+        self.process("zookeeper", "ZooKeeper")
+
+
+def local(action, home):
+    done = subprocess.run(["bash", LOCAL, action, home], capture_output=True, text=True, check=False, timeout=300)
+    if done.returncode != 0:
+        raise Wrong(f"cluster_local.sh {action}: {done.stdout}{done.stderr}")
+
+
+class Test:
+    def __init__(self, options):
+        self.options, self.book = options, Book()
+        self.url = os.environ["PLIANT_TEST_CLUSTER"]
+        self.home = pathlib.Path(os.environ["PLIANT_TEST_CLUSTER_HOME"])
+        self.logs = pathlib.Path(tempfile.mkdtemp(prefix="pliant-servers-"))
+
+    def pliant(self, *command):
+        return subprocess.run([self.options.bin / "pliant", *command, "--db", self.url], capture_output=True, text=True, check=False, timeout=600)
+
+    def start(self, number):
+        """Starts again where a node or the Keeper is not back yet."""
+        until = time.monotonic() + SETTLE_S
+        while True:
+            server = Server([self.options.bin / "pliant-server", "--db", self.url, "--descriptor", "rootsift", "--listen", "127.0.0.1:0",
+                             "--auto-train", "false"], self.logs / f"server-{number}.log")
+            try:
+                server.wait_ready()
+                return server
+            except Wrong:
+                server.kill()
+                if time.monotonic() > until:
+                    raise
+                time.sleep(0.5)
+
+    def ask(self, method, path, body=None, kind="application/json"):
+        connection = Connection(self.servers[0].address, keep_alive=False)
+        try:
+            status, data = connection.ask(method, path, body, kind)
+        finally:
+            connection.close()
+        if status >= 400:
+            raise Wrong(f"{method} {path}: {status} {data[:300]}")
+        return json.loads(data) if data else {}
+
+    def prepare(self):
+        done = self.pliant("cluster", "init")
+        if done.returncode != 0:
+            raise Wrong(f"cluster init: {done.stdout}{done.stderr}")
+        self.servers = [self.start(i) for i in range(self.options.servers)]
+        for i in range(KEPT):
+            self.ask("PUT", f"{IMAGES}/kept-{i}?object=kept", texture(f"kept {i}"), "image/png")
+        job = self.ask("POST", "/v1/collections/default/vocabularies", b'{"words": 200}')
+        while self.ask("GET", f"/v1/jobs/{job['id']}")["state"] not in ("done", "failed"):
+            time.sleep(0.2)
+
+    def run(self):
+        clients = [Client(i, self.servers, self.book, f"{self.options.seed} {i}") for i in range(self.options.clients)]
+        killer = Killer(self.home, self.servers, self.start, self.book, f"{self.options.seed} killer")
+        for thread in (*clients, killer):
+            thread.start()
+        end = time.monotonic() + self.options.seconds
+        while time.monotonic() < end and not self.book.wrong:
+            time.sleep(0.5)
+        killer.stopped = True
+        killer.join(2 * SETTLE_S)
+        for client in clients:
+            client.stopped = True
+        for client in clients:
+            client.join(SETTLE_S)
+        local("up", self.home)
+        return clients
+
+    def settle(self):
+        """Until every server answers again, and can write."""
+        until = time.monotonic() + SETTLE_S
+        while True:
+            with contextlib.suppress(OSError, http.client.HTTPException, Wrong):
+                self.ask("PUT", f"{IMAGES}/last?object=last", texture("last"), "image/png")
+                if all(Connection(server.address, False).ask("GET", "/readyz")[0] == 200 for server in self.servers):
+                    return
+            if time.monotonic() > until:
+                raise Wrong("the cluster does not come back")
+            time.sleep(1)
+
+    def verify(self, clients):
+        for server in self.servers:
+            for client in clients:
+                client.servers = [server]
+                for picture in client.pictures:
+                    client.look(picture)
+                    client.search(picture)
+            for i in range(KEPT):
+                if Connection(server.address, False).ask("GET", f"{IMAGES}/kept-{i}")[0] != 200:
+                    self.book.blame(f"kept-{i} is lost at a server")
+        checked = self.pliant("db", "check")
+        if checked.returncode != 0:
+            self.book.blame(f"db check: {checked.stdout}{checked.stderr}")
+        until = time.monotonic() + SETTLE_S
+        while (replicas := self.pliant("cluster", "check")).returncode != 0:
+            if time.monotonic() > until:
+                return self.book.blame(f"cluster check: {replicas.stdout}{replicas.stderr}")
+            time.sleep(1)
+        return None
+
+    def tidy(self):
+        for server in getattr(self, "servers", []):
+            server.kill()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bin", type=pathlib.Path, required=True)
+    parser.add_argument("--seconds", type=float, default=45)
+    parser.add_argument("--servers", type=int, default=2)
+    parser.add_argument("--clients", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=1)
+    test = Test(parser.parse_args())
+    try:
+        test.prepare()
+        clients = test.run()
+        if not test.book.wrong:
+            test.settle()
+            test.verify(clients)
+    except Wrong as wrong:
+        test.book.blame(str(wrong))
+    finally:
+        test.tidy()
+    for name, number in sorted(test.book.figures.items()):
+        print(f"{number:7} {name}")
+    for wrong in test.book.wrong[:10]:
+        print(f"WRONG: {wrong}")
+    if test.book.wrong:
+        print(f"the servers' logs are in {test.logs}")
+    return 1 if test.book.wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
