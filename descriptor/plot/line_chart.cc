@@ -102,7 +102,9 @@ void DrawLine(Sheet& sheet, const Line& line, std::size_t number, const Axes& ax
   const Colour colour = DistinctColour(number);
   const auto count = static_cast<double>(line.points.size());
   const double spacing = std::abs(axes.x(axes.x.high()) - axes.x(axes.x.low())) / count;
-  const auto every = static_cast<std::size_t>(std::max(1.0, std::ceil(kMarkerSpace / spacing)));
+  // Where all points are above each other, the first and the last have a marker.
+  const auto every = static_cast<std::size_t>(
+      std::clamp(std::ceil(kMarkerSpace / spacing), 1.0, std::max(1.0, count)));
   Vec2 before;
   for (std::size_t i = 0; i < line.points.size(); ++i) {
     const Vec2 point = line.points[i];

@@ -125,11 +125,11 @@ export function makeSelection({ list, bar, word, refresh }) {
       say(problem, "Saving…");
       try {
         const done = await save((n, of) => say(problem, `${n} of ${of}…`));
-        notify(done);
         turn(false);
+        start.focus();  // before the list comes: what somebody has begun by then keeps the keyboard
         refreshHeader();
         await refresh();
-        start.focus();
+        notify(done);
       } catch (error) {
         say(problem, error.message, true);
         submit.disabled = false;

@@ -28,21 +28,22 @@ test("an empty collection teaches what to do; the demonstration is found un-crum
   assert.match((await house.hitNames(page))[0], /^1\. town map$/);
   await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /the same[^]*points agree/));
   await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
-  assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query");
-  assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit");
-  assert.ok((await canvasShares(page, "#flat-canvas")).opaque > 0.3, "something is un-crumpled");
+  await house.eventually(async () => assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query"));
+  await house.eventually(async () => assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit"));
+  await house.eventually(async () => assert.ok((await canvasShares(page, "#flat-canvas")).opaque > 0.3, "something is un-crumpled"));
   await house.shoot(page, "found");
-  const alike = await correlation(page, "#flat-canvas", "#reference-canvas");
-  const chance = await correlation(page, "#flat-canvas", "#reference-canvas", 5);
-  assert.ok(alike > 0.08 && alike > 2 * Math.abs(chance),
-            `the un-crumpled picture is the object: correlation ${alike}, shifted ${chance}`);
+  await house.eventually(async () => {
+    const alike = await correlation(page, "#flat-canvas", "#reference-canvas");
+    const chance = await correlation(page, "#flat-canvas", "#reference-canvas", 5);
+    assert.ok(alike > 0.08 && alike > 2 * Math.abs(chance),
+              `the un-crumpled picture is the object: correlation ${alike}, shifted ${chance}`);
+  });
   await house.checkAccessibility(page, "found");
 
   await page.locator("#blend").fill("100");
-  const yours = await correlation(page, "#blend-canvas", "#flat-canvas");
+  await house.eventually(async () => assert.ok((await correlation(page, "#blend-canvas", "#flat-canvas")) > 0.999, "all yours"));
   await page.locator("#blend").fill("0");
-  const theirs = await correlation(page, "#blend-canvas", "#flat-canvas");
-  assert.ok(yours > 0.999 && theirs < 0.99, `the slider blends: ${theirs} to ${yours}`);
+  await house.eventually(async () => assert.ok((await correlation(page, "#blend-canvas", "#flat-canvas")) < 0.99, "all theirs"));
   await house.closePage(page);
 });
 
