@@ -59,7 +59,7 @@ bool Keeper::Write(const std::string& path, const std::string& text, std::int32_
   const std::string absolute = impl_->Absolute(path);
   CheckKeeperText(text);
   if (version < 0) {
-    throw Error(ErrorCode::kInvalidArgument, "keeper_path_invalid",
+    throw Error(ErrorCode::kInvalidArgument, "keeper_version_invalid",
                 "the version of " + absolute + " is below 0");
   }
   const KeeperAnswer answer =
