@@ -183,7 +183,8 @@ TEST_F(KeeperFailureTest, WhatWasMadeWithoutAnAnswerIsFound) {
   };
   Wire wire(zookeeper_.port(), lets_pass);
   Keeper keeper(KeeperAt(wire.port()));
-  ASSERT_TRUE(keeper.Create("cut", ""));
+  ASSERT_TRUE(keeper_.Create("cut/lock", ""));
+  EXPECT_FALSE(keeper.Read("connected"));
   auto lock = keeper.Lock("cut/lock", In(seconds(10)));
   EXPECT_EQ(cuts, 2);
   EXPECT_TRUE(lock->held());

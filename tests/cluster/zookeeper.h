@@ -53,8 +53,8 @@ class Wire {
 
   const int to_port_;
   const std::function<bool(bool, const std::string&)> lets_pass_;
-  int listener_ = -1;
   int port_ = 0;
+  int listener_ = -1;  // opened with the port
   std::atomic<bool> ending_{false};
   std::vector<std::thread> connections_;  // the accepting thread's until it has ended
   std::thread accepting_;

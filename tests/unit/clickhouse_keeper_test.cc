@@ -74,6 +74,9 @@ TEST(KeeperTest, OptionsAreChecked) {
                 [&] { Keeper keeper(options); });
   };
   expect_refused([](KeeperOptions& options) { options.hosts.clear(); });
+  expect_refused([](KeeperOptions& options) { options.hosts[0].port = 0; });
+  expect_refused([](KeeperOptions& options) { options.hosts[0].port = 65536; });
+  expect_refused([](KeeperOptions& options) { options.hosts[0].host = ""; });
   for (const char* root : {"", "/", "pliant", "/pliant/", "//pliant", "/a/../b", "/a b", "/\xff"}) {
     expect_refused([&](KeeperOptions& options) { options.root = root; });
   }
