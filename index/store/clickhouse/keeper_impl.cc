@@ -87,8 +87,8 @@ std::shared_ptr<KeeperSession> Keeper::Impl::Connected(Clock::time_point until,
                                                        const std::stop_token& stop) {
   std::shared_ptr<KeeperSession> session;
   {
-    const std::unique_lock lock(mutex_, until);
-    if (!lock) throw Unavailable("no connection was made in time");
+    const Gate::Pass pass(gate_, until);
+    if (!pass) throw Unavailable("no connection was made in time");
     if (session_ && session_->lost()) {
       session_->Abandon();
       std::erase_if(closing_, [](std::future<void>& one) {
