@@ -5,7 +5,7 @@
 
     tests/cluster/cluster_test.py --pliant build/release/bin/pliant
 
-Exit status 77 where Debian's clickhouse-server or zookeeper is not installed.
+Exit status 77 where Debian's clickhouse-server or libzookeeper-java is not installed.
 """
 import argparse
 import json
@@ -191,7 +191,7 @@ def main():
     with tempfile.TemporaryDirectory() as empty:
         status = local("status", empty)
         if status.returncode == 77:
-            print(status.stderr.strip() or "clickhouse-server or zookeeper is not installed")
+            print(status.stderr.strip() or "clickhouse-server or libzookeeper-java is not installed")
             sys.exit(77)
     unittest.main(argv=sys.argv[:1], verbosity=2)
 

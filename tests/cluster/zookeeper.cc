@@ -67,7 +67,7 @@ std::string Receive(int fd) {
 }  // namespace
 
 std::string MissingForZooKeeper() {
-  if (!std::filesystem::exists(kJar)) return "zookeeper";
+  if (!std::filesystem::exists(kJar)) return "libzookeeper-java";
   return std::filesystem::exists(kJava) ? "" : "default-jre-headless";
 }
 
