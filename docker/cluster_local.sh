@@ -9,8 +9,15 @@
 #   cluster_local.sh status DIR                 who runs; exit status 1 unless all answer
 #   cluster_local.sh down DIR                   stops all; the data stay, and `up` goes on with them
 #
-# Needs Debian's packages clickhouse-server, zookeeper and curl; without them exit status 77.
+# Needs Debian's packages clickhouse-server, libzookeeper-java, default-jre-headless and curl; without
+# them exit status 77. CLICKHOUSE_DIR may name a folder where the first is unpacked and not installed.
 set -euo pipefail
+PATH=$PATH:/usr/sbin
+libraries=${LD_LIBRARY_PATH:-}
+if [ -x "${CLICKHOUSE_DIR:-}/usr/sbin/clickhouse-server" ]; then
+  PATH=$CLICKHOUSE_DIR/usr/sbin:$PATH
+  libraries=$(dirname "$(ls -d "$CLICKHOUSE_DIR"/usr/lib/*/libclickhouse.so.* | head -n 1)")${libraries:+:$libraries}
+fi
 
 usage() { sed -n '/^#   /s/^# //p' "$0" >&2; exit 2; }
 fail() { echo "cluster_local.sh: $*" >&2; exit 1; }
@@ -154,7 +161,7 @@ start_keeper() {
 start_node() {
   if pid_of "$1" >/dev/null; then return; fi
   write_node "$@"
-  setsid clickhouse-server --config-file="$home/$1/config.xml" >"$home/$1/out.log" 2>&1 </dev/null 9>&- &  # the lock is this script's
+  LD_LIBRARY_PATH=$libraries setsid clickhouse-server --config-file="$home/$1/config.xml" >"$home/$1/out.log" 2>&1 </dev/null 9>&- &  # the lock is this script's
   echo $! >"$home/$1/pid"
 }
 
@@ -174,12 +181,17 @@ url() {
   echo "clickhouse://$(awk '{ printf "%s127.0.0.1:%s", (NR > 1 ? "," : ""), $3 }' "$home/nodes")/pliant?keeper=127.0.0.1:$(cat "$home/zookeeper/port")&cluster=pliant"
 }
 
-up() {
-  local program started=
+check_packages() {
+  local program
   for program in clickhouse-server java curl; do
-    command -v "$program" >/dev/null || { echo "cluster_local.sh: $program is missing: apt-get install clickhouse-server zookeeper curl" >&2; exit 77; }
+    command -v "$program" >/dev/null || { echo "cluster_local.sh: $program is missing: apt-get install clickhouse-server libzookeeper-java default-jre-headless curl" >&2; exit 77; }
   done
-  [ -e /usr/share/java/zookeeper.jar ] || { echo "cluster_local.sh: zookeeper is missing: apt-get install zookeeper" >&2; exit 77; }
+  [ -e /usr/share/java/zookeeper.jar ] || { echo "cluster_local.sh: ZooKeeper is missing: apt-get install libzookeeper-java" >&2; exit 77; }
+}
+
+up() {
+  local started=
+  check_packages
   [ -s "$home/nodes" ] && [ -s "$home/zookeeper/port" ] || plan "${1:-2}" "${2:-2}"
   # What this call started goes again when not all of it answers, also after Ctrl-C.
   trap 'status=$?; if [ "$status" -ne 0 ] && [ -n "$started" ]; then stop $started; fi' EXIT
@@ -199,6 +211,7 @@ up() {
 
 status() {
   local all=0 state name http
+  check_packages
   [ -s "$home/nodes" ] || fail "there is no cluster in $home; make one with: cluster_local.sh up $home"
   state=answers; keeper_answers || { state="does not answer"; all=1; }
   echo "zookeeper  127.0.0.1:$(cat "$home/zookeeper/port")  $state"

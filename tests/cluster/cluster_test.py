@@ -5,18 +5,22 @@
 
     tests/cluster/cluster_test.py --pliant build/release/bin/pliant
 
-Exit status 77 where Debian's clickhouse-server or zookeeper is not installed.
+Exit status 77 where Debian's clickhouse-server or libzookeeper-java is not installed.
 """
 import argparse
 import json
+import os
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
+import urllib.error
 import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -28,6 +32,38 @@ NODES = ("s1r1", "s1r2", "s2r1", "s2r2")
 def local(action, folder, *more):
     return subprocess.run(["bash", SCRIPT, action, folder, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           text=True, check=False, timeout=180)
+
+
+class Listener:
+    """Passes connections on to `port` and remembers what goes there."""
+
+    def __init__(self, port):
+        self.heard = []
+        self.target = ("127.0.0.1", port)
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.port = self.socket.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            try:
+                client, _ = self.socket.accept()
+                server = socket.create_connection(self.target)
+            except OSError:
+                return
+            threading.Thread(target=self.pump, args=(client, server, self.heard.append), daemon=True).start()
+            threading.Thread(target=self.pump, args=(server, client, lambda data: None), daemon=True).start()
+
+    @staticmethod
+    def pump(source, target, look):
+        try:
+            with source:
+                while data := source.recv(65536):
+                    look(data)
+                    target.sendall(data)
+            target.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass
 
 
 class ClusterTest(unittest.TestCase):
@@ -82,6 +118,51 @@ class ClusterTest(unittest.TestCase):
     def test_3_a_sound_cluster_has_no_problems(self):
         self.assertEqual(self.cluster("check"), {"ok": True, "problems": []})
 
+    def give_password(self):
+        """A user with a password, on all nodes, which read their users' file again by themselves."""
+        for node in NODES:
+            file = pathlib.Path(self.folder.name) / node / "users.xml"
+            text = file.read_text(encoding="utf-8")
+            user = text[text.index("<default><password>"):text.index("</users>")]
+            keyed = user.replace("<default><password></password>", "<keyed><password>opensesame</password>")
+            keyed = keyed.replace("</default>", "</keyed>")
+            file.write_text(text.replace("</users>", keyed + "</users>"), encoding="utf-8")
+        deadline = time.monotonic() + 60
+        for node in NODES:
+            request = urllib.request.Request(f"http://127.0.0.1:{self.ports[node]}/?query=SELECT%201",
+                                             headers={"X-ClickHouse-User": "keyed", "X-ClickHouse-Key": "opensesame"})
+            while time.monotonic() < deadline:
+                try:
+                    urllib.request.urlopen(request, timeout=10).close()
+                    break
+                except urllib.error.HTTPError:
+                    time.sleep(0.2)
+
+    def test_3b_a_password_is_in_no_statement(self):
+        self.give_password()
+        listeners = [Listener(int(self.ports[node])) for node in NODES]
+        for listener in listeners:
+            self.addCleanup(listener.socket.close)
+        self.addCleanup(os.environ.pop, "PLIANT_DB_PASSWORD")
+        os.environ["PLIANT_DB_PASSWORD"] = "opensesame"
+        rest = self.url[self.url.index("/pliant?"):]
+
+        def url(some):
+            return "clickhouse://keyed@" + ",".join(f"127.0.0.1:{listener.port}" for listener in some) + rest
+
+        self.assertEqual(self.cluster("check", url=url(listeners)), {"ok": True, "problems": []})
+        for listener in listeners:
+            heard = b"".join(listener.heard)
+            self.assertTrue(b"opensesame" in heard)
+            self.assertTrue(b"cityHash64" in heard, "each node is asked by itself")
+            self.assertFalse(b"opensesame" in re.sub(rb"X-ClickHouse-Key: [^\r\n]*\r\n", b"", heard))
+        # The others are not in the URL, and the password must not be sent through the first.
+        few = self.cluster("check", status=1, url=url(listeners[:1]))["problems"]
+        self.assertEqual(len([problem for problem in few if "name that of each node in the URL" in problem]), 3, few)
+        os.environ["PLIANT_DB_PASSWORD"] = "wrong"
+        self.assertIn("assword",
+                      self.pliant("cluster", "check", "--db", url(listeners), status=1).stderr)
+
     def test_4_a_table_that_one_node_lost(self):
         self.on_node("s2r1", "DROP TABLE pliant.features")
         self.assertRegex(self.problems(), r"s2r1.*features|features.*s2r1")
@@ -110,7 +191,7 @@ def main():
     with tempfile.TemporaryDirectory() as empty:
         status = local("status", empty)
         if status.returncode == 77:
-            print(status.stderr.strip() or "clickhouse-server or zookeeper is not installed")
+            print(status.stderr.strip() or "clickhouse-server or libzookeeper-java is not installed")
             sys.exit(77)
     unittest.main(argv=sys.argv[:1], verbosity=2)
 

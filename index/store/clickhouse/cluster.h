@@ -3,10 +3,12 @@
 // A cluster as its operator sees it: making its tables, and asking every node.
 #pragma once
 
+#include <chrono>
 #include <string>
 #include <vector>
 
 #include "index/store/clickhouse/cluster_state.h"
+#include "index/store/clickhouse/node_pools.h"
 #include "index/store/clickhouse/query.h"
 
 namespace pliant::clickhouse {
@@ -25,8 +27,9 @@ class Cluster {
   // Asks the first host that answers.
   Cluster(DatabaseUrl url, const std::string& password);
 
-  // Asks every node of system.clusters, through the first. Nodes that do not answer are in the
-  // state, with the reason.
+  // Asks every node of system.clusters, over its own HTTP interface where that is among the URL's
+  // hosts or at the same port, else, without a password, through the host that answered first.
+  // Nodes that do not answer are in the state, with the reason.
   ClusterState Read();
   // Counts and checksums of all rows of the tables of Tables(), on the nodes that answered. Reads
   // everything.
@@ -40,8 +43,10 @@ class Cluster {
  private:
   NativeBlock Rows(const NodeState& node, const std::string& columns, const std::string& database,
                    const std::string& table, const std::string& rest,
-                   const std::vector<TableColumn>& types);
-  NativeBlock Select(const std::string& statement, const std::vector<TableColumn>& types);
+                   const std::vector<TableColumn>& types,
+                   std::chrono::milliseconds timeout = std::chrono::seconds(30));
+  NativeBlock Select(HttpPool& pool, const std::string& statement,
+                     const std::vector<TableColumn>& types, std::chrono::milliseconds timeout);
   void Command(const std::string& statement);
   std::string Remote(const NodeState& node, const std::string& database,
                      const std::string& table) const;
@@ -55,8 +60,9 @@ class Cluster {
   bool WriteSettings(const ClusterState& state);
 
   DatabaseUrl url_;
-  std::string password_;
+  const bool has_password_;
   HttpPool pool_;
+  NodePools nodes_;
   Dialect dialect_;
 };
 

@@ -11,6 +11,8 @@
 namespace pliant::clickhouse {
 namespace {
 
+constexpr std::chrono::seconds kShort{30};
+
 std::int64_t NowS() {
   return std::chrono::duration_cast<std::chrono::seconds>(
              std::chrono::system_clock::now().time_since_epoch())
@@ -29,46 +31,58 @@ std::uint64_t NumberAt(const NativeBlock& rows, std::size_t column, std::size_t 
 
 Cluster::Cluster(DatabaseUrl url, const std::string& password)
     : url_(std::move(url)),
-      password_(password),
+      has_password_(!password.empty()),
       pool_({.hosts = url_.hosts,
              .tls = url_.tls,
              .ca_file = url_.ca_file,
              .user = url_.user,
              .password = password}),
+      nodes_(url_, password),
       dialect_(DetectDialect(pool_)) {}
 
-NativeBlock Cluster::Select(const std::string& statement, const std::vector<TableColumn>& types) {
+NativeBlock Cluster::Select(HttpPool& pool, const std::string& statement,
+                            const std::vector<TableColumn>& types,
+                            std::chrono::milliseconds timeout) {
   DatabaseRequest request;
   request.statement = statement;
   request.repeatable = true;
-  request.timeout = std::chrono::minutes(10);
-  // The statement may contain the password (Remote).
-  request.settings = {{"log_queries", "0"}, {"connect_timeout_with_failover_ms", "2000"}};
-  return ReadRows(pool_, request, types);
+  request.timeout = timeout;
+  request.settings = {{"connect_timeout_with_failover_ms", "2000"}};
+  return ReadRows(pool, request, types);
 }
 
 std::string Cluster::Remote(const NodeState& node, const std::string& database,
                             const std::string& table) const {
   std::string text = url_.tls && dialect_.has_remote_secure ? "remoteSecure(" : "remote(";
   text += Literal(node.address.Text()) + ", " + Literal(database) + ", " + Literal(table);
-  if (!url_.user.empty() || !password_.empty()) {
-    text += ", " + Literal(url_.user.empty() ? "default" : url_.user) + ", " + Literal(password_);
-  }
+  if (!url_.user.empty()) text += ", " + Literal(url_.user);
   return text + ")";
 }
 
 NativeBlock Cluster::Rows(const NodeState& node, const std::string& columns,
                           const std::string& database, const std::string& table,
-                          const std::string& rest, const std::vector<TableColumn>& types) {
-  return Select("SELECT " + columns + " FROM " + Remote(node, database, table) + " " + rest, types);
+                          const std::string& rest, const std::vector<TableColumn>& types,
+                          std::chrono::milliseconds timeout) {
+  const std::string select = "SELECT " + columns + " FROM ";
+  if (HttpPool* pool = nodes_.Of(node)) {
+    return Select(*pool, select + database + "." + table + " " + rest, types, timeout);
+  }
+  // A password would be a part of the statement, and so come into logs and lists of queries.
+  if (has_password_) {
+    throw Error(ErrorCode::kUnavailable, "node_unavailable",
+                "no HTTP interface that answers says that it is this node; name that of each node "
+                "in the URL");
+  }
+  return Select(pool_, select + Remote(node, database, table) + " " + rest, types, timeout);
 }
 
 std::vector<NodeState> Cluster::ReadNodes() {
   const NativeBlock rows = Select(
+      pool_,
       "SELECT toUInt64(shard_num) AS shard, toUInt64(replica_num) AS replica, host_name AS host, "
       "toUInt64(port) AS port FROM system.clusters WHERE cluster = " +
           Literal(url_.cluster) + " ORDER BY shard, replica",
-      {{"shard", "UInt64"}, {"replica", "UInt64"}, {"host", "String"}, {"port", "UInt64"}});
+      {{"shard", "UInt64"}, {"replica", "UInt64"}, {"host", "String"}, {"port", "UInt64"}}, kShort);
   if (rows.rows == 0) {
     throw Error(ErrorCode::kNotFound, "cluster_unknown",
                 "ClickHouse's configuration (remote_servers) has no cluster " + url_.cluster);
@@ -186,9 +200,10 @@ void Cluster::ReadNode(NodeState& node) {
     ReadReplication(node);
     ReadSettings(node);
   } catch (const Error& error) {
-    // The cluster is asked through one host: if that is the one that is gone, nothing can be said.
-    if (error.reason() == "database_timeout" || error.reason() == "database_login_failed" ||
-        error.code() == ErrorCode::kCancelled) {
+    if (error.code() == ErrorCode::kCancelled) throw;
+    // It is asked through another host: if that is the one that is gone, nothing can be said.
+    if (nodes_.Of(node) == nullptr &&
+        (error.reason() == "database_timeout" || error.reason() == "database_login_failed")) {
       throw;
     }
     node.error = error.what();
@@ -198,6 +213,7 @@ void Cluster::ReadNode(NodeState& node) {
 ClusterState Cluster::Read() {
   ClusterState state;
   state.nodes = ReadNodes();
+  nodes_.Find(state.nodes);
   for (NodeState& node : state.nodes) ReadNode(node);
   return state;
 }
@@ -217,7 +233,7 @@ void Cluster::ReadChecksums(ClusterState& state) {
         const NativeBlock rows =
             Rows(node, "toUInt64(count()) AS n, toUInt64(sum(cityHash64(" + columns + "))) AS hash",
                  url_.database, spec.name, spec.replacing ? "FINAL" : "",
-                 {{"n", "UInt64"}, {"hash", "UInt64"}});
+                 {{"n", "UInt64"}, {"hash", "UInt64"}}, std::chrono::minutes(10));
         found->second.count = rows.rows == 0 ? 0 : NumberAt(rows, 0, 0);
         found->second.checksum = rows.rows == 0 ? 0 : NumberAt(rows, 1, 0);
       } catch (const Error& error) {

@@ -46,7 +46,8 @@ int ParsePort(std::string_view text, std::string_view host) {
   int port = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
   if (error != std::errc() || end != text.data() + text.size() || port < 1 || port > 65535) {
-    Refuse("gives " + Quoted(host) + " the port " + Quoted(text) + ", which is not 1 to 65535");
+    // It is not quoted: user:password without @ looks like a host and its port.
+    Refuse("gives the host " + Quoted(host) + " a port that is not 1 to 65535");
   }
   return port;
 }
@@ -66,7 +67,8 @@ HostPort ParseHost(std::string_view text, int default_port) {
     port = has_port ? rest.substr(1) : rest;
   } else if (const std::size_t colon = text.find(':'); colon != std::string_view::npos) {
     if (text.find(':', colon + 1) != std::string_view::npos) {
-      Refuse("has the host " + Quoted(text) + " with several colons: write IPv6 as [::1]:8123");
+      Refuse("has a host with several colons, which begins with " + Quoted(text.substr(0, colon)) +
+             ": write IPv6 as [::1]:8123");
     }
     has_port = true;
     host = text.substr(0, colon);
@@ -187,6 +189,9 @@ DatabaseUrl ParseDatabaseUrl(std::string_view text) {
   }
   if (text.find('#') != std::string_view::npos) Refuse("contains #");
   const std::size_t question = text.find('?');
+  if (question != std::string_view::npos && text.find('@', question) != std::string_view::npos) {
+    Refuse("contains @ behind ?; a user stands before the hosts, and a password is no part of it");
+  }
   const std::string_view before = text.substr(0, question);
   const std::size_t at = before.rfind('@');
   const std::size_t slash = before.find('/', at == std::string_view::npos ? 0 : at);

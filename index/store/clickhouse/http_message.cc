@@ -100,6 +100,14 @@ httplib::Request ToMessage(const DatabaseRequest& request, const HttpPoolOptions
   return message;
 }
 
+bool SaysItsEnd(const httplib::Response& head) {
+  const std::string coding = head.get_header_value("Transfer-Encoding");
+  if (!coding.empty()) return coding == "chunked" || coding == "Chunked";
+  const std::string length = head.get_header_value("Content-Length");
+  return !length.empty() && length.size() < 19 &&
+         std::all_of(length.begin(), length.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
 bool WasNotSent(httplib::Error error) {
   switch (error) {
     case httplib::Error::Connection:

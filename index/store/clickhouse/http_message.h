@@ -19,6 +19,9 @@ bool IsStatement(const DatabaseRequest& request);
 
 httplib::Request ToMessage(const DatabaseRequest& request, const HttpPoolOptions& options);
 
+// Its head has the length of the body, or announces pieces: one that is cut short is noticed.
+bool SaysItsEnd(const httplib::Response& head);
+
 // The statement has certainly not reached the server.
 bool WasNotSent(httplib::Error error);
 std::string DescribeFailure(const std::string& host, httplib::Error error, bool timed_out);

@@ -24,6 +24,11 @@ milliseconds Left(std::chrono::steady_clock::time_point until) {
   return std::chrono::ceil<milliseconds>(until - std::chrono::steady_clock::now());
 }
 
+void RefuseStopped(const DatabaseRequest& request) {
+  if (!request.stop.stop_requested()) return;
+  throw Error(ErrorCode::kCancelled, "cancelled", "the request to ClickHouse was cancelled");
+}
+
 }  // namespace
 
 class HttpPool::Hosts : public HttpHosts {
@@ -43,13 +48,14 @@ struct HttpPool::Attempt {
   std::uint64_t drained = 0;
   bool too_large = false;
   bool is_error = false;  // by the answer's head
+  bool endless = false;   // by its head, nobody can tell whether all of it has come
   std::string tail = {};
   std::exception_ptr thrown = {};  // by `take`
   std::string failure = {};        // of the last host
 
   void Begin() {
     if (given) restart();
-    given = too_large = is_error = false;
+    given = too_large = is_error = endless = false;
     bytes = drained = 0;
     tail.clear();
     thrown = nullptr;
@@ -112,6 +118,7 @@ void HttpPool::Run(const DatabaseRequest& request, Attempt& attempt) {
   for (std::size_t i = 0; i < order.size(); ++i) {
     const milliseconds left = Left(deadline);
     if (left.count() <= 0) break;
+    RefuseStopped(request);
     attempt.Begin();
     // One that hangs leaves the others their share of the time, where they may be asked at all.
     const milliseconds share =
@@ -147,7 +154,8 @@ HttpPool::Outcome HttpPool::Try(std::size_t host, const DatabaseRequest& request
   httplib::Request message = ToMessage(request, options_);
   message.response_handler = [&attempt](const httplib::Response& head) {
     attempt.is_error = head.status != 200 || head.has_header("X-ClickHouse-Exception-Code");
-    return true;
+    attempt.endless = !attempt.is_error && !SaysItsEnd(head);
+    return !attempt.endless;
   };
   message.content_receiver = [&](const char* data, std::size_t size, std::uint64_t, std::uint64_t) {
     return attempt.Receive({data, size}, request.max_answer_bytes);
@@ -163,9 +171,7 @@ HttpPool::Outcome HttpPool::Try(std::size_t host, const DatabaseRequest& request
                                     [&connection] { connection->stop(); });
     result.emplace(connection->send(message));
   }
-  if (request.stop.stop_requested()) {
-    throw Error(ErrorCode::kCancelled, "cancelled", "the request to ClickHouse was cancelled");
-  }
+  RefuseStopped(request);
   if (attempt.too_large) {
     throw Error(ErrorCode::kTooLarge, "database_answer_too_large",
                 "an answer of ClickHouse has more than " +
@@ -173,8 +179,8 @@ HttpPool::Outcome HttpPool::Try(std::size_t host, const DatabaseRequest& request
   }
   const bool complete = static_cast<bool>(*result);
   if (complete) attempt.End();
-  const bool judged = complete || attempt.thrown || attempt.is_error;
-  if (judged && (attempt.is_error || attempt.thrown || IsStatement(request))) {
+  // A statement has no rows to be mistaken for an error, so one is looked for in any case.
+  if (attempt.is_error || attempt.thrown || IsStatement(request)) {
     if (const auto error = FindServerError(attempt.tail)) {
       if (complete) hosts_->Give(host, std::move(connection));
       throw ToError(*error, name);
@@ -192,7 +198,9 @@ HttpPool::Outcome HttpPool::Try(std::size_t host, const DatabaseRequest& request
     hosts_->Give(host, std::move(connection));
     return Outcome::kDone;
   }
-  attempt.failure = DescribeFailure(name, result->error(), Left(until).count() <= 0);
+  attempt.failure = attempt.endless
+                        ? name + " does not say where its answer ends; is it ClickHouse?"
+                        : DescribeFailure(name, result->error(), Left(until).count() <= 0);
   return WasNotSent(result->error()) ? Outcome::kNotSent : Outcome::kNoAnswer;
 }
 

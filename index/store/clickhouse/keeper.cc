@@ -59,7 +59,7 @@ bool Keeper::Write(const std::string& path, const std::string& text, std::int32_
   const std::string absolute = impl_->Absolute(path);
   CheckKeeperText(text);
   if (version < 0) {
-    throw Error(ErrorCode::kInvalidArgument, "keeper_path_invalid",
+    throw Error(ErrorCode::kInvalidArgument, "keeper_version_invalid",
                 "the version of " + absolute + " is below 0");
   }
   const KeeperAnswer answer =
@@ -97,7 +97,7 @@ std::uint64_t Keeper::TakeNumbers(const std::string& path, std::uint64_t count,
                                   std::uint64_t start) {
   const std::string absolute = impl_->Absolute(path);
   const auto until = impl_->CallEnd();
-  const std::unique_lock one_at_a_time(impl_->numbers, until);
+  const Gate::Pass one_at_a_time(impl_->numbers, until);
   for (bool trouble = false; one_at_a_time && KeeperSession::Clock::now() < until;) {
     const KeeperAnswer now =
         impl_->AskAgain([&](KeeperSession& session) { return session.Get(absolute); }, until);

@@ -56,8 +56,9 @@ class KeeperLease {
 //   kUnavailable "keeper_unavailable" when no Keeper answers in time, or the session is lost
 //     underneath: what was asked may then have been done or not. The next call makes a new session;
 //     leases of the old one stay lost;
-//   kInvalidArgument "keeper_path_invalid", kTooLarge "keeper_text_too_large" (a text has at most
-//     kMaxTextBytes).
+//   kInvalidArgument "keeper_path_invalid", "keeper_version_invalid", kTooLarge
+//     "keeper_text_too_large" (a text has at most kMaxTextBytes), kConflict "keeper_path_leased"
+//     (below a lease), kInternal "keeper_error" (the Keeper forbids it).
 class Keeper {
  public:
   static constexpr std::size_t kMaxTextBytes = 1000000;

@@ -53,6 +53,11 @@ void CheckKeeperText(const std::string& text) {
 
 Keeper::Impl::Impl(KeeperOptions options) : options_(std::move(options)) {
   if (options_.hosts.empty()) RefuseOptions("a cluster needs the host of at least one Keeper");
+  for (const HostPort& host : options_.hosts) {
+    if (host.host.empty() || host.port < 1 || host.port > 65535) {
+      RefuseOptions("a Keeper has a host and a port, not " + ToDisplayText(host.Text()));
+    }
+  }
   if (options_.root.empty() || options_.root[0] != '/' || !IsPath(options_.root.substr(1))) {
     RefuseOptions("the Keeper's root is a path like /pliant/DATABASE");
   }
@@ -82,8 +87,8 @@ std::shared_ptr<KeeperSession> Keeper::Impl::Connected(Clock::time_point until,
                                                        const std::stop_token& stop) {
   std::shared_ptr<KeeperSession> session;
   {
-    const std::unique_lock lock(mutex_, until);
-    if (!lock) throw Unavailable("no connection was made in time");
+    const Gate::Pass pass(gate_, until);
+    if (!pass) throw Unavailable("no connection was made in time");
     if (session_ && session_->lost()) {
       session_->Abandon();
       std::erase_if(closing_, [](std::future<void>& one) {

@@ -15,6 +15,38 @@
 
 namespace pliant::clickhouse {
 
+// A mutex that is waited for until a moment. Not std::timed_mutex, which ThreadSanitizer of GCC 12
+// does not understand.
+class Gate {
+ public:
+  class Pass {
+   public:
+    Pass(Gate& gate, KeeperSession::Clock::time_point until) : gate_(gate) {
+      std::unique_lock lock(gate_.mutex_);
+      passed_ = gate_.opened_.wait_until(lock, until, [this] { return !gate_.taken_; });
+      gate_.taken_ = gate_.taken_ || passed_;
+    }
+    ~Pass() {
+      if (!passed_) return;
+      const std::lock_guard lock(gate_.mutex_);
+      gate_.taken_ = false;
+      gate_.opened_.notify_one();
+    }
+    Pass(const Pass&) = delete;
+    Pass& operator=(const Pass&) = delete;
+    explicit operator bool() const { return passed_; }
+
+   private:
+    Gate& gate_;
+    bool passed_ = false;
+  };
+
+ private:
+  std::mutex mutex_;  // guards taken_
+  std::condition_variable opened_;
+  bool taken_ = false;
+};
+
 using KeeperSend = std::function<KeeperSession::Pending(KeeperSession&)>;
 
 class Keeper::Impl {
@@ -44,11 +76,11 @@ class Keeper::Impl {
   Error Unavailable(const std::string& what) const;
   Error Unexpected(int code, const std::string& absolute) const;
 
-  std::timed_mutex numbers;  // one of them at a time, since only one could succeed
+  Gate numbers;  // one of them at a time, since only one could succeed
 
  private:
   const KeeperOptions options_;
-  std::timed_mutex mutex_;  // guards what follows
+  Gate gate_;  // guards what follows
   std::shared_ptr<KeeperSession> session_;
   std::vector<std::future<void>> closing_;  // of sessions that were lost
 };
