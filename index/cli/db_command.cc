@@ -4,11 +4,10 @@
 #include <memory>
 
 #include "index/cli/command.h"
+#include "index/cli/db_copy.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
-#include "index/engine/copy_database.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
 
@@ -20,8 +19,7 @@ struct Options {
   std::string collection;
   std::filesystem::path backup;
   std::string place;
-  std::filesystem::path to;
-  std::uint64_t compare = 100;
+  CopyCommandOptions copy;
   std::vector<std::string> ids;
   std::vector<std::string> objects;
   bool sweep = false;
@@ -150,65 +148,10 @@ ExitStatus Restore(Options& options) {
   return ExitStatus::kDone;
 }
 
-// What the rankings of both say, as a list of differences.
-RankingsCompared Compare(const CopyOptions& copy, std::uint64_t count) {
-  const auto open = [](const std::filesystem::path& database) {
-    EngineOptions engine;
-    engine.database = database;
-    engine.descriptor.clear();
-    engine.create = false;
-    engine.load_descriptor = false;
-    engine.read_only = true;
-    return Engine(engine);
-  };
-  Engine from = open(copy.from);
-  Engine to = open(copy.to);
-  return CompareRankings(from, to, count);
-}
-
 ExitStatus CopyAll(Options& options) {
-  CopyOptions copy;
-  copy.from = options.engine.database;
-  copy.to = options.to;
-  Interrupt interrupt;
-  copy.stop = interrupt.token();
-  CopyResult result;
-  {
-    Progress progress("pictures");
-    copy.progress = [&](std::uint64_t done, std::uint64_t total) { progress.Count(done, total); };
-    result = CopyDatabase(copy);
-  }
-  const RankingsCompared compared = Compare(copy, options.compare);
-  if (options.json) {
-    PrintJson({{"collections", result.collections},
-               {"copied", result.copied},
-               {"unchanged", result.unchanged},
-               {"extra", result.extra},
-               {"without_content", result.without_content},
-               {"vocabularies", result.vocabularies},
-               {"keys", result.keys},
-               {"rankings_compared", compared.compared},
-               {"differences", compared.differences}});
-  } else {
-    Print("copied " + std::to_string(result.copied) + " pictures, " +
-          std::to_string(result.unchanged) + " were there, of " +
-          std::to_string(result.collections) + " collections; " +
-          std::to_string(result.vocabularies) + " vocabularies, " + std::to_string(result.keys) +
-          " API keys");
-    Print("compared " + std::to_string(compared.compared) + " rankings: " +
-          (compared.differences.empty() ? "all the same"
-                                        : std::to_string(compared.differences.size()) + " differ"));
-    for (const std::string& difference : compared.differences) Print(difference);
-  }
-  if (result.extra > 0) {
-    Message(std::to_string(result.extra) +
-            " pictures are in the copy and not, or not any more, in what was copied");
-  }
-  if (result.without_content > 0) {
-    Message("of " + std::to_string(result.without_content) +
-            " pictures there are no uploaded bytes to copy");
-  }
-  return compared.differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+  options.copy.from = options.engine.database;
+  options.copy.json = options.json;
+  return RunCopy(options.copy);
 }
 
 ExitStatus MoveOriginals(Options& options) {
@@ -300,9 +243,10 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                     "also over an existing database, which is kept under another name");
   CLI::App* copy = add("copy", "Copy everything into another database, a file or a cluster",
                        CopyAll, "copy 'clickhouse://host:8123/pliant?keeper=host:2181' --db my.db");
-  copy->add_option("TO", options->to, "the other database; a copy that was stopped goes on there")
+  copy->add_option("TO", options->copy.to,
+                   "the other database; a copy that was stopped goes on there")
       ->required();
-  copy->add_option("--compare", options->compare, "rankings of both to compare afterwards")
+  copy->add_option("--compare", options->copy.compare, "rankings of both to compare afterwards")
       ->capture_default_str();
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
       "originals pictures/ --db my.db")

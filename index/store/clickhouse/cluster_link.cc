@@ -79,7 +79,7 @@ Probe ProbeServer(HttpPoolOptions options, const DatabaseUrl& url) {
 [[noreturn]] void ThrowNoTables(const DatabaseUrl& url) {
   throw Error(ErrorCode::kNotFound, "database_not_found",
               "the cluster has no database " + url.database +
-                  " yet; make it with: pliant cluster init --db '" + url.Text() + "'");
+                  " yet; make its tables with pliant cluster init");
 }
 
 void CheckProbe(const Probe& probe, const DatabaseUrl& url) {

@@ -8,6 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/files/text.h"
+#include "index/store/clickhouse/registry_text.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -18,10 +19,6 @@ constexpr const char* kModel = "model";
 constexpr const char* kCollection = "collection";
 constexpr const char* kAlias = "alias";
 constexpr const char* kVocabulary = "vocabulary";
-
-std::string Text(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
 
 StoredModel ReadModel(const Json& body) {
   StoredModel model;
@@ -135,42 +132,42 @@ bool IsCommon(const RegistryRow& row) {
 
 RegistryRow ToRow(const StoredModel& model) {
   return {kModel, kModel, false,
-          Text({{"name", model.info.name},
-                {"kind", static_cast<int>(model.info.kind)},
-                {"dim", model.info.dim},
-                {"model_id", model.info.model_id},
-                {"max_keypoints", model.limits.max_keypoints},
-                {"max_side", model.limits.max_side_px}})};
+          RegistryText({{"name", model.info.name},
+                        {"kind", static_cast<int>(model.info.kind)},
+                        {"dim", model.info.dim},
+                        {"model_id", model.info.model_id},
+                        {"max_keypoints", model.limits.max_keypoints},
+                        {"max_side", model.limits.max_side_px}})};
 }
 
 RegistryRow ToRow(const CollectionEntry& collection, bool deleted) {
   return {kCollection, collection.name, deleted,
-          Text({{"key", collection.key},
-                {"display_name", collection.display_name},
-                {"created_ms", collection.created_ms},
-                {"vocabulary", collection.vocabulary},
-                {"automatic", collection.automatic}})};
+          RegistryText({{"key", collection.key},
+                        {"display_name", collection.display_name},
+                        {"created_ms", collection.created_ms},
+                        {"vocabulary", collection.vocabulary},
+                        {"automatic", collection.automatic}})};
 }
 
 RegistryRow ToRow(const AliasEntry& alias, bool deleted) {
   return {kAlias, alias.name, deleted,
-          Text({{"collection", alias.collection}, {"updated_ms", alias.updated_ms}})};
+          RegistryText({{"collection", alias.collection}, {"updated_ms", alias.updated_ms}})};
 }
 
 RegistryRow ToRow(const VocabularyEntry& vocabulary, bool deleted) {
   const VocabularyOrigin& origin = vocabulary.origin;
   return {kVocabulary, std::to_string(vocabulary.key), deleted,
-          Text({{"key", vocabulary.key},
-                {"collection", vocabulary.collection},
-                {"words", vocabulary.words},
-                {"seed", origin.seed},
-                {"sampled", origin.sampled},
-                {"available", origin.available},
-                {"loss", origin.loss},
-                {"method", origin.method},
-                {"checksum", vocabulary.checksum},
-                {"created_ms", vocabulary.created_ms},
-                {"ready", vocabulary.ready}})};
+          RegistryText({{"key", vocabulary.key},
+                        {"collection", vocabulary.collection},
+                        {"words", vocabulary.words},
+                        {"seed", origin.seed},
+                        {"sampled", origin.sampled},
+                        {"available", origin.available},
+                        {"loss", origin.loss},
+                        {"method", origin.method},
+                        {"checksum", vocabulary.checksum},
+                        {"created_ms", vocabulary.created_ms},
+                        {"ready", vocabulary.ready}})};
 }
 
 void Apply(const RegistryRow& row, Registry& registry) {
