@@ -23,6 +23,7 @@ enum class BodyKind {
   kImage,        // image/*, application/octet-stream or multipart/form-data
   kImageOrJson,  // either
   kImages,       // multipart/form-data with any number of pictures
+  kPair,         // the same with at most two, or application/json; parameters may be pictures
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
   kFile,         // application/octet-stream, or without a type: see Route::receive

@@ -6,6 +6,8 @@ import { fileSize } from "./dom.js";
 const kProblems = {
   first_key_admin: "The first key has to be one that may do everything: else nobody could make more.",
   last_admin_key: "This is the last key that may do everything: without it nobody could make more. Make another one first.",
+  backup_not_found: "There is no such backup any more.",
+  backup_exists: "There is a backup of that name already.",
   key_not_found: "This key is revoked already.",
   no_vocabulary: "There is nothing to find yet, or the first pictures are still being prepared. Add pictures, or try again in a moment.",
   no_pictures: "There are no pictures to choose words from. Add some first.",
