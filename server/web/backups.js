@@ -10,6 +10,7 @@ const kMostInBrowser = 2e9;  // bytes: what is asked for with a key passes throu
 const contentPath = ({ name }) => `/v1/backups/${encodeURIComponent(name)}/content`;
 
 let shown = "";       // what is listed, so that a button keeps the focus while nothing changes
+let awaited = false;  // a backup has begun here, and is not listed yet
 let loading = null;   // AbortController of the download on its way
 
 // --- downloads
@@ -103,6 +104,10 @@ export async function refreshBackups() {
   const text = JSON.stringify([backups, Boolean(api.getKey())]);
   if (text === shown || loading) return;
   if (byId("backups").querySelector("[role=group]")) return;  // somebody is being asked
+  if (awaited && backups?.length > JSON.parse(shown || "[[]]")[0]?.length) {
+    awaited = false;
+    say(byId("backups-said"), "The backup is complete.");
+  }
   shown = text;
   byId("backups-off").hidden = Boolean(backups);
   byId("backups-on").hidden = !backups;
@@ -112,6 +117,7 @@ export async function refreshBackups() {
 
 export function forgetBackups() {
   shown = "";
+  awaited = false;
   loading?.abort();
   byId("backups").replaceChildren();
   say(byId("backups-said"), "");
@@ -122,6 +128,7 @@ export function whenBackupStarts(onStart) {
   byId("backup-make").addEventListener("click", async () => {
     try {
       await api.askJson("/v1/backups", "POST", {});
+      awaited = true;
       say(byId("backups-said"), "The backup has begun. It is listed here when it is complete.");
     } catch (error) {
       say(byId("backups-said"), error.message, true);

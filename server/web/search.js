@@ -41,6 +41,7 @@ async function setQuery(next) {
   byId("view-search").classList.add("has-query");
   byId("share").hidden = !next.id;
   byId("results-panel").hidden = true;
+  byId("query-figure").hidden = false;
   resetRegion(0, 0);
   const picture = next.file ? await decode(next.file) :
     next.id ? await storedPicture(api.imagePath(next.id)).catch(() => null) : null;
@@ -89,13 +90,14 @@ async function showPreview({ preview, width, height }, mine) {
   if (mine !== running || !picture) return;
   Object.assign(query, { picture, width, height });
   resetRegion(width, height);
-  byId("stage").hidden = false;
+  byId("stage").hidden = byId("query-figure").hidden = false;
 }
 
 function showFailure(error) {
   say(status, error.message, true);
   forgetHits();
   drawStage(query, [], null);
+  byId("query-figure").hidden = !query.picture;  // it comes with an answer, or not at all
   byId("results-panel").hidden = true;
 }
 

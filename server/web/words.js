@@ -53,6 +53,12 @@ function tooLarge(detail) {
   return `The file is larger than ${bytes ? `the ${fileSize(Number(bytes))} that` : ""} this server takes.`;
 }
 
+// What is said of a parameter, to people who have given an address and know of no parameter.
+function fetchWords(detail) {
+  const words = detail.replaceAll("image_url", "this address").replace(/(\d{4,}) bytes/, (all, bytes) => fileSize(Number(bytes)));
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
 // `body` is the problem document of the answer, or null. isWrongKey: there was a key, and it was refused.
 export function problemWords(status, body, retryAfterS, isWrongKey = false) {
   if (isWrongKey) return kWrongKey;
@@ -64,6 +70,7 @@ export function problemWords(status, body, retryAfterS, isWrongKey = false) {
                          "This picture is there already, without a name or with other labels.";
   }
   if (body?.code === "body_too_large") return tooLarge(body.detail);
+  if (body?.parameter === "image_url" && body.detail) return fetchWords(body.detail);
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 

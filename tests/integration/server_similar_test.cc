@@ -20,6 +20,23 @@ using ::testing::Not;
 constexpr const char* kBatch = "/v1/collections/default/search:batch";
 constexpr const char* kJson = "application/json";
 
+// So many times as large, each pixel repeated.
+Image Enlarged(const Image& plain, int times) {
+  Image large;
+  large.width = plain.width * times;
+  large.height = plain.height * times;
+  large.channels = plain.channels;
+  for (int y = 0; y < large.height; ++y) {
+    for (int x = 0; x < large.width; ++x) {
+      const std::uint8_t* from =
+          plain.pixels.data() +
+          (static_cast<std::size_t>(y / times) * plain.width + x / times) * plain.channels;
+      large.pixels.insert(large.pixels.end(), from, from + plain.channels);
+    }
+  }
+  return large;
+}
+
 class SimilarTest : public ServerTest {
  protected:
   void SetUp() override {
@@ -199,7 +216,7 @@ TEST_F(SimilarTest, TheAnswerIsDrawnIntoTheQuery) {
 }
 
 TEST_F(SimilarTest, TheQueryComesBackToBeShown) {
-  // A picture of a type that few browsers show, larger than a preview.
+  // Of a picture that is larger than a preview.
   DecodeOptions options;
   options.max_side_px = 0;
   options.colour = true;
@@ -207,18 +224,7 @@ TEST_F(SimilarTest, TheQueryComesBackToBeShown) {
   const Image plain =
       DecodeImage({reinterpret_cast<const std::uint8_t*>(query.data()), query.size()}, options)
           .image;
-  Image large;
-  large.width = plain.width * 3;
-  large.height = plain.height * 3;
-  large.channels = plain.channels;
-  for (int y = 0; y < large.height; ++y) {
-    for (int x = 0; x < large.width; ++x) {
-      const std::uint8_t* from =
-          plain.pixels.data() +
-          (static_cast<std::size_t>(y / 3) * plain.width + x / 3) * plain.channels;
-      large.pixels.insert(large.pixels.end(), from, from + plain.channels);
-    }
-  }
+  const Image large = Enlarged(plain, 5);
   const std::vector<std::uint8_t> png = EncodePng(large);
   const std::string sent(png.begin(), png.end());
   const auto preview_of = [&](const Json& answer) {

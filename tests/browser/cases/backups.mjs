@@ -30,9 +30,10 @@ test("a backup is made, downloaded and, when asked twice, deleted", async () => 
   const page = await house.openPage(`${server.address}/#/status`);
   await house.waitForText(page, "#backups", /None yet/);
   await page.getByRole("button", { name: "Make a backup" }).click();
-  await house.waitForText(page, "#backups-said", /has begun/);
+  await house.waitForText(page, "#backups-said", /^The backup (has begun|is complete)\./);
   await house.waitForText(page, "#status-jobs", /Backing up\s*done/);
   await house.waitForText(page, "#backups", /pliant-\S+\.db\s+[\d.]+ [kM]B, \w+ \d+, \d+/);
+  await house.waitForText(page, "#backups-said", /^The backup is complete\.$/);
   const name = await downloadOne(page, server.address);
   await house.checkAccessibility(page, "backups");
   await house.checkOverlaps(page, "backups");

@@ -118,8 +118,8 @@ test("a part of a fetched picture is searched in; one that cannot be fetched lea
   await house.waitForText(page, "#search-status", /^Found inside the part: poster/);
   assert.deepEqual(await sizeOf(page), [1280, 960]);
   await drop(page, `http://${host}/none.png`);
-  await house.waitForText(page, "#search-status.error", /answered 404/);
-  assert.equal(await page.locator("#stage").isVisible(), false);
+  await house.waitForText(page, "#search-status.error", /^The host of this address answered 404\.$/);
+  assert.equal(await page.locator("#query-figure").isVisible(), false);
   assert.equal(await page.getByRole("button", { name: "Select a part" }).isVisible(), false);
   assert.equal(await page.locator("#compare").isVisible(), false);
   await house.shoot(page, "fetched-none");
