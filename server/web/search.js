@@ -73,7 +73,7 @@ async function run(offset = 0) {
     const region = regionParameter();
     if (region) settings.region = region;
     const answer = await api.search(query, settings, mine.signal);
-    if (answer.query.preview) await showPreview(answer.query, mine);
+    if (answer.query?.preview) await showPreview(answer.query, mine);
     const grouped = settings.group_by === "object";
     if (mine === running) showAnswer(answer, offset, { inPart: Boolean(region), grouped });
   } catch (error) {
