@@ -45,7 +45,8 @@ Response Import(Service& service, const Request& request, const Parameters& para
 }
 
 // For a body that is too large for the database.
-std::shared_ptr<BodySink> Receive(Service& service, const Request& request, std::uint64_t bytes) {
+std::shared_ptr<BodySink> ReceiveImport(Service& service, const Request& request,
+                                        std::uint64_t bytes) {
   service.engine().GetCollection(CollectionOf(service, request));  // or it is not found
   service.bulk_files.Sweep(*service.jobs);
   return service.bulk_files.Receive(bytes);
@@ -100,8 +101,9 @@ void AddBulkRoutes(Service& service, std::vector<Route>& routes) {
            [&service](const Request& request, const Parameters& parameters) {
              return Import(service, request, parameters);
            },
-       .receive = [&service](const Request& request,
-                             std::uint64_t bytes) { return Receive(service, request, bytes); }});
+       .receive = [&service](
+                      const Request& request,
+                      std::uint64_t bytes) { return ReceiveImport(service, request, bytes); }});
   routes.push_back({.name = "jobs.items",
                     .method = "GET",
                     .pattern = "/v1/jobs/{id}/items",

@@ -30,11 +30,13 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       json_(operation.Takes("application/json")),
       form_(operation.Takes("multipart/form-data")) {
   constexpr const char* kFile = "application/octet-stream";
-  type_ = image_                   ? "image/png"
-          : json_                  ? "application/json"
-          : form_                  ? kForm
-          : operation.Takes(kFile) ? kFile
-                                   : "";
+  constexpr const char* kLines = "application/x-ndjson";
+  type_ = image_                    ? "image/png"
+          : json_                   ? "application/json"
+          : form_                   ? kForm
+          : operation.Takes(kFile)  ? kFile
+          : operation.Takes(kLines) ? kLines
+                                    : "";
   body_ = GoodBody();
   AddBodyFaults();
   AddMissingFields();
