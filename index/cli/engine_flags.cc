@@ -40,6 +40,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   app.add_option("--descriptor", engine.descriptor,
                  "the descriptor: " + KnownDescriptors() +
                      " (default: the database's own, deal for a new one)")
+      ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
   app.add_option("--model", engine.descriptor_options.model_path,
                  "weight file for deal and its variants")
@@ -69,6 +70,7 @@ void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
   app.add_option("--descriptor,--descriptors", names,
                  "the descriptors, one or more of " + KnownDescriptors())
       ->delimiter(',')
+      ->check(OneOf(DescriptorNames()))
       ->allow_extra_args(false)
       ->capture_default_str()
       ->type_name("NAME,...");

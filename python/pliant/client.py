@@ -5,6 +5,7 @@ library nor NumPy. The reference of routes, parameters and codes is server/READM
 """
 from __future__ import annotations
 
+import base64
 import json
 import os
 import ssl
@@ -166,6 +167,19 @@ class Client:
         body, kind = _picture("locate", image, image_url, channels)
         return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
                          body=body, content_type=kind, again=True)
+
+    def compare(self, first: ImageLike | None = None, second: ImageLike | None = None, *, first_url: str | None = None,
+                second_url: str | None = None, explain: bool = False, channels: str = "RGB") -> Json:
+        """Whether two pictures show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
+        that of the first is in the second ("polygon"). Nothing is stored. Each is a picture, or an address that the
+        server fetches it from."""
+        body: Json = {"explain": explain}
+        for name, image, url in (("first", first, first_url), ("second", second, second_url)):
+            if (image is None) == (url is None):
+                raise TypeError(f"compare takes {name} or {name}_url")
+            body[name] = {"image_url": url} if image is None else {
+                "image": base64.b64encode(encoded(image, channels)).decode("ascii")}
+        return self._ask("POST", "/v1/compare", body=json.dumps(body).encode(), content_type="application/json", again=True)
 
     # Vocabularies and jobs
 

@@ -46,6 +46,9 @@ constexpr NumberFlag kNumbers[] = {
     {"--max-backup-mb", &ServerOptions::max_backup_mb, 0, 1'000'000'000,
      "Largest backup that may be uploaded in MiB; 0 = what the disk has room for beside "
      "--reserve-mb"},
+    {"--max-import-mb", &ServerOptions::max_import_mb, 0, 1'000'000'000,
+     "Largest body of an import (images:import) in MiB; 0 = what the disk has room for beside "
+     "--reserve-mb"},
     {"--max-inflight-mb", &ServerOptions::max_inflight_mb, 1, 1048576,
      "Bodies of all requests at once in MiB, with what clients have not yet taken of answers; more "
      "get 503"},

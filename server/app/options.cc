@@ -192,6 +192,10 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
           .backups = {.directory = options.backup_dir,
                       .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
                       .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
+          .bulk = {.database = options.database,
+                   .max_bytes = static_cast<std::uint64_t>(options.max_import_mb) * kMiB,
+                   .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB,
+                   .max_item_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB},
           .fetch = MakeFetchOptions(options)};
 }
 

@@ -165,7 +165,8 @@ void Fetcher::RequireAllowed(const WebAddress& address, const char* what) const 
                   " (--fetch-hosts).");
 }
 
-FetchedPicture Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop) {
+FetchedPicture Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop,
+                              std::shared_ptr<void> place) {
   if (!on()) {
     throw ProblemError("fetch_off",
                        "The operator lets the server fetch no pictures (--fetch-hosts).")
@@ -175,7 +176,8 @@ FetchedPicture Fetcher::Fetch(const std::string& url, For whom, const std::funct
   FetchedPicture picture;
   picture.source = address.Display();
   RequireAllowed(address, "this host and port");
-  const auto place = places_->Take(whom, Clock::now() + options_.timeout, stop);
+  if (!place) place = places_->Take(whom, Clock::now() + options_.timeout, stop);
+  picture.place = place;
   TransferOptions how;
   how.deadline = Clock::now() + options_.timeout;
   how.max_bytes = options_.max_bytes;

@@ -32,7 +32,8 @@ struct FetchOptions {
 struct FetchedPicture {
   // As long as these are held, the picture counts among FetchOptions::most_at_once.
   std::shared_ptr<const std::vector<std::uint8_t>> bytes;
-  std::string source;  // its address without query and fragment
+  std::string source;                // its address without query and fragment
+  std::shared_ptr<void> place = {};  // which it takes
 };
 
 // Thread-safe. What it returns may outlive it.
@@ -58,8 +59,9 @@ class Fetcher {
   // host, and for a host that has only addresses that may not be connected to; "fetch_failed",
   // which says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
   // "image_url_invalid".
+  // `place`: of another picture of the same request, to be shared with it; null = one of its own.
   FetchedPicture Fetch(const std::string& url, For whom = For::kRequest,
-                       const std::function<bool()>& stop = {});
+                       const std::function<bool()>& stop = {}, std::shared_ptr<void> place = {});
 
   // Ends what runs, within a second, and refuses all that comes.
   void Stop();

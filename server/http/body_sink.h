@@ -19,6 +19,8 @@ class BodySink {
   // Called by the thread that polls all connections: must not take long. What it throws is the
   // request's answer, and the rest of the body is not read.
   virtual void Append(std::string_view bytes) = 0;
+  // The complete body, where it can be looked at as a whole; as long as this is there.
+  virtual std::string_view All() { return {}; }
 };
 
 }  // namespace pliant::server

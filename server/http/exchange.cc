@@ -110,8 +110,13 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
   }
 }
 
+bool Exchange::ReceivesItself() const {
+  if (route_->body == BodyKind::kFile) return true;
+  return route_->receive && length_.value_or(0) > shared_.max_body_bytes;
+}
+
 void Exchange::CheckLength() const {
-  if (route_->body == BodyKind::kFile) return;  // BeginReceiving() asks the route
+  if (ReceivesItself()) return;  // BeginReceiving() asks the route
   if (length_.value_or(0) > shared_.max_body_bytes) throw BodyProblem(true, false);
 }
 
@@ -169,7 +174,7 @@ bool Exchange::BeforeBody(const httplib::Request& raw, httplib::Response& answer
     }
     CheckLength();
     CheckContentType(*route_, request_);
-    if (request_.has_body && route_->body == BodyKind::kFile) BeginReceiving();
+    if (request_.has_body && ReceivesItself()) BeginReceiving();
   } catch (...) {
     const Problem problem = CurrentProblem();
     must_close_ = must_close_ || problem.code == "bad_request";  // who knows where the next begins

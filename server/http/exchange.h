@@ -86,6 +86,7 @@ class Exchange {
   void ReadHead(const httplib::Request& raw);
   void CheckFraming(const httplib::Request& raw);
   void CheckLength() const;
+  bool ReceivesItself() const;  // the route takes the body, by Route::receive
   void BeginReceiving();
   void CheckHost() const;
   void ReadMultipart(const httplib::ContentReader& reader, const httplib::Response& answer);

@@ -18,6 +18,12 @@
 
 namespace pliant::server {
 
+// A picture in JSON: base64, or an address to fetch it from. Never both; neither = there is none.
+struct PictureText {
+  std::optional<std::string> base64 = {};
+  std::optional<std::string> url = {};
+};
+
 class Parameters {
  public:
   // Checks everything against what the route says of its parameters. Throws "unknown_parameter" for
@@ -29,13 +35,15 @@ class Parameters {
   // `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
-  bool has(const std::string& name) const { return values_.contains(name); }
+  bool has(const std::string& name) const {
+    return values_.contains(name) || pictures_.contains(name);
+  }
   bool takes(const std::string& name) const;  // whether the route has a parameter of that name
 
   // The key "image" of a JSON body, where the route takes a picture; null = there is none.
-  const std::string* image_base64() const { return image_ ? &*image_ : nullptr; }
+  const std::string* image_base64() const { return image_.base64 ? &*image_.base64 : nullptr; }
   // Likewise the key "image_url". Never both.
-  const std::string* image_url() const { return image_url_ ? &*image_url_ : nullptr; }
+  const std::string* image_url() const { return image_.url ? &*image_.url : nullptr; }
 
   // Absent = nothing. The name must be one of the route's, of the kind asked for; else
   // std::logic_error.
@@ -46,6 +54,8 @@ class Parameters {
   std::optional<bool> Flag(const std::string& name) const;
   // Text that is a JSON object, in one line.
   std::optional<std::string> JsonObject(const std::string& name) const;
+  // nullptr = absent. As long as this lives.
+  const PictureText* Picture(const std::string& name) const;
   // The elements of a JSON array.
   std::optional<Json> JsonList(const std::string& name) const;
 
@@ -64,14 +74,15 @@ class Parameters {
   // Throws "unknown_parameter".
   const Parameter& Known(const std::string& name) const;
   void Insert(const Parameter& spec, std::string value);
-  void TakePicture(Json& body);
+  void InsertPicture(const Parameter& spec, Json value);
+  void RequireNew(const std::string& name) const;
   const Parameter& Spec(const std::string& name) const;
   std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
 
   const Route& route_;
   std::map<std::string, std::string> values_;
-  std::optional<std::string> image_;
-  std::optional<std::string> image_url_;
+  std::map<std::string, PictureText> pictures_;
+  PictureText image_;
 };
 
 // Throws ProblemError "invalid_parameter" for `name`.

@@ -49,7 +49,9 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
      "what is stored is not what If-Match or If-None-Match asks for: read it anew"},
     {"length_required", 411,
      "a body needs Content-Length or chunked transfer encoding; that of a backup Content-Length"},
-    {"body_too_large", 413, "the body is larger than --max-body-mb, or a backup --max-backup-mb"},
+    {"body_too_large", 413,
+     "the body is larger than --max-body-mb, a backup than --max-backup-mb, an import than "
+     "--max-import-mb"},
     {"uri_too_long", 414, "the address is too long"},
     {"unsupported_content_type", 415, "the Content-Type is none that the route takes"},
     {"unsupported_content_encoding", 415, "compressed bodies are not taken"},

@@ -24,6 +24,7 @@ struct Parameter {
     kBoolean,   // "true" or "false"
     kJson,      // a JSON object
     kJsonList,  // a JSON array
+    kPicture,   // a JSON object: {"image": base64} or {"image_url": address}
   };
 
   Parameter(const char* parameter_name, const char* for_what)
@@ -61,6 +62,10 @@ struct Parameter {
   }
   Parameter JsonList() && {
     type = Type::kJsonList;
+    return std::move(*this);
+  }
+  Parameter Picture() && {
+    type = Type::kPicture;
     return std::move(*this);
   }
   // What it is when it is not given, as text.

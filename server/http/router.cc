@@ -155,6 +155,10 @@ void CheckContentType(const Route& route, const Request& request) {
     case BodyKind::kFile:
       if (type.empty() || type == kFileType) return;
       throw ProblemError("unsupported_content_type", "The body must be application/octet-stream.");
+    case BodyKind::kPair:
+      if (type == "multipart/form-data" || json) return;
+      throw ProblemError("unsupported_content_type",
+                         "The body must be multipart/form-data or application/json.");
     case BodyKind::kImages:
       if (type == "multipart/form-data") return;
       throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");

@@ -23,6 +23,7 @@ enum class BodyKind {
   kImage,        // image/*, application/octet-stream or multipart/form-data
   kImageOrJson,  // either
   kImages,       // multipart/form-data with any number of pictures
+  kPair,         // the same with at most two, or application/json; parameters may be pictures
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
   kFile,         // application/octet-stream, or without a type: see Route::receive
@@ -50,9 +51,9 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
-  // Of kFile: called when the head is there and its parameters are right, for what takes the
-  // body, which the handler finds in Request::received. Throws what refuses it, also for its size:
-  // the server's limit on bodies does not hold for it.
+  // Of kFile, and of others with bodies beyond the server's limit: called when the head is there
+  // and its parameters are right, for what takes the body, which the handler finds in
+  // Request::received. Throws what refuses it, also for its size: the limit does not hold for it.
   Receive receive = {};
   bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
   bool needs_index = true;      // answered with "starting" while the index loads

@@ -17,10 +17,21 @@ namespace {
 constexpr const char* kKind = "bulk_import";
 constexpr int kItemsAtOnce = 500;  // read back from the store
 
-BulkDefaults DefaultsOf(const Json& parameters) {
+BulkDefaults DefaultsOf(const Json& parameters, std::size_t max_item_bytes) {
   return {parameters.at("object").get<std::string>(), ToText(parameters.at("metadata")),
-          parameters.at("object_from").get<std::string>()};
+          parameters.at("object_from").get<std::string>(), max_item_bytes};
 }
+
+Json ParametersOf(const BulkItems& items, const std::string& type, const BulkDefaults& defaults) {
+  return {{"type", type},
+          {"items", items.size()},
+          {"object", defaults.object},
+          {"metadata", MetadataJson(defaults.metadata)},
+          {"object_from", defaults.object_from}};
+}
+
+// The id of the job's file; empty = what it works on is in the store.
+std::string FileOf(const JobStatus& job) { return job.parameters.value("file", ""); }
 
 // Problems that concern the server, not the picture: the job begins again, or fails as a whole.
 bool ConcernsAll(const Problem& problem) { return problem.status >= 500; }
@@ -42,25 +53,31 @@ SkippedItem SkippedOf(const std::string& name, const Json& problem) {
 class BulkImport {
  public:
   BulkImport(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
-             const JobStatus& job, const JobContext& context,
+             const BulkFiles& files, const JobStatus& job, const JobContext& context,
              const std::function<void(const std::string&)>& on_added)
       : jobs_(jobs),
         engine_(engine),
         pool_(pool),
         fetcher_(fetcher),
+        files_(files),
         job_(job),
         context_(context),
         on_added_(on_added) {}
 
   void Run() {
-    const auto input = jobs_.store().JobInput(job_.id);
-    if (!input) {
+    std::size_t done = ReadBack();
+    const std::unique_ptr<MappedFile> file =
+        FileOf(job_).empty() ? nullptr : files_.Open(FileOf(job_));
+    const auto input = FileOf(job_).empty() ? jobs_.store().JobInput(job_.id) : std::nullopt;
+    if (!file && !input) {
+      if (done > 0 && done == job_.parameters.value("items", std::size_t{0})) return;
       throw Error(ErrorCode::kConflict, "interrupted", "what was sent is no longer there");
     }
-    const BulkItems items({reinterpret_cast<const char*>(input->data()), input->size()},
-                          job_.parameters.at("type").get<std::string>(),
-                          DefaultsOf(job_.parameters));
-    std::size_t done = ReadBack();
+    const std::string_view body =
+        file ? file->bytes()
+             : std::string_view(reinterpret_cast<const char*>(input->data()), input->size());
+    const BulkItems items(body, job_.parameters.at("type").get<std::string>(),
+                          DefaultsOf(job_.parameters, files_.max_item_bytes()));
     context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
     const auto at_once = static_cast<std::size_t>(std::max(1, pool_.cores() / 2));
     while (done < items.size()) {
@@ -137,6 +154,7 @@ class BulkImport {
   Engine& engine_;
   WorkerPool& pool_;
   Fetcher& fetcher_;
+  const BulkFiles& files_;
   const JobStatus& job_;
   const JobContext& context_;
   const std::function<void(const std::string&)>& on_added_;
@@ -147,22 +165,32 @@ class BulkImport {
 JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const std::string& body,
                            const std::string& type, const BulkDefaults& defaults) {
   const BulkItems items(body, type, defaults);  // says now what is wrong with the whole
-  return jobs.AddWithInput(kKind, collection,
-                           {{"type", type},
-                            {"items", items.size()},
-                            {"object", defaults.object},
-                            {"metadata", MetadataJson(defaults.metadata)},
-                            {"object_from", defaults.object_from}},
+  return jobs.AddWithInput(kKind, collection, ParametersOf(items, type, defaults),
                            {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()});
 }
 
+JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, BulkUpload& body,
+                           const std::string& type, const BulkDefaults& defaults) {
+  const BulkItems items(body.All(), type, defaults);
+  Json parameters = ParametersOf(items, type, defaults);
+  parameters["file"] = body.id();
+  body.Sync();
+  const JobStatus job = jobs.Add(kKind, collection, parameters);
+  body.Keep();
+  return job;
+}
+
 void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
+                           const BulkFiles& files,
                            std::function<void(const std::string& collection)> on_added) {
-  jobs.Register(kKind, {[&jobs, &engine, &pool, &fetcher, on_added = std::move(on_added)](
-                            const JobStatus& job, const JobContext& context) {
-                  BulkImport(jobs, engine, pool, fetcher, job, context, on_added).Run();
-                  return "/v1/jobs/" + job.id + "/items";
-                }});
+  JobKind kind;
+  kind.run = [&jobs, &engine, &pool, &fetcher, &files, on_added = std::move(on_added)](
+                 const JobStatus& job, const JobContext& context) {
+    BulkImport(jobs, engine, pool, fetcher, files, job, context, on_added).Run();
+    return "/v1/jobs/" + job.id + "/items";
+  };
+  kind.ended = [&files](const JobStatus& job) { files.Remove(FileOf(job)); };
+  jobs.Register(kKind, std::move(kind));
 }
 
 }  // namespace pliant::server

@@ -8,6 +8,7 @@
 
 #include "index/engine/engine.h"
 #include "server/fetch/fetcher.h"
+#include "server/jobs/bulk_files.h"
 #include "server/jobs/bulk_items.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
@@ -19,11 +20,16 @@ namespace pliant::server {
 JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const std::string& body,
                            const std::string& type, const BulkDefaults& defaults);
 
+// The same of a body that is a file: that of the job from then on.
+JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, BulkUpload& body,
+                           const std::string& type, const BulkDefaults& defaults);
+
 // `on_added` hears of the collection for each picture that was added; any thread. What the job says
 // of an item (ServiceStore::JobItems) is a JSON object: "index", "source", "status" as a request of
 // its own would have, and "outcome", "image_id" and "object", or "problem". Begun again after an
 // interruption it goes on behind the items that it has said something of.
 void RegisterBulkImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
+                           const BulkFiles& files,
                            std::function<void(const std::string& collection)> on_added);
 
 }  // namespace pliant::server

@@ -79,6 +79,12 @@ std::string BulkItems::NameOf(std::size_t i) const {
 }
 
 BulkItem BulkItems::Item(std::size_t i) const {
+  const std::size_t bytes =
+      i < lines_.size() ? lines_[i].second.size() : files_.at(i).content.size();
+  if (bytes > defaults_.max_item_bytes) {
+    throw ProblemError("body_too_large",
+                       "Each may have " + std::to_string(defaults_.max_item_bytes) + " bytes.");
+  }
   return i < lines_.size() ? OfLine(lines_[i].second) : OfFile(files_.at(i));
 }
 

@@ -20,9 +20,10 @@ inline constexpr std::size_t kMostBulkItems = 10'000;
 
 // What all pictures have that do not say otherwise.
 struct BulkDefaults {
-  std::string object;           // also in place of those that a TAR's names give
-  std::string metadata = "{}";  // a JSON object
-  std::string object_from;      // of a TAR: "auto", "folder", "stem" or "none"
+  std::string object;                     // also in place of those that a TAR's names give
+  std::string metadata = "{}";            // a JSON object
+  std::string object_from;                // of a TAR: "auto", "folder", "stem" or "none"
+  std::size_t max_item_bytes = SIZE_MAX;  // longer lines and files are refused, each by itself
 };
 
 // A picture of a body. The request's bytes are those of the body, or `decoded`; none when it has to
@@ -46,7 +47,7 @@ class BulkItems {
   // For people; known also for items that are wrong. "line 3", or the file's name.
   std::string NameOf(std::size_t i) const;
   // Throws ProblemError that says what is wrong with it: "invalid_json", "missing_parameter",
-  // "invalid_parameter", "unknown_parameter".
+  // "invalid_parameter", "unknown_parameter", "body_too_large".
   BulkItem Item(std::size_t i) const;
 
  private:

@@ -80,6 +80,8 @@ struct JobKind {
   std::function<std::string(const JobStatus&, const JobContext&)> run;
   // Whether beginning again after an interruption leads to the same end.
   bool resumes = true;
+  // Called when a job of this server's has ended, however that came; quick, throws nothing.
+  std::function<void(const JobStatus&)> ended = {};
 };
 
 // Runs one job of each kind at a time. Thread-safe. Jobs that have ended are remembered until

@@ -126,9 +126,15 @@ void JobQueue::Become(Job& job, JobStatus status) {
 void JobQueue::BecomeNow(Job& job, JobStatus status) {
   if (!IsActive(status.state)) status.finished_ms = UnixMs();
   Save(job, status);
+  bool own = false;
   {
     const std::lock_guard lock(mutex_);
-    if (job.owner == owner_) job.status = std::move(status);
+    own = job.owner == owner_;
+    if (own) job.status = status;
+  }
+  const auto kind = kinds_.find(status.kind);
+  if (own && !IsActive(status.state) && kind != kinds_.end() && kind->second.ended) {
+    kind->second.ended(status);
   }
   NotifyAll();
 }

@@ -15,6 +15,19 @@ namespace {
 
 constexpr const char* kBinaryImage = "a picture: JPEG, PNG, WebP, BMP or TIFF";
 
+// Properties of JSON objects in which a picture may stand.
+Json PictureProperties() {
+  return {
+      {"image", {{"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}}},
+      {"image_url",
+       {{"type", "string"},
+        {"description",
+         "address (http, https) to fetch the picture from, where the operator allows its host "
+         "(--fetch-hosts); in place of image"}}}};
+}
+
+Json EitherPicture() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
+
 Json SchemaOf(const Parameter& parameter) {
   Json schema;
   switch (parameter.type) {
@@ -47,6 +60,12 @@ Json SchemaOf(const Parameter& parameter) {
     case Parameter::Type::kJsonList:
       schema = {{"type", "array"}};
       break;
+    case Parameter::Type::kPicture:
+      schema = {{"type", "object"},
+                {"properties", PictureProperties()},
+                {"additionalProperties", false},
+                {"oneOf", EitherPicture()}};
+      break;
   }
   if (parameter.default_value.empty()) return schema;
   const Json value = Json::parse(parameter.default_value, nullptr, /*allow_exceptions=*/false);
@@ -61,12 +80,12 @@ Json QueryParameter(const Parameter& parameter, bool only) {
                {"in", "query"},
                {"description", parameter.meaning},
                {"required", only && parameter.required}};
-  const bool is_json =
-      parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList;
-  if (is_json) {
+  using Type = Parameter::Type;
+  const Type type = parameter.type;
+  if (type == Type::kJson || type == Type::kJsonList || type == Type::kPicture) {
     json["content"] = {{"application/json", {{"schema", SchemaOf(parameter)}}}};
   } else {
-    if (parameter.type == Parameter::Type::kNumbers) {
+    if (type == Type::kNumbers) {
       json["style"] = "form";
       json["explode"] = false;
     }
@@ -106,19 +125,13 @@ bool MayDoWithoutImage(const Route& route) {
 Json JsonContent(const Route& route) {
   Json schema = {{"type", "object"}, {"properties", Properties(route)}};
   for (const Parameter& parameter : route.parameters) {
-    if (parameter.required) schema["required"].push_back(parameter.name);
+    // A form may have them as its fields.
+    const bool picture = parameter.type == Parameter::Type::kPicture;
+    if (parameter.required || picture) schema["required"].push_back(parameter.name);
   }
   if (route.body == BodyKind::kImageOrJson) {
-    schema["properties"]["image"] = {
-        {"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}};
-    schema["properties"]["image_url"] = {
-        {"type", "string"},
-        {"description",
-         "address (http, https) to fetch the picture from, where the operator allows its host "
-         "(--fetch-hosts); in place of image"}};
-    if (!MayDoWithoutImage(route)) {
-      schema["oneOf"] = {{{"required", {"image"}}}, {{"required", {"image_url"}}}};
-    }
+    schema["properties"].update(PictureProperties());
+    if (!MayDoWithoutImage(route)) schema["oneOf"] = EitherPicture();
   }
   return {{"schema", schema}};
 }
@@ -126,10 +139,12 @@ Json JsonContent(const Route& route) {
 Json FormContent(const Route& route) {
   Json properties = Properties(route);
   const Json image = {{"type", "string"}, {"format", "binary"}, {"description", kBinaryImage}};
-  const bool many = route.body == BodyKind::kImages;
+  const bool pair = route.body == BodyKind::kPair;
+  const bool many = route.body == BodyKind::kImages || pair;
   properties["image"] = many ? Json{{"type", "array"}, {"items", image}} : image;
+  if (pair) properties["image"]["maxItems"] = 2;
   Json schema = {{"type", "object"}, {"properties", properties}};
-  if (!MayDoWithoutImage(route)) schema["required"] = {"image"};
+  if (!pair && !MayDoWithoutImage(route)) schema["required"] = {"image"};
   return {{"schema", schema}};
 }
 
@@ -152,7 +167,8 @@ Json RequestBody(const Route& route) {
     content["application/octet-stream"] = Json::object();
   }
   if (route.body != BodyKind::kJson) content["multipart/form-data"] = FormContent(route);
-  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
+  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson ||
+      route.body == BodyKind::kPair) {
     content["application/json"] = JsonContent(route);
   }
   return {{"required", route.body != BodyKind::kJson}, {"content", content}};

@@ -11,7 +11,7 @@ namespace {
 using Codes = std::set<std::string>;
 
 bool TakesImage(BodyKind body) {
-  return body == BodyKind::kImage || body == BodyKind::kImageOrJson;
+  return body == BodyKind::kImage || body == BodyKind::kImageOrJson || body == BodyKind::kPair;
 }
 
 bool Answers(const Route& route, int status) {
@@ -23,13 +23,15 @@ void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kNone) return;
   codes.insert({"body_too_large", "length_required", "unsupported_content_type",
                 "unsupported_content_encoding", "unsupported_transfer_encoding"});
-  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson) {
+  const bool pictures_in_json =
+      route.body == BodyKind::kImageOrJson || route.body == BodyKind::kPair;
+  if (route.body == BodyKind::kJson || pictures_in_json) {
     codes.insert("invalid_json");
   }
   if (route.body == BodyKind::kMergePatch) {
     codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter"});
   }
-  if (route.body == BodyKind::kImageOrJson) {
+  if (pictures_in_json) {
     codes.insert({"invalid_parameter", "fetch_off", "fetch_host_not_allowed", "fetch_failed"});
   }
   if (!TakesImage(route.body)) return;
@@ -45,7 +47,8 @@ void AddParameterCodes(const Route& route, Codes& codes) {
     codes.insert({"invalid_parameter", "duplicate_parameter"});
     if (parameter.required) codes.insert("missing_parameter");
     if (parameter.name == "cursor") codes.insert("invalid_cursor");
-    if (parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList) {
+    if (parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList ||
+        parameter.type == Parameter::Type::kPicture) {
       codes.insert("invalid_json");
     }
   }

@@ -27,16 +27,29 @@ void RequireSpace(const Service& service, std::size_t bytes) {
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
   const std::string collection = CollectionOf(service, request);
   service.engine().GetCollection(collection);
-  if (request.body.empty()) {
+  if (!request.received && request.body.empty()) {
     throw ProblemError("missing_parameter", "The body has no pictures.").Parameter("body");
   }
   BulkDefaults defaults;
   defaults.object = parameters.Text("object").value_or("");
   defaults.metadata = parameters.JsonObject("metadata").value_or("{}");
   defaults.object_from = parameters.Text("object_from").value_or("auto");
+  if (request.received) {
+    auto& upload = static_cast<BulkUpload&>(*request.received);
+    return JobResponse(
+        AddBulkImportJob(*service.jobs, collection, upload, request.content_type, defaults));
+  }
   RequireSpace(service, request.body.size());
   return JobResponse(
       AddBulkImportJob(*service.jobs, collection, request.body, request.content_type, defaults));
+}
+
+// For a body that is too large for the database.
+std::shared_ptr<BodySink> ReceiveImport(Service& service, const Request& request,
+                                        std::uint64_t bytes) {
+  service.engine().GetCollection(CollectionOf(service, request));  // or it is not found
+  service.bulk_files.Sweep(*service.jobs);
+  return service.bulk_files.Receive(bytes);
 }
 
 Response Items(Service& service, const Request& request, const Parameters& parameters) {
@@ -84,9 +97,13 @@ void AddBulkRoutes(Service& service, std::vector<Route>& routes) {
        .codes = {"missing_parameter"},
        .example = R"(tar cf - mug.png cup.png | curl -H "Content-Type: application/x-tar" )"
                   R"(--data-binary @- "$PLIANT/v1/collections/default/images:import")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return Import(service, request, parameters);
-       }});
+       .handler =
+           [&service](const Request& request, const Parameters& parameters) {
+             return Import(service, request, parameters);
+           },
+       .receive = [&service](
+                      const Request& request,
+                      std::uint64_t bytes) { return ReceiveImport(service, request, bytes); }});
   routes.push_back({.name = "jobs.items",
                     .method = "GET",
                     .pattern = "/v1/jobs/{id}/items",

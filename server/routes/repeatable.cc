@@ -6,11 +6,13 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/sha256.h"
+#include "server/http/body_sink.h"
 #include "server/http/json.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
@@ -33,13 +35,13 @@ std::string KeyOf(const Request& request) {
   return key;
 }
 
-std::string HashOf(const std::string& text) {
+std::string HashOf(std::string_view text) {
   return Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
 
 std::string FingerprintOf(const Request& request) {
   std::string hashes;
-  const auto add = [&hashes](const std::string& part) { hashes += HashOf(part); };
+  const auto add = [&hashes](std::string_view part) { hashes += HashOf(part); };
   add(request.method);
   add(request.path);
   for (const auto& [name, value] : request.query) {
@@ -47,7 +49,7 @@ std::string FingerprintOf(const Request& request) {
     add(value);
   }
   add(request.content_type);
-  add(request.body);
+  add(request.received ? request.received->All() : std::string_view(request.body));
   for (const Part& part : request.parts) {
     add(part.name);
     add(part.filename);

@@ -13,7 +13,7 @@
 
 namespace pliant::server {
 
-// Without "draw".
+// Without "draw" and "preview", which are for a single search.
 std::vector<Parameter> SearchParameters();
 
 // What is searched with: a picture that was sent, one that is stored, or several of those.

@@ -100,18 +100,47 @@ Response Drawing(Service& service, const Request& request, const SearchQuery& qu
   return response;
 }
 
+// The query as a browser shows it: what was fetched, for example, or is of a type it cannot read.
+std::string Preview(Service& service, const SearchQuery& query) {
+  std::vector<std::uint8_t> stored;
+  if (query.image_id) {
+    stored = service.engine().GetContent(query.options.collection, *query.image_id);
+  }
+  std::string jpeg;
+  service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
+    jpeg =
+        MakeThumbnail(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
+                      service.options.engine.extraction.decode, service.decode(), kPreviewSidePx);
+  });
+  return "data:image/jpeg;base64," + Base64(jpeg.data(), jpeg.size());
+}
+
+// Parameters that say what the answer is made of, and need one query picture.
+void CheckPictures(const SearchQuery& query, bool draws, bool previews) {
+  if (draws && !query.image_ids.empty()) {
+    ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
+  }
+  if (previews && !query.image_ids.empty()) {
+    ThrowInvalid("preview", "preview needs one query picture, and image_ids are several.");
+  }
+  if (draws && previews) {
+    ThrowInvalid("preview", "preview is a part of the JSON that draw has a picture in place of.");
+  }
+}
+
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
   const SearchQuery query =
       SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
-  if (draws && !query.image_ids.empty()) {
-    ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
-  }
+  const bool previews = parameters.Flag("preview").value_or(false);
+  CheckPictures(query, draws, previews);
   const SearchResult result = SearchOnPool(service, query);
   if (draws) return Drawing(service, request, query, result);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  return JsonResponse(SearchResultJson(result, took.count()));
+  Json answer = SearchResultJson(result, took.count());
+  if (previews) answer["query"]["preview"] = Preview(service, query);
+  return JsonResponse(answer);
 }
 
 // The parameters of a single search, which those of a batch are checked against.
@@ -174,6 +203,11 @@ void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
   parameters.push_back(Parameter("draw",
                                  "answer with the query picture, outlines and names drawn into it: "
                                  "a JPEG, or a PNG where Accept prefers one")
+                           .Boolean()
+                           .Default("false"));
+  parameters.push_back(Parameter("preview",
+                                 "query.preview of the answer is the query picture, a JPEG of at "
+                                 "most 1280 pixels in a data: URL: to show what was fetched")
                            .Boolean()
                            .Default("false"));
   routes.push_back({.name = "search",

@@ -19,6 +19,7 @@ Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
       backups(options.backups),
+      bulk_files(options.bulk),
       fetcher(options.fetch) {}
 
 // Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
@@ -71,11 +72,14 @@ void Service::Open() {
   };
   RegisterImportJob(*jobs, *engine_, pool,
                     {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
-  RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, on_added);
+  RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, bulk_files, on_added);
   RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
   backups.RegisterJob(*jobs, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
   jobs->Start();
+  if (const std::size_t swept = bulk_files.Sweep(*jobs); swept > 0) {
+    spdlog::info("removed {} imports that were never received as a whole", swept);
+  }
   loaded_ = 1;
   ready_ = true;
 }

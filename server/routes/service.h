@@ -14,6 +14,7 @@
 #include "server/fetch/fetcher.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
+#include "server/jobs/bulk_files.h"
 #include "server/jobs/demonstration.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
@@ -29,6 +30,7 @@ struct ServiceOptions {
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
   std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
   BackupOptions backups;             // over HTTP
+  BulkFileOptions bulk;              // of imports that are too large for the database
   FetchOptions fetch;                // of pictures that clients name by their address
 };
 
@@ -55,6 +57,7 @@ class Service {
   CrumpledPictures crumpled_pictures;
   Metrics metrics;
   const Backups backups;
+  const BulkFiles bulk_files;
   Fetcher fetcher;
   // Jobs use the engine, so they end first: see ~Service. Null before Open().
   std::unique_ptr<JobQueue> jobs;

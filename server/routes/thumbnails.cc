@@ -12,8 +12,9 @@ constexpr int kJpegQuality = 82;
 
 }  // namespace
 
-std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode) {
-  options.max_side_px = kThumbnailSidePx;
+std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode,
+                          int longer_side_px) {
+  options.max_side_px = longer_side_px;
   options.max_bytes = static_cast<std::int64_t>(encoded.size());
   options.colour = true;
   const std::vector<std::uint8_t> jpeg = EncodeJpeg(decode(encoded, options).image, kJpegQuality);

@@ -15,9 +15,11 @@
 namespace pliant::server {
 
 // Decodes, within the limits of `options` but for the file's length (it was accepted once), scales
-// to kThumbnailSidePx and encodes. Throws what `decode` throws.
+// so that no side is longer, and encodes as a JPEG. Throws what `decode` throws.
 inline constexpr int kThumbnailSidePx = 320;
-std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode);
+inline constexpr int kPreviewSidePx = 1280;  // of a query
+std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode,
+                          int longer_side_px = kThumbnailSidePx);
 
 // Least recently used out first. Thread-safe.
 class ThumbnailCache {

@@ -98,6 +98,20 @@ export async function pictureBlob(path) {
   return answer.blob();
 }
 
+// A long answer as it comes; onProgress gets the bytes so far.
+export async function pieces(path, signal, onProgress) {
+  const reader = (await patiently(() => answerOf(path, { signal }))).body.getReader();
+  const parts = [];
+  for (let bytes = 0;;) {
+    const { done, value } = await reader.read().catch((error) => {
+      throw error.name === "AbortError" ? error : unreachable();
+    });
+    if (done) return parts;
+    parts.push(value);
+    onProgress(bytes += value.length);
+  }
+}
+
 // Shows a stored picture in an <img>. With a key it has to be fetched: an <img> sends none.
 export function showPicture(image, path) {
   if (!getKey()) {
@@ -127,11 +141,12 @@ export const deletePath = (path, options) => ask(path, { method: "DELETE", ...op
 
 // Of the parameters of a search, which are text in a form, and have types in a JSON body.
 const kNumbers = new Set(["limit", "offset", "min_score", "verify_depth", "expand", "instances"]);
+const kFlags = new Set(["explain", "preview"]);
 
 const typed = (settings) => Object.fromEntries(Object.entries(settings).map(([name, value]) => {
   if (kNumbers.has(name)) return [name, Number(value)];
   if (name === "region") return [name, String(value).split(",").map(Number)];
-  return [name, name === "explain" ? String(value) === "true" : value];
+  return [name, kFlags.has(name) ? String(value) === "true" : value];
 }));
 
 // query: { file }, { id }, a stored picture, which is no answer itself, or { url }, which the server fetches;

@@ -8,7 +8,7 @@ import { readable } from "./convert.js";
 import { byId, count, make, say } from "./dom.js";
 import { decode, storedPicture } from "./draw.js";
 import { filterSettings, isFiltered, whenFiltersChange } from "./filters.js";
-import { acceptDrops, acceptPastes } from "./incoming.js";
+import { acceptDrops, acceptPastes, fileOfData } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
@@ -20,7 +20,8 @@ import { isWeak, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
-// What is asked with: { file }, { id } or { url }, and its decoded picture where the browser can show it.
+// What is asked with: { file }, { id } or { url }, and its decoded picture. That of an address, or of a kind that the
+// browser cannot read, comes with the first answer.
 let query = null;
 let running = null;  // AbortController of the search on its way
 let asked = "";      // the collection that was asked
@@ -40,9 +41,10 @@ async function setQuery(next) {
   byId("view-search").classList.add("has-query");
   byId("share").hidden = !next.id;
   byId("results-panel").hidden = true;
+  byId("query-figure").hidden = false;
   resetRegion(0, 0);
   const picture = next.file ? await decode(next.file) :
-    next.id ? await storedPicture(api.imagePath(next.id)).catch(() => null) : null;  // the server alone has the other
+    next.id ? await storedPicture(api.imagePath(next.id)).catch(() => null) : null;
   if (query !== next) return false;
   if (picture) {
     const record = next.id ? await api.ask(api.imagePath(next.id)).catch(() => null) : null;
@@ -67,9 +69,11 @@ async function run(offset = 0) {
   say(status, "Searching…");
   try {
     const settings = { ...filterSettings(), offset, explain: true };
+    if (!query.picture && !query.id) settings.preview = true;
     const region = regionParameter();
     if (region) settings.region = region;
     const answer = await api.search(query, settings, mine.signal);
+    if (answer.query?.preview) await showPreview(answer.query, mine);
     const grouped = settings.group_by === "object";
     if (mine === running) showAnswer(answer, offset, { inPart: Boolean(region), grouped });
   } catch (error) {
@@ -80,10 +84,20 @@ async function run(offset = 0) {
   }
 }
 
+// The query as the server gives it: what it has fetched, or what the browser cannot read.
+async function showPreview({ preview, width, height }, mine) {
+  const picture = await decode(fileOfData(preview));
+  if (mine !== running || !picture) return;
+  Object.assign(query, { picture, width, height });
+  resetRegion(width, height);
+  byId("stage").hidden = byId("query-figure").hidden = false;
+}
+
 function showFailure(error) {
   say(status, error.message, true);
   forgetHits();
   drawStage(query, [], null);
+  byId("query-figure").hidden = !query.picture;  // it comes with an answer, or not at all
   byId("results-panel").hidden = true;
 }
 

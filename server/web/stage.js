@@ -38,7 +38,7 @@ export function drawStage(query, hits, chosen) {
   tags.replaceChildren();
   shown = [];
   if (!query?.picture) {
-    note.textContent = query?.url ? "The server fetches this picture; it is not shown here." :
+    note.textContent = query?.url ? "The server is fetching this picture." :
                                     "This browser cannot show this kind of picture. Searching works all the same.";
     return;
   }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the server is doing: what it holds, what it uses, what waits, what runs.
 import * as api from "./api.js";
+import { forgetBackups, refreshBackups, whenBackupStarts } from "./backups.js";
 import { byId, count, fileSize, make, say } from "./dom.js";
 import { isActive, jobItem } from "./jobs.js";
 import { parseMetrics, quantile, total } from "./metrics.js";
@@ -110,7 +111,7 @@ async function refresh() {
       if (await showReady()) {
         const samples = parseMetrics(await api.plainText("/metrics"));
         showFacts(samples, performance.now() - start);
-        await Promise.all([showCollections(), showJobs()]);
+        await Promise.all([showCollections(), showJobs(), refreshBackups()]);
       }
       say(byId("status-status"), "");
     }
@@ -121,6 +122,8 @@ async function refresh() {
   timer = setTimeout(refresh, kPollMs);
 }
 
+whenBackupStarts(refresh);
+
 export const statusView = {
   title: "Status",
   show() {
@@ -128,5 +131,8 @@ export const statusView = {
     jobsText = "";
     return refresh();
   },
-  hide() { clearTimeout(timer); },
+  hide() {
+    clearTimeout(timer);
+    forgetBackups();
+  },
 };

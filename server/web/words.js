@@ -6,6 +6,8 @@ import { fileSize } from "./dom.js";
 const kProblems = {
   first_key_admin: "The first key has to be one that may do everything: else nobody could make more.",
   last_admin_key: "This is the last key that may do everything: without it nobody could make more. Make another one first.",
+  backup_not_found: "There is no such backup any more.",
+  backup_exists: "There is a backup of that name already.",
   key_not_found: "This key is revoked already.",
   no_vocabulary: "There is nothing to find yet, or the first pictures are still being prepared. Add pictures, or try again in a moment.",
   no_pictures: "There are no pictures to choose words from. Add some first.",
@@ -51,6 +53,12 @@ function tooLarge(detail) {
   return `The file is larger than ${bytes ? `the ${fileSize(Number(bytes))} that` : ""} this server takes.`;
 }
 
+// What is said of a parameter, to people who have given an address and know of no parameter.
+function fetchWords(detail) {
+  const words = detail.replaceAll("image_url", "this address").replace(/(\d{4,}) bytes/, (all, bytes) => fileSize(Number(bytes)));
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
 // `body` is the problem document of the answer, or null. isWrongKey: there was a key, and it was refused.
 export function problemWords(status, body, retryAfterS, isWrongKey = false) {
   if (isWrongKey) return kWrongKey;
@@ -62,6 +70,7 @@ export function problemWords(status, body, retryAfterS, isWrongKey = false) {
                          "This picture is there already, without a name or with other labels.";
   }
   if (body?.code === "body_too_large") return tooLarge(body.detail);
+  if (body?.parameter === "image_url" && body.detail) return fetchWords(body.detail);
   return (known ?? body?.detail ?? `The server answered ${status}.`) + wait;
 }
 

@@ -100,6 +100,27 @@ function gif(width, height, grey) {
                         Buffer.from([0x2c, 0, 0, 0, 0, ...size, 0, kBits - 1]), ...blocks, Buffer.from([0, 0x3b])]);
 }
 
+// A TIFF, which no browser here shows: little-endian, one strip, not compressed.
+function tiff(width, height, grey) {
+  const tags = [[256, width], [257, height], [258, 8], [259, 1], [262, 1], [273, 0], [277, 1], [278, height], [279, width * height]];
+  const head = Buffer.alloc(8 + 2 + 12 * tags.length + 4);
+  head.write("II*\0", "latin1");
+  head.writeUInt32LE(8, 4);
+  head.writeUInt16LE(tags.length, 8);
+  for (const [i, [tag, value]] of tags.entries()) {
+    const at = 10 + 12 * i;
+    head.writeUInt16LE(tag, at);
+    head.writeUInt16LE(4, at + 2);  // 32 bits
+    head.writeUInt32LE(1, at + 4);
+    head.writeUInt32LE(tag === 273 ? head.length : value, at + 8);
+  }
+  const pixels = Buffer.alloc(width * height);
+  for (let i = 0; i < pixels.length; ++i) pixels[i] = grey(i % width, Math.floor(i / width));
+  return Buffer.concat([head, pixels]);
+}
+
+export const thingTiff = (seed) => tiff(...kThing, thingShades(seed));
+
 export const thingGif = (seed) => gif(...kThing, thingShades(seed));
 
 export const blank = () => png(240, 180, () => 255);

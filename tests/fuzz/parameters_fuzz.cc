@@ -24,8 +24,8 @@ const pliant::server::Route& TestRoute() {
       .parameters = {Parameter("whole", "").Integer(-5, 1000), Parameter("number", "").Number(0, 1),
                      Parameter("region", "").Numbers(4), Parameter("rank", "").Choice({"a", "b"}),
                      Parameter("on", "").Boolean(), Parameter("filter", "").Json(),
-                     Parameter("items", "").JsonList(), Parameter("cursor", ""),
-                     Parameter("object", "")},
+                     Parameter("items", "").JsonList(), Parameter("second", "").Picture(),
+                     Parameter("cursor", ""), Parameter("object", "")},
       .handler = [](const Request&, const Parameters&) { return pliant::server::Response(); }};
   return kRoute;
 }
@@ -74,6 +74,10 @@ void CheckValues(const Parameters& parameters) {
   Require(!filter || filter->starts_with('{'), "an object is one");
   const auto items = parameters.JsonList("items");
   Require(!items || items->is_array(), "a list is one");
+  const pliant::server::PictureText* second = parameters.Picture("second");
+  Require((second != nullptr) == parameters.has("second"), "a picture is there or not");
+  Require(second == nullptr || second->base64.has_value() != second->url.has_value(),
+          "a picture is base64 or an address");
   const auto object = parameters.Text("object");
   Require(!object || pliant::IsValidUtf8(*object), "text is UTF-8");
   Answers([&] {

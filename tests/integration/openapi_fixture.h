@@ -35,8 +35,9 @@ class OpenApiTest : public ::testing::Test {
     server_ = std::make_unique<ServerProcess>(
         folder_->path() / "test.db",
         std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--max-backup-mb",
-                                 "1", "--backup-dir", (folder_->path() / "backups").string(),
-                                 "--import-dir", folder_->path().string()});
+                                 "1", "--max-import-mb", "1", "--backup-dir",
+                                 (folder_->path() / "backups").string(), "--import-dir",
+                                 folder_->path().string()});
     Save("mug.png", TestPicture(1));
     Save("cup.png", TestPicture(2));
     std::filesystem::create_directories(folder_->path() / "shelf");

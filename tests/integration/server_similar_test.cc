@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Searches with stored pictures, several at once, and as base64; two pictures compared; answers
-// drawn into the query.
+// Searches with stored pictures, several at once, and as base64; answers drawn into the query, and
+// with the query beside them.
 #include <string>
 #include <vector>
 
@@ -18,8 +18,24 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 constexpr const char* kBatch = "/v1/collections/default/search:batch";
-constexpr const char* kCompare = "/v1/compare";
 constexpr const char* kJson = "application/json";
+
+// So many times as large, each pixel repeated.
+Image Enlarged(const Image& plain, int times) {
+  Image large;
+  large.width = plain.width * times;
+  large.height = plain.height * times;
+  large.channels = plain.channels;
+  for (int y = 0; y < large.height; ++y) {
+    for (int x = 0; x < large.width; ++x) {
+      const std::uint8_t* from =
+          plain.pixels.data() +
+          (static_cast<std::size_t>(y / times) * plain.width + x / times) * plain.channels;
+      large.pixels.insert(large.pixels.end(), from, from + plain.channels);
+    }
+  }
+  return large;
+}
 
 class SimilarTest : public ServerTest {
  protected:
@@ -59,11 +75,6 @@ class SimilarTest : public ServerTest {
     const Json problem = Json::parse(answer->body);
     EXPECT_EQ(problem["code"], code) << answer->body;
     EXPECT_EQ(problem.value("parameter", ""), parameter) << answer->body;
-  }
-  httplib::Result Compare(const std::vector<std::string>& pictures, const std::string& query = "") {
-    httplib::MultipartFormDataItems form;
-    for (const std::string& picture : pictures) form.push_back({"image", picture, "a.png", ""});
-    return client_->Post(kCompare + query, form);
   }
 
   std::unique_ptr<httplib::Client> client_;
@@ -165,29 +176,6 @@ TEST_F(SimilarTest, ABatchHasAResultForEachSearch) {
   EXPECT_EQ(client_->Post("/v1/collections/none/search:batch", batch.dump(), kJson)->status, 404);
 }
 
-TEST_F(SimilarTest, TwoPicturesAreCompared) {
-  auto answer = Compare({TestPicture(1, 0), TestPicture(1, 1)}, "?explain=true");
-  ASSERT_EQ(answer->status, 200) << answer->body;
-  const Json same = Json::parse(answer->body);
-  EXPECT_EQ(same["verdict"], "found");
-  EXPECT_GT(same["probability"], 0.99);
-  EXPECT_GE(same["polygon"].size(), 3U);
-  EXPECT_EQ(same["explain"]["pairs"].size(), same["inliers"]);
-  EXPECT_GE(same["matches"], same["inliers"]);
-  answer = Compare({TestPicture(1, 0), TestPicture(2, 0)});
-  ASSERT_EQ(answer->status, 200) << answer->body;
-  const Json other = Json::parse(answer->body);
-  EXPECT_EQ(other["verdict"], "not_found");
-  EXPECT_LT(other["probability"], 0.5);
-  EXPECT_FALSE(other.contains("explain"));
-  ExpectProblem(Compare({TestPicture(1)}), 400, "missing_parameter", "image");
-  ExpectProblem(Compare({TestPicture(1), TestPicture(2), TestPicture(3)}), 400,
-                "duplicate_parameter", "image");
-  ExpectProblem(Compare({TestPicture(1), "no picture"}), 415, "image_type_unknown", "");
-  ExpectProblem(Compare({TestPicture(1), TestPicture(2).substr(0, 500)}), 422, "image_truncated",
-                "");
-}
-
 TEST_F(SimilarTest, TheAnswerIsDrawnIntoTheQuery) {
   const std::string query = TestPicture(1, 2);
   const auto decoded = [](const std::string& body) {
@@ -225,6 +213,52 @@ TEST_F(SimilarTest, TheAnswerIsDrawnIntoTheQuery) {
       200);
   ExpectProblem(client_->Post(std::string(kSearch) + "?draw=maybe", query, "image/png"), 400,
                 "invalid_parameter", "draw");
+}
+
+TEST_F(SimilarTest, TheQueryComesBackToBeShown) {
+  // Of a picture that is larger than a preview.
+  DecodeOptions options;
+  options.max_side_px = 0;
+  options.colour = true;
+  const std::string query = TestPicture(1, 2);
+  const Image plain =
+      DecodeImage({reinterpret_cast<const std::uint8_t*>(query.data()), query.size()}, options)
+          .image;
+  const Image large = Enlarged(plain, 5);
+  const std::vector<std::uint8_t> png = EncodePng(large);
+  const std::string sent(png.begin(), png.end());
+  const auto preview_of = [&](const Json& answer) {
+    const std::string prefix = "data:image/jpeg;base64,";
+    const std::string url = answer["query"].value("preview", "");
+    EXPECT_EQ(url.substr(0, prefix.size()), prefix);
+    const std::string bytes = BytesOfBase64(url.substr(std::min(url.size(), prefix.size())));
+    DecodedImage decoded =
+        DecodeImage({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, options);
+    EXPECT_EQ(decoded.format, ImageFormat::kJpeg);
+    return std::move(decoded.image);
+  };
+  const Json answer = SearchFor(*client_, sent, "?preview=true&limit=1");
+  EXPECT_EQ(answer["query"]["width"], large.width);
+  const Image preview = preview_of(answer);
+  EXPECT_EQ(std::max(preview.width, preview.height), 1280);
+  EXPECT_NEAR(preview.height, 1280.0 * large.height / large.width, 1);
+  double difference = 0;
+  for (int y = 0; y < preview.height; y += 7) {
+    for (int x = 0; x < preview.width; x += 7) {
+      const int u = std::min(plain.width - 1, x * plain.width / preview.width);
+      const int v = std::min(plain.height - 1, y * plain.height / preview.height);
+      difference += std::abs(preview.pixels[(static_cast<std::size_t>(y) * preview.width + x) * 3] -
+                             plain.pixels[(static_cast<std::size_t>(v) * plain.width + u) * 3]);
+    }
+  }
+  EXPECT_LT(difference / (preview.width / 7 * (preview.height / 7)), 12) << "the same picture";
+  // Of a stored one, and where it is not asked for, or there is none.
+  EXPECT_EQ(preview_of(Found({{"image_id", Id(2, 0)}, {"preview", true}})).width, plain.width);
+  EXPECT_FALSE(Found({{"image_id", Id(2, 0)}})["query"].contains("preview"));
+  Refused({{"image_ids", {Id(1, 0)}}, {"preview", true}}, 400, "invalid_parameter", "preview");
+  Refused({{"image_id", Id(1, 0)}, {"preview", true}, {"draw", true}}, 400, "invalid_parameter",
+          "preview");
+  Refused({{"image_id", Id(1, 0)}, {"preview", "yes"}}, 400, "invalid_parameter", "preview");
 }
 
 }  // namespace

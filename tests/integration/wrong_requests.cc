@@ -5,6 +5,8 @@
 #include <map>
 #include <utility>
 
+#include "tests/integration/server_fixture.h"
+
 namespace pliant::testing {
 namespace {
 
@@ -26,13 +28,15 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       path_(WithRequired(path)),
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
-      form_only_(operation.Takes("multipart/form-data") && !image_) {
+      form_(operation.Takes("multipart/form-data")) {
   constexpr const char* kFile = "application/octet-stream";
-  type_ = image_                   ? "image/png"
-          : json_                  ? "application/json"
-          : form_only_             ? kForm
-          : operation.Takes(kFile) ? kFile
-                                   : "";
+  constexpr const char* kLines = "application/x-ndjson";
+  type_ = image_                    ? "image/png"
+          : json_                   ? "application/json"
+          : form_                   ? kForm
+          : operation.Takes(kFile)  ? kFile
+          : operation.Takes(kLines) ? kLines
+                                    : "";
   body_ = GoodBody();
   AddBodyFaults();
   AddMissingFields();
@@ -43,7 +47,7 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
 std::set<std::string> WrongRequests::MustHave() const {
   std::set<std::string> kinds = {"unknown parameter", "oversized address"};
   if (operation_.json.contains("requestBody")) kinds.insert({"wrong type", "oversized"});
-  if (image_ || form_only_ || !RequiredFields().empty()) kinds.insert("missing field");
+  if (form_ || !RequiredFields().empty()) kinds.insert("missing field");
   for (const Json& parameter : operation_.json.value("parameters", Json::array())) {
     if (parameter["in"] == "path" && !Makes(parameter["name"])) kinds.insert("unknown id");
   }
@@ -89,13 +93,15 @@ std::string WrongRequests::WithRequired(const std::string& path) const {
 
 std::string WrongRequests::GoodBody() const {
   if (image_) return TestPicture(1);
-  if (form_only_) return Form({{"image", TestPicture(1)}});
+  if (form_ && !json_) return Form({{"image", TestPicture(1)}});
   Json body = Json::object();
   for (const std::string& field : RequiredFields()) {
     const Json& schema =
         operation_
             .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
-    body[field] = schema["type"] == "array" ? Json::array({Json{{"image_id", "mug-1"}}}) : "shelf";
+    body[field] = "shelf";
+    if (schema["type"] == "array") body[field] = Json::array({Json{{"image_id", "mug-1"}}});
+    if (schema["type"] == "object") body[field] = Json{{"image", Base64Of(TestPicture(1))}};
   }
   if (operation_.Takes("application/octet-stream")) return "SQLite";
   return json_ ? body.dump() : "";
@@ -112,7 +118,7 @@ void WrongRequests::AddBodyFaults() {
   Add("oversized", "body", path_, std::string(1'200'000, 'x'), type_, 413, "body_too_large");
   if (json_) Add("no JSON", "cut off", path_, "{", "application/json", 400, "invalid_json");
   if (json_) Add("no JSON", "a list", path_, "[]", "application/json", 400, "invalid_json");
-  if (form_only_ || image_) {
+  if (form_) {
     Add("no form", "without boundary", path_, body_, "multipart/form-data", 400, "bad_request");
     Add("no form", "cut off", path_, Form({{"image", "x"}}).substr(0, 40), kForm, 400,
         "bad_request");
@@ -130,7 +136,7 @@ void WrongRequests::AddMissingFields() {
     Add("missing field", field, path_, "{}", type_, 400, "missing_parameter");
     Add("missing field", field + " and body", path_, "", "", 400, "missing_parameter");
   }
-  if (!image_ && !form_only_) return;
+  if (!form_) return;
   Add("missing field", "body", path_, "", image_ ? "" : kForm, 400, "missing_parameter");
   const bool limit = operation_.path.ends_with("/search");
   const bool compare = operation_.path.ends_with("/compare");
@@ -172,7 +178,7 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
 void WrongRequests::AddParameterFaults() {
   Add("unknown parameter", "in the query", WithQuery(path_, "no_such=1"), body_, type_, 400,
       "unknown_parameter");
-  if (form_only_ || image_) {
+  if (form_) {
     Add("unknown parameter", "in a form", path_,
         Form({{"image", TestPicture(1)}, {"no_such", "1"}}), kForm, 400, "unknown_parameter");
   }

@@ -53,7 +53,7 @@ class WrongRequests {
 
   const Operation& operation_;
   std::string path_;
-  bool image_, json_, form_only_;
+  bool image_, json_, form_;
   std::string type_, body_;
   std::vector<Wrong> wrong_;
 };

@@ -168,11 +168,19 @@ class PicturesByAddress(FolderCase):
             view = f"http://{host}/view.png"
             self.assertEqual(client.search(image_url=view, top=1)["hits"][0]["object"], "mug")
             self.assertTrue(client.locate(None, "mug", image_url=view)["found"])
+            for pair in ({"first": self.folder / "mug.png", "second_url": view}, {"first_url": view, "second": picture(0)},
+                         {"first_url": f"http://{host}/mug.png", "second_url": view, "explain": True}):
+                compared = client.compare(**pair)
+                self.assertEqual((compared["verdict"], "explain" in compared), ("found", "explain" in pair))
+            self.assertEqual(client.compare(picture(0), picture(1))["verdict"], "not_found")
+            with self.fails(pliant.Error, "fetch_failed", "404"):
+                client.compare(picture(0), second_url=f"http://{host}/none.png")
             with self.fails(pliant.Error, "fetch_failed", "404"):
                 client.add(image_url=f"http://{host}/none.png")
             with self.fails(pliant.Error, "fetch_host_not_allowed"):
                 client.search(image_url="http://elsewhere.test/")
-            for both in (lambda: client.add(picture(1), image_url=view), client.add, client.search,
+            for both in (lambda: client.add(picture(1), image_url=view), client.add, client.search, client.compare,
+                         lambda: client.compare(picture(1)), lambda: client.compare(picture(1), picture(2), second_url=view),
                          lambda: client.search(image_id="mug-1", image_url=view), lambda: client.locate(None, "mug")):
                 with self.assertRaises(TypeError):
                     both()

@@ -119,6 +119,9 @@ def parameters():
         "bad_utf8": b"?object=\xff\xfe", "null": '\n{"object": null, "whole": "3"}', "deep": "\n" + '{"filter":' * 40,
         "etag": ':If-None-Match=W/"1", "0123"\n?whole=1', "any": ":If-None-Match=*",
         "control": "a\rb.jpg image=x",
+        "pictures": 'a.jpg image=x\n second={"image_url": "http://a.example/b.png"}',
+        "picture_json": '\n{"second": {"image": "AAAA", "image_url": null}, "image": "AAAA"}',
+        "picture_both": '\n{"second": {"image": "AAAA", "image_url": "x"}}', "picture_none": "?second={}",
     })
 
 
