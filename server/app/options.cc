@@ -14,6 +14,7 @@
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
+#include "index/store/cluster_scheme.h"
 
 namespace pliant::server {
 
@@ -192,7 +193,10 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
           .backups = {.directory = options.backup_dir,
                       .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
                       .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
-          .bulk = {.database = options.database,
+          // Of a cluster: where this machine keeps temporary files.
+          .bulk = {.database = IsClusterUrl(options.database)
+                                   ? FolderOf(options.database) / "pliant-server"
+                                   : std::filesystem::path(options.database),
                    .max_bytes = static_cast<std::uint64_t>(options.max_import_mb) * kMiB,
                    .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB,
                    .max_item_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB},

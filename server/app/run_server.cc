@@ -84,13 +84,15 @@ void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work
 // Ends the process when a second signal comes, or when what runs does not end although its
 // connections were cut off.
 void StartWatchdog(const sigset_t& signals, Seconds patience) {
-  std::thread watchdog([signals, patience] {
+  // It may be woken while what is static is already being taken down: the log of its own stays.
+  std::thread watchdog([signals, patience, log = spdlog::default_logger()] {
     if (StopSignalWithin(signals, patience)) {
-      spdlog::warn("second signal: ending at once");
+      log->warn("second signal: ending at once");
     } else {
-      spdlog::warn("still busy after the deadline: ending at once");
+      log->warn("still busy after the deadline: ending at once");
     }
-    EndNow(1);
+    log->flush();
+    std::_Exit(1);
   });
   watchdog.detach();
 }
