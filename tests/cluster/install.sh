@@ -26,7 +26,7 @@ mapfile -t libraries < <(apt-cache depends clickhouse-server clickhouse-common |
   apt-get install -y --no-install-recommends "${libraries[@]}"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-(cd "$work" && apt-get download clickhouse-server clickhouse-common)
+(cd "$work" && apt-get -o APT::Sandbox::User=root download clickhouse-server clickhouse-common)
 mkdir -p "$work/root"
 for package in "$work"/*.deb; do dpkg-deb -x "$package" "$work/root"; done
 mkdir -p "$folder"

@@ -148,6 +148,9 @@ void Wire::Serve(int client) {
   if (server >= 0) close(server);
 }
 
+SilentPort::SilentPort() : listener_(Listen(port_)) {}
+SilentPort::~SilentPort() { close(listener_); }
+
 clickhouse::KeeperOptions KeeperAt(int port) {
   return {.hosts = {{"127.0.0.1", port}},
           .root = "/pliant/test",

@@ -60,6 +60,21 @@ class Wire {
   std::thread accepting_;
 };
 
+// Listens on a port and says nothing; the system takes the connections.
+class SilentPort {
+ public:
+  SilentPort();
+  ~SilentPort();
+  SilentPort(const SilentPort&) = delete;
+  SilentPort& operator=(const SilentPort&) = delete;
+
+  int port() const { return port_; }
+
+ private:
+  int port_ = 0;
+  int listener_ = -1;
+};
+
 clickhouse::KeeperOptions KeeperAt(int port);
 
 }  // namespace pliant::testing

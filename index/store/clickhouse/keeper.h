@@ -17,7 +17,7 @@
 namespace pliant::clickhouse {
 
 struct KeeperOptions {
-  std::vector<HostPort> hosts;  // asked in any order
+  std::vector<HostPort> hosts;  // asked in any order, those that answer first
   std::string root;             // "/pliant/DATABASE"; made when absent
   // How long a server that went silent keeps its leases. The Keeper may choose another one.
   std::chrono::milliseconds session_timeout{10000};
@@ -34,7 +34,8 @@ struct KeeperValue {
 // gave it, with its session and with the process.
 class KeeperLease {
  public:
-  ~KeeperLease();  // gives it back, without waiting for it; never throws
+  // Gives it back without waiting for it: for a moment somebody still has it. Never throws.
+  ~KeeperLease();
   KeeperLease(const KeeperLease&) = delete;
   KeeperLease& operator=(const KeeperLease&) = delete;
 

@@ -3,6 +3,7 @@
 #include "index/store/clickhouse/keeper_hosts.h"
 
 #include <condition_variable>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,25 +13,32 @@
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
+#include "index/store/clickhouse/keeper_probe.h"
 
 namespace pliant::clickhouse {
 namespace {
 
-using Addresses = std::vector<std::string>;
+using Addresses = std::vector<KeeperAddress>;
 
 Addresses Find(const HostPort& host, int flags) {
   addrinfo wanted{};
   wanted.ai_socktype = SOCK_STREAM;
-  wanted.ai_flags = flags;
+  wanted.ai_flags = flags | AI_NUMERICSERV;
   addrinfo* found = nullptr;
   Addresses addresses;
-  if (getaddrinfo(host.host.c_str(), nullptr, &wanted, &found) != 0) return addresses;
+  if (getaddrinfo(host.host.c_str(), std::to_string(host.port).c_str(), &wanted, &found) != 0)
+    return addresses;
   for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
     char text[NI_MAXHOST];
-    if (getnameinfo(one->ai_addr, one->ai_addrlen, text, sizeof(text), nullptr, 0,
-                    NI_NUMERICHOST) == 0) {
-      addresses.push_back(std::string(text) + ":" + std::to_string(host.port));
+    if (one->ai_addrlen > sizeof(sockaddr_storage) ||
+        getnameinfo(one->ai_addr, one->ai_addrlen, text, sizeof(text), nullptr, 0,
+                    NI_NUMERICHOST) != 0) {
+      continue;
     }
+    KeeperAddress& address = addresses.emplace_back();
+    address.text = std::string(text) + ":" + std::to_string(host.port);
+    std::memcpy(&address.socket, one->ai_addr, one->ai_addrlen);
+    address.length = one->ai_addrlen;
   }
   freeaddrinfo(found);
   return addresses;
@@ -81,12 +89,16 @@ std::string FindAddresses(const std::vector<HostPort>& hosts,
     }
   }
   if (search->missing > 0) FindNames(hosts, search, until);
-  std::string text;
-  const std::lock_guard lock(search->mutex);
-  for (const std::optional<Addresses>& addresses : search->found) {
-    if (!addresses) continue;
-    for (const std::string& address : *addresses) text += (text.empty() ? "" : ",") + address;
+  Addresses all;
+  {
+    const std::lock_guard lock(search->mutex);
+    for (const std::optional<Addresses>& addresses : search->found) {
+      if (addresses) all.insert(all.end(), addresses->begin(), addresses->end());
+    }
   }
+  SortByAnswer(all, until);
+  std::string text;
+  for (const KeeperAddress& address : all) text += (text.empty() ? "" : ",") + address.text;
   if (text.empty()) {
     throw Error(ErrorCode::kUnavailable, "keeper_unavailable",
                 "no Keeper's name has an address: " + ListHosts(hosts));

@@ -15,7 +15,8 @@ namespace pliant::clickhouse {
 std::string ListHosts(const std::vector<HostPort>& hosts);
 
 // As the C library reads them: "10.0.0.1:2181,::1:2181". Names that have no address, or none in
-// time, are left out; throws kUnavailable "keeper_unavailable" when nothing is left.
+// time, are left out; those that serve requests come first. Throws kUnavailable
+// "keeper_unavailable" when nothing is left.
 std::string FindAddresses(const std::vector<HostPort>& hosts,
                           std::chrono::steady_clock::time_point until);
 

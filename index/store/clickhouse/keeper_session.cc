@@ -115,7 +115,10 @@ void KeeperSession::Call::Finish(int code) {
 KeeperSession::KeeperSession(const std::string& addresses, std::chrono::milliseconds timeout)
     : limit_(Limit(timeout)), heard_(Now()) {
   static std::once_flag quiet;
-  std::call_once(quiet, [] { zoo_set_debug_level(static_cast<ZooLogLevel>(0)); });
+  std::call_once(quiet, [] {
+    zoo_set_debug_level(static_cast<ZooLogLevel>(0));
+    zoo_deterministic_conn_order(1);  // the addresses are in a good order
+  });
   handle_ = zookeeper_init(addresses.c_str(), &KeeperSession::OnEvent,
                            static_cast<int>(timeout.count()), nullptr, this, 0);
   if (handle_ == nullptr) {
