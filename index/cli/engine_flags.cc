@@ -29,7 +29,9 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
 }  // namespace
 
 void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection) {
-  app.add_option("--db", engine.database, "the database file")->required()->type_name("FILE");
+  app.add_option("--db", engine.database, "the database: a file, or a cluster's URL")
+      ->required()
+      ->type_name("FILE");
   app.add_option("--collection", collection, "the collection in the database")
       ->default_val(kDefaultCollection)
       ->type_name("NAME");

@@ -112,7 +112,8 @@ void AddSwitch(CLI::App& app, const std::string& flag, bool& value, const std::s
 }
 
 void DefineBasics(CLI::App& app, ServerOptions& options) {
-  app.add_option("--db", options.database, "Database file; created if it does not exist")
+  app.add_option("--db", options.database,
+                 "Database: a file, created if it does not exist, or a cluster's URL")
       ->required()
       ->envname("PLIANT_DB");
   AddText(app, "--listen", options.listen, "HOST:PORT to listen on; port 0 takes any free one");

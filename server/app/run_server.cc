@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/app/run_server.h"
 
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -40,8 +43,14 @@ sigset_t BlockStopSignals() {
 }
 
 bool StopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
-  const timespec wait = {time.count() / 1000, (time.count() % 1000) * 1'000'000};
-  return sigtimedwait(&signals, nullptr, &wait) > 0;
+  const auto until = std::chrono::steady_clock::now() + time;
+  while (true) {
+    const auto left = std::max(std::chrono::nanoseconds(0),
+                               std::chrono::nanoseconds(until - std::chrono::steady_clock::now()));
+    const timespec wait = {left.count() / 1'000'000'000, left.count() % 1'000'000'000};
+    if (sigtimedwait(&signals, nullptr, &wait) > 0) return true;
+    if (errno != EINTR) return false;  // a process that was stopped and goes on has not waited
+  }
 }
 
 std::string AddressText(const HttpOptions& http, int port) {

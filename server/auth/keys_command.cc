@@ -100,7 +100,7 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
                        const std::string& example) {
     CLI::App* sub = app.add_subcommand(name, help);
     sub->footer("Example:  pliant-server keys " + example);
-    sub->add_option("--db", options.engine.database, "the database file")
+    sub->add_option("--db", options.engine.database, "the database: a file, or a cluster's URL")
         ->required()
         ->envname("PLIANT_DB");
     sub->callback(

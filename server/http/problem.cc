@@ -42,6 +42,11 @@ Problem MakeProblem(const std::string& code, const std::string& detail) {
 
 // What a client may know of a failure on this side.
 std::string PublicDetail(const std::string& code) {
+  if (code == "shard_unavailable") return "A part of the cluster does not answer. Try again later.";
+  if (code == "keeper_unavailable") return "Nothing can be changed at the moment. Try again later.";
+  if (code == "database_outcome_unknown") {
+    return "It may be done, or not: look before you try again.";
+  }
   if (code == "busy") return "The server is busy. Try again shortly.";
   if (code == "read_only") return "The server may not write where it keeps this.";
   if (code == "no_space") return "The server has no space left to store this.";
@@ -61,7 +66,10 @@ Problem FromError(const Error& error) {
     }
     return problem;
   }
-  problem.code = problem.status == 503                  ? "busy"
+  const ProblemCode* known = FindCode(error.reason());
+  const bool own = problem.status == 503 && known != nullptr && known->status == 503;
+  problem.code = own                                    ? error.reason()
+                 : problem.status == 503                ? "busy"
                  : problem.status == 507                ? "no_space"
                  : error.code() == ErrorCode::kReadOnly ? "read_only"
                                                         : "internal";

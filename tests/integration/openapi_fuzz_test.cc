@@ -107,8 +107,10 @@ class FuzzTest : public OpenApiTest {
   // Those of the JSON body.
   static std::vector<std::string> Fields(const Operation& operation) {
     std::vector<std::string> names = {"no_such"};
-    const Json& content = operation.json["requestBody"]["content"]["application/json"];
-    for (const auto& [name, schema] : content["schema"]["properties"].items()) {
+    const Json properties = operation.json.value(
+        Json::json_pointer("/requestBody/content/application~1json/schema/properties"),
+        Json::object());
+    for (const auto& [name, schema] : properties.items()) {
       names.push_back(name);
     }
     return names;

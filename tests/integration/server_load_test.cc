@@ -215,6 +215,32 @@ TEST_F(ServerLoadTest, ShutdownDeadlineCutsOffAndSaysSo) {
   slow.join();
 }
 
+// Ctrl-Z, a debugger or a suspended machine interrupt what waits for signals.
+TEST_F(ServerLoadTest, AServerThatIsPausedWhileItStopsStillFinishes) {
+  ServerProcess server(database(), {"--shutdown-timeout", "60", "--auto-train", "false"});
+  const std::string picture = TestPicture(1);
+  const int connection = server.Open(
+      "PUT " + ImagePath(1) + " HTTP/1.1\r\nHost: localhost\r\nContent-Type: image/png\r\n" +
+      "Content-Length: " + std::to_string(picture.size()) + "\r\n\r\n" + picture[0]);
+  ASSERT_GE(connection, 0);
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  server.Signal(SIGTERM);
+  while (server.Log().find("stopping") == std::string::npos) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  server.Signal(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  server.Signal(SIGCONT);
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const std::string rest = picture.substr(1);
+  EXPECT_EQ(send(connection, rest.data(), rest.size(), MSG_NOSIGNAL),
+            static_cast<ssize_t>(rest.size()));
+  EXPECT_EQ(server.Wait(), 0) << server.Log();
+  close(connection);
+  const ServerProcess again(database());
+  EXPECT_EQ(again.Client().Get(ImagePath(1))->status, 200);
+}
+
 TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
   std::vector<int> acknowledged;
   std::vector<int> deleted;

@@ -33,7 +33,8 @@ struct Scene {
 Scene MakeScene(int right, int wrong, double noise_px, std::uint64_t seed) {
   std::mt19937_64 generator(seed);
   std::uniform_real_distribution<double> place(0, kSide);
-  std::normal_distribution<double> noise(0, noise_px);
+  std::normal_distribution<double> unit_noise;
+  const auto noise = [&](std::mt19937_64& random) { return noise_px * unit_noise(random); };
   std::uniform_real_distribution<double> jitter(0.8, 1.25);
   Scene scene;
   for (int i = 0; i < right + wrong; ++i) {
