@@ -128,23 +128,6 @@ TEST_F(KeeperOnZooKeeperTest, NumbersAreGivenOutOnce) {
   EXPECT_EQ(*all.rbegin(), 9u + 3 * kEach * taken.size()) << "none is left out without a failure";
 }
 
-// Whoever waits has its turn, also where all others come again at once.
-TEST_F(KeeperOnZooKeeperTest, NobodyWaitsLongForNumbers) {
-  std::atomic<bool> done{false};
-  std::vector<std::jthread> others;
-  for (int i = 0; i < 7; ++i) {
-    others.emplace_back([&] {
-      while (!done) keeper_.TakeNumbers("numbers/fair", 1);
-    });
-  }
-  std::this_thread::sleep_for(milliseconds(100));
-  const std::uint64_t before = keeper_.TakeNumbers("numbers/fair", 1);
-  for (std::uint64_t i = 1; i <= 20; ++i) {
-    EXPECT_LE(keeper_.TakeNumbers("numbers/fair", 1), before + 16 * i) << "all others twice";
-  }
-  done = true;
-}
-
 TEST_F(KeeperOnZooKeeperTest, CountersEndAndMayBeDamaged) {
   EXPECT_TRUE(keeper_.Create("numbers/end", "18446744073709551610"));
   EXPECT_EQ(keeper_.TakeNumbers("numbers/end", 5), 18446744073709551610u);

@@ -3,53 +3,18 @@
 // What the functions of a Keeper share. Only keeper*.cc see it.
 #pragma once
 
-#include <condition_variable>
 #include <future>
-#include <list>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
 
 #include "descriptor/base/error.h"
+#include "index/store/clickhouse/gate.h"
 #include "index/store/clickhouse/keeper.h"
 #include "index/store/clickhouse/keeper_session.h"
 
 namespace pliant::clickhouse {
-
-// A mutex that is waited for until a moment, first come, first served.
-class Gate {
- public:
-  class Pass {
-   public:
-    Pass(Gate& gate, KeeperSession::Clock::time_point until) : gate_(gate) {
-      std::unique_lock lock(gate_.mutex_);
-      place_ = gate_.queue_.insert(gate_.queue_.end(), 0);
-      passed_ =
-          gate_.moved_.wait_until(lock, until, [this] { return place_ == gate_.queue_.begin(); });
-      if (!passed_) gate_.queue_.erase(place_);
-    }
-    ~Pass() {
-      if (!passed_) return;
-      const std::lock_guard lock(gate_.mutex_);
-      gate_.queue_.erase(place_);
-      gate_.moved_.notify_all();
-    }
-    Pass(const Pass&) = delete;
-    Pass& operator=(const Pass&) = delete;
-    explicit operator bool() const { return passed_; }
-
-   private:
-    Gate& gate_;
-    std::list<char>::iterator place_;
-    bool passed_ = false;
-  };
-
- private:
-  std::mutex mutex_;  // guards queue_
-  std::condition_variable moved_;
-  std::list<char> queue_;  // the first one has passed
-};
 
 using KeeperSend = std::function<KeeperSession::Pending(KeeperSession&)>;
 
