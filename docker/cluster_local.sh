@@ -14,7 +14,7 @@
 set -euo pipefail
 PATH=$PATH:/usr/sbin
 libraries=${LD_LIBRARY_PATH:-}
-if [ -x "${CLICKHOUSE_DIR:-}/usr/sbin/clickhouse-server" ]; then
+if [ -n "${CLICKHOUSE_DIR:-}" ] && [ -x "$CLICKHOUSE_DIR/usr/sbin/clickhouse-server" ]; then
   PATH=$CLICKHOUSE_DIR/usr/sbin:$PATH
   libraries=$(dirname "$(ls -d "$CLICKHOUSE_DIR"/usr/lib/*/libclickhouse.so.* | head -n 1)")${libraries:+:$libraries}
 fi
