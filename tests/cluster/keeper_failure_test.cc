@@ -159,6 +159,19 @@ TEST_F(KeeperFailureTest, AKeeperThatHangs) {
   }));
 }
 
+TEST_F(KeeperFailureTest, HostsThatAreSilentOrGoneCostLittle) {
+  const SilentPort silent;
+  clickhouse::KeeperOptions options = KeeperAt(zookeeper_.port());
+  options.hosts = {{"127.0.0.1", silent.port()}, {"127.0.0.1", 1}, options.hosts[0]};
+  options.session_timeout = seconds(30);  // the library alone would wait for two thirds of it
+  for (int i = 0; i < 10; ++i) {
+    Keeper keeper(options);
+    const auto before = Clock::now();
+    EXPECT_TRUE(keeper.Create("hosts/" + std::to_string(i), ""));
+    EXPECT_LT(Clock::now() - before, seconds(2));
+  }
+}
+
 TEST_F(KeeperFailureTest, EndsThoughTheKeeperHangs) {
   const auto before = [&] {
     Keeper other(KeeperAt(zookeeper_.port()));

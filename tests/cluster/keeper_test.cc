@@ -141,19 +141,6 @@ TEST_F(KeeperOnZooKeeperTest, CountersEndAndMayBeDamaged) {
   }
 }
 
-TEST_F(KeeperOnZooKeeperTest, HostsThatAreSilentOrGoneCostLittle) {
-  const SilentPort silent;
-  clickhouse::KeeperOptions options = Options();
-  options.hosts = {{"127.0.0.1", silent.port()}, {"127.0.0.1", 1}, options.hosts[0]};
-  options.session_timeout = seconds(30);  // the library alone would wait for two thirds of it
-  for (int i = 0; i < 10; ++i) {
-    Keeper keeper(options);
-    const auto before = Clock::now();
-    EXPECT_TRUE(keeper.Create("hosts/" + std::to_string(i), ""));
-    EXPECT_LT(Clock::now() - before, seconds(2));
-  }
-}
-
 TEST_F(KeeperOnZooKeeperTest, ALeaseHasOneHolder) {
   auto lease = keeper_.TryLease("leases/17", "who");
   ASSERT_NE(lease, nullptr);

@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What a Keeper says and does where there is no ZooKeeper; tests/cluster has the rest.
+#include <atomic>
 #include <chrono>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -11,6 +13,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "index/store/clickhouse/gate.h"
 #include "index/store/clickhouse/keeper.h"
 #include "tests/unit/expect_error.h"
 
@@ -22,6 +25,7 @@ using clickhouse::Keeper;
 using clickhouse::KeeperOptions;
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // Takes connections, as far as the system does that by itself, and never says a word.
@@ -148,6 +152,30 @@ TEST(KeeperTest, WaitingForOneThatIsSilentCanBeStopped) {
                 [&] { keeper.Lock("a", Clock::now() + std::chrono::hours(1), stop.get_token()); });
   }
   EXPECT_LT(Clock::now() - before, std::chrono::seconds(10));
+}
+
+TEST(GateTest, FirstComeFirstServed) {
+  clickhouse::Gate gate;
+  const auto late = Clock::now() + std::chrono::minutes(1);
+  std::vector<int> order;  // guarded by the gate
+  std::atomic<int> waiting{0};
+  std::vector<std::jthread> threads;
+  {
+    const clickhouse::Gate::Pass pass(gate, late);
+    ASSERT_TRUE(static_cast<bool>(pass));
+    EXPECT_FALSE(static_cast<bool>(clickhouse::Gate::Pass(gate, Clock::now() + milliseconds(20))));
+    for (int i = 0; i < 5; ++i) {
+      threads.emplace_back([&, i] {
+        ++waiting;
+        const clickhouse::Gate::Pass mine(gate, late);
+        order.push_back(i);
+      });
+      while (waiting != i + 1) std::this_thread::yield();
+      std::this_thread::sleep_for(milliseconds(100));  // until it is in the queue
+    }
+  }
+  const clickhouse::Gate::Pass again(gate, late);  // at once, and yet behind all of them
+  EXPECT_THAT(order, ElementsAre(0, 1, 2, 3, 4));
 }
 
 TEST(KeeperTest, ALockThatIsTooLateFromTheBeginning) {

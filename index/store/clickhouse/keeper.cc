@@ -14,6 +14,8 @@
 namespace pliant::clickhouse {
 namespace {
 
+constexpr int kTriesInARow = 4;
+
 std::uint64_t ParseCounter(const std::string& text, const std::string& path) {
   std::uint64_t value = 0;
   const char* end = text.data() + text.size();
@@ -98,7 +100,7 @@ std::uint64_t Keeper::TakeNumbers(const std::string& path, std::uint64_t count,
   const std::string absolute = impl_->Absolute(path);
   const auto until = impl_->CallEnd();
   const Gate::Pass one_at_a_time(impl_->numbers, until);
-  for (bool trouble = false; one_at_a_time && KeeperSession::Clock::now() < until;) {
+  for (int tries = 1; one_at_a_time && KeeperSession::Clock::now() < until; ++tries) {
     const KeeperAnswer now =
         impl_->AskAgain([&](KeeperSession& session) { return session.Get(absolute); }, until);
     if (now.code != ZOK && now.code != ZNONODE) throw impl_->Unexpected(now.code, absolute);
@@ -117,7 +119,7 @@ std::uint64_t Keeper::TakeNumbers(const std::string& path, std::uint64_t count,
         until);
     if (taken.code == ZOK) return first;
     // After trouble they may have been taken: then they are nobody's.
-    trouble = IsTrouble(taken.code);
+    const bool trouble = IsTrouble(taken.code);
     if (taken.code == ZNONODE && fresh) {
       impl_->MakeParents(absolute, until);
       continue;
@@ -129,7 +131,8 @@ std::uint64_t Keeper::TakeNumbers(const std::string& path, std::uint64_t count,
     if (trouble && KeeperSession::Clock::now() >= until) {
       throw impl_->Unavailable("there was no answer in time");
     }
-    PauseBriefly();
+    // Who came first comes again at once, so one who paused would lose to it again.
+    if (trouble || tries > kTriesInARow) PauseBriefly();
   }
   throw Error(ErrorCode::kUnavailable, "keeper_busy",
               "too many take numbers from the Keeper's " + absolute);

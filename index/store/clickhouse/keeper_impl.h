@@ -10,42 +10,11 @@
 #include <vector>
 
 #include "descriptor/base/error.h"
+#include "index/store/clickhouse/gate.h"
 #include "index/store/clickhouse/keeper.h"
 #include "index/store/clickhouse/keeper_session.h"
 
 namespace pliant::clickhouse {
-
-// A mutex that is waited for until a moment. Not std::timed_mutex, which ThreadSanitizer of GCC 12
-// does not understand.
-class Gate {
- public:
-  class Pass {
-   public:
-    Pass(Gate& gate, KeeperSession::Clock::time_point until) : gate_(gate) {
-      std::unique_lock lock(gate_.mutex_);
-      passed_ = gate_.opened_.wait_until(lock, until, [this] { return !gate_.taken_; });
-      gate_.taken_ = gate_.taken_ || passed_;
-    }
-    ~Pass() {
-      if (!passed_) return;
-      const std::lock_guard lock(gate_.mutex_);
-      gate_.taken_ = false;
-      gate_.opened_.notify_one();
-    }
-    Pass(const Pass&) = delete;
-    Pass& operator=(const Pass&) = delete;
-    explicit operator bool() const { return passed_; }
-
-   private:
-    Gate& gate_;
-    bool passed_ = false;
-  };
-
- private:
-  std::mutex mutex_;  // guards taken_
-  std::condition_variable opened_;
-  bool taken_ = false;
-};
 
 using KeeperSend = std::function<KeeperSession::Pending(KeeperSession&)>;
 
