@@ -174,14 +174,15 @@ TEST_F(LargeImportTest, GoesOnAfterKill) {
   EXPECT_EQ(Files().size(), 1U);
   server_->Signal(SIGKILL);
   server_->Wait();
-  EXPECT_EQ(Files().size(), 1U);
+  ASSERT_EQ(Files().size(), 1U);
+  const std::filesystem::path body = Files().front();
   // Left by a server that was killed while it received something, and one that may be young.
   const std::string abandoned = (folder_.path() / "test.db.import-").string();
   const std::filesystem::path old = abandoned + std::string(32, 'a');
   const std::filesystem::path young = abandoned + std::string(32, 'b');
   const std::filesystem::path other = abandoned + "mine";
   for (const auto& file : {old, young, other}) std::ofstream(file) << "x";
-  for (const auto& file : {old, other, Files().front()}) {
+  for (const auto& file : {old, other, body}) {
     std::filesystem::last_write_time(
         file, std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));
   }
