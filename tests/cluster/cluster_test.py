@@ -177,11 +177,12 @@ class ClusterTest(unittest.TestCase):
         self.assertIn("does not answer", refused.stderr)
         self.assertEqual(local("up", self.folder.name).returncode, 0)
 
-    def test_6_what_is_no_cluster_and_what_clusters_cannot_do_yet(self):
+    def test_6_what_is_no_cluster_and_an_empty_one(self):
         self.assertIn("pliant db", self.pliant("cluster", "check", "--db", "a.db", status=2).stderr)
         self.assertIn("cannot be reached", self.pliant("cluster", "check", "--db", "clickhouse://127.0.0.1:1/p",
                                                        status=1).stderr)
-        self.assertIn("pliant cluster", self.pliant("db", "stats", "--db", self.url, status=2).stderr)
+        self.assertIn("is empty", self.pliant("db", "stats", "--db", self.url, status=1).stderr)
+        self.assertIn("names no Keeper", self.pliant("db", "stats", "--db", self.url.split("?")[0], status=2).stderr)
 
 
 def main():
