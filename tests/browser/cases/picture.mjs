@@ -55,7 +55,7 @@ for (const [size, options] of Object.entries({ wide: {}, phone: kPhone })) {
     assert.match(download.suggestedFilename(), /^kettle-1\.png$/);
     assert.deepEqual(readFileSync(await download.path()), blobs(301, 480, 360), "the bytes that were added");
 
-    await page.getByRole("button", { name: "Edit the picture kettle-1" }).click();
+    await page.locator("#view-picture").getByRole("button", { name: "Edit the picture kettle-1" }).click();
     await page.getByLabel("Labels, one a line").fill("shelf=7\ncolour=red");
     await house.checkOverlaps(page, `editing ${size}`);
     await page.getByRole("button", { name: "Save" }).click();
@@ -126,7 +126,7 @@ test("an object's page: its pictures, its name, its end", async () => {
   await house.shoot(page, "object-page");
   await house.checkAccessibility(page, "object");
   await house.checkOverlaps(page, "object");
-  await page.getByRole("button", { name: "Rename lamp" }).click();
+  await page.locator("#view-object").getByRole("button", { name: "Rename lamp" }).click();
   await page.getByLabel("Name", { exact: true }).fill("desk lamp");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#object-title", /^desk lamp$/);
@@ -134,7 +134,7 @@ test("an object's page: its pictures, its name, its end", async () => {
   await page.goBack();
   await house.waitForText(page, "#objects-list", /desk lamp/);
   await page.locator("#objects-list a", { hasText: "desk lamp" }).click();
-  await page.getByRole("button", { name: "Rename desk lamp" }).click();
+  await page.locator("#view-object").getByRole("button", { name: "Rename desk lamp" }).click();
   await page.getByLabel("Name", { exact: true }).fill("lamp");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#object-title", /^lamp$/);
@@ -151,7 +151,7 @@ test("what is deleted on its page is gone from the list one comes back to, and u
   const page = await house.openPage(`${server.address}/#/object?name=kettle`);
   await page.locator("#object-list .card").nth(2).waitFor();
   await page.locator("#object-list a", { hasText: "kettle-2" }).click();
-  await page.getByRole("button", { name: "Delete the picture kettle-2" }).click();
+  await page.locator("#view-picture").getByRole("button", { name: "Delete the picture kettle-2" }).click();
   await house.waitForText(page, "#object-title", /^kettle$/);
   await page.waitForFunction(() => document.querySelectorAll("#object-list .card").length === 2);
   await house.checkOverlaps(page, "deleted", { notices: true });
@@ -159,7 +159,7 @@ test("what is deleted on its page is gone from the list one comes back to, and u
   await house.waitForText(page, "#picture-facts", /kettle-2/);
   assert.equal(await status("/images/kettle-2"), 200);
 
-  await page.getByRole("button", { name: "Delete the picture kettle-2" }).click();
+  await page.locator("#view-picture").getByRole("button", { name: "Delete the picture kettle-2" }).click();
   await page.mouse.move(5, 5);
   await page.locator("#notices .notice").waitFor({ state: "detached" });
   assert.equal(await status("/images/kettle-2"), 404);
