@@ -66,13 +66,14 @@ function askBeforeRevoking(button, key) {
   no.focus();
   no.addEventListener("click", () => { question.replaceWith(button); button.focus(); });
   sure.addEventListener("click", async () => {
+    let failure = null;
     try {
       await api.deletePath(`/v1/keys/${encodeURIComponent(key.id)}`);
-      say(byId("keys-status"), `The key "${key.name}" is revoked.`);
     } catch (error) {
-      say(byId("keys-status"), error.message, true);
+      failure = error.message;
     }
-    await refresh();
+    await refresh();  // first: what is said is seen in the list
+    say(byId("keys-status"), failure ?? `The key "${key.name}" is revoked.`, Boolean(failure));
     byId("keys-title").focus();
   });
 }
@@ -110,8 +111,9 @@ export const keysView = {
     say(byId("keys-status"), "");
     return refresh();
   },
-  hide() {  // it was shown once
-    byId("keys-new").replaceChildren();
+  hide() {
+    byId("keys-list").replaceChildren();  // who comes back must not press what is about to be drawn anew
+    byId("keys-new").replaceChildren();  // it was shown once
     byId("keys-new").hidden = true;
   },
 };
