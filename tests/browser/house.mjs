@@ -212,18 +212,28 @@ export async function hitNames(page) {
   return page.locator("#results .name").allInnerTexts();
 }
 
-// The demonstration objects, added over HTTP.
-export async function loadDemonstration(address) {
-  const ask = async (path, options) => (await fetch(address + path, options)).json();
-  const { id } = await ask("/v1/collections/default/demo", { method: "POST" });
+const ask = async (address, path, options) => (await fetch(address + path, options)).json();
+
+// Begins a job and waits for its end.
+async function finish(address, path, options = {}) {
+  const { id } = await ask(address, path, { method: "POST", ...options });
   for (;;) {
-    const job = await ask(`/v1/jobs/${id}`);
+    const job = await ask(address, `/v1/jobs/${id}`);
     if (job.state === "done") break;
     assert.ok(["queued", "running"].includes(job.state), JSON.stringify(job));
     await new Promise((wake) => setTimeout(wake, 250));
   }
-  return (await ask("/v1/collections/default/demo")).objects;
 }
+
+// The demonstration objects, added over HTTP.
+export async function loadDemonstration(address) {
+  await finish(address, "/v1/collections/default/demo");
+  return (await ask(address, "/v1/collections/default/demo")).objects;
+}
+
+// A vocabulary of all that is there now: the one that the server trains by itself may be of what was there a moment ago.
+export const trainVocabulary = (address, words) => finish(address, "/v1/collections/default/vocabularies", {
+  headers: { "Content-Type": "application/json" }, body: JSON.stringify({ words }) });
 
 export async function bytesOf(address, path) {
   const answer = await fetch(address + path);

@@ -12,6 +12,7 @@ const unknown = { name: "unknown.png", mimeType: "image/png", buffer: blobs(77, 
 
 test("what is not in the collection is said to be so; nothing is chosen, nothing outlined", async () => {
   await house.loadDemonstration(server.address);
+  await house.trainVocabulary(server.address, 600);
   const page = await house.openPage(server.address);
   await page.locator("#search-file").setInputFiles(unknown);
   await house.waitForText(page, "#search-status", /^Not in your collection\./);
