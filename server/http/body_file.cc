@@ -4,17 +4,16 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <string>
 #include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "server/http/file_error.h"
 
 namespace pliant::server {
 
@@ -22,32 +21,13 @@ namespace {
 
 constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
 
-[[noreturn]] void ThrowSystem(const std::filesystem::path& directory, int number) {
-  const std::string what = directory.string() + ": " + std::strerror(number);
-  switch (number) {
-    case ENOSPC:
-    case EDQUOT:
-    case EFBIG:
-      throw Error(ErrorCode::kNoSpace, "no_space", what);
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      throw Error(ErrorCode::kReadOnly, "read_only", what);
-    case EMFILE:
-    case ENFILE:
-      throw Error(ErrorCode::kUnavailable, "too_many_open_files", what);
-    default:
-      throw Error(ErrorCode::kInternal, "io_error", what);
-  }
-}
-
 int Open(const std::filesystem::path& directory) {
   const int nameless = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (nameless >= 0) return nameless;
-  if (errno != EOPNOTSUPP && errno != EISDIR && errno != ENOENT) ThrowSystem(directory, errno);
+  if (errno != EOPNOTSUPP && errno != EISDIR && errno != ENOENT) ThrowFileError(directory, errno);
   std::string name = (directory / ".pliant-answer-XXXXXX").string();  // network file systems
   const int fd = ::mkostemp(name.data(), O_CLOEXEC);
-  if (fd < 0) ThrowSystem(directory, errno);
+  if (fd < 0) ThrowFileError(directory, errno);
   ::unlink(name.c_str());
   return fd;
 }
@@ -62,7 +42,7 @@ BodyFile::BodyFile(const std::filesystem::path& file)
       fd_(::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)) {
   const Error absent(ErrorCode::kNotFound, "file_not_found", "there is no file " + file.string());
   if (fd_ < 0 && (errno == ENOENT || errno == ELOOP || errno == ENXIO)) throw absent;
-  if (fd_ < 0) ThrowSystem(file, errno);
+  if (fd_ < 0) ThrowFileError(file, errno);
   struct stat info {};
   if (::fstat(fd_, &info) != 0 || !S_ISREG(info.st_mode)) {
     ::close(fd_);
@@ -82,17 +62,13 @@ BodyFile::~BodyFile() {
 
 void BodyFile::Append(std::string_view bytes) {
   if (size_ == 0 || size_ - checked_ >= kCheckEvery) {
-    struct statvfs disk {};
-    if (::fstatvfs(fd_, &disk) != 0) ThrowSystem(directory_, errno);
-    if (disk.f_bavail * disk.f_frsize < reserve_bytes_ + kCheckEvery + bytes.size()) {
-      ThrowSystem(directory_, ENOSPC);
-    }
+    RequireDiskSpace(directory_, kCheckEvery + bytes.size(), reserve_bytes_);
     checked_ = size_;
   }
   while (!bytes.empty()) {
     const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
-    if (written < 0) ThrowSystem(directory_, errno);
+    if (written < 0) ThrowFileError(directory_, errno);
     bytes.remove_prefix(static_cast<std::size_t>(written));
     size_ += static_cast<std::uint64_t>(written);
   }

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "server/http/file_error.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -31,33 +32,6 @@ constexpr const char* kMark = ".import-";
 constexpr std::size_t kIdDigits = 32;
 constexpr std::uint64_t kLookEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
 constexpr std::chrono::minutes kYoung{1};              // its upload may have made it just now
-
-[[noreturn]] void ThrowSystem(const fs::path& path, int number) {
-  const std::string what = path.string() + ": " + std::strerror(number);
-  switch (number) {
-    case ENOSPC:
-    case EDQUOT:
-    case EFBIG:
-      throw Error(ErrorCode::kNoSpace, "no_space", what);
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      throw Error(ErrorCode::kReadOnly, "read_only", what);
-    case EMFILE:
-    case ENFILE:
-      throw Error(ErrorCode::kUnavailable, "too_many_open_files", what);
-    default:
-      throw Error(ErrorCode::kInternal, "io_error", what);
-  }
-}
-
-void RequireSpace(const fs::path& directory, std::uint64_t bytes, std::uint64_t reserve) {
-  struct statvfs disk {};
-  if (::statvfs(directory.c_str(), &disk) != 0) ThrowSystem(directory, errno);
-  const std::uint64_t available = std::uint64_t{disk.f_bavail} * disk.f_frsize;
-  if (available >= reserve && available - reserve >= bytes) return;  // a sum could overflow
-  ThrowSystem(directory, ENOSPC);
-}
 
 std::string NewId() {
   std::random_device random;
@@ -87,13 +61,13 @@ std::set<std::string> IdsInUse(JobQueue& jobs) {
 
 MappedFile::MappedFile(int fd) {
   struct stat info {};
-  if (::fstat(fd, &info) != 0) ThrowSystem("fstat", errno);
+  if (::fstat(fd, &info) != 0) ThrowFileError("fstat", errno);
   size_ = static_cast<std::size_t>(info.st_size);
   if (size_ == 0) return;
   data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
   if (data_ == MAP_FAILED) {
     data_ = nullptr;
-    ThrowSystem("mmap", errno);
+    ThrowFileError("mmap", errno);
   }
 }
 
@@ -110,7 +84,7 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
     throw ProblemError("body_too_large",
                        fmt::format("An import may have {} bytes.", options_.max_bytes));
   }
-  RequireSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
+  RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
   const auto give_back = [uploads = uploads_](std::atomic<int>*) { --*uploads; };
   if (++*uploads_ > kMostUploads) {
     --*uploads_;
@@ -129,7 +103,7 @@ std::unique_ptr<MappedFile> BulkFiles::Open(const std::string& id) const {
   const fs::path path = PathOf(id);
   const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
   if (fd < 0 && errno == ENOENT) return nullptr;
-  if (fd < 0) ThrowSystem(path, errno);
+  if (fd < 0) ThrowFileError(path, errno);
   try {
     auto file = std::make_unique<MappedFile>(fd);
     ::close(fd);
@@ -174,7 +148,7 @@ BulkUpload::BulkUpload(fs::path path, std::string id, std::uint64_t reserve_byte
       reserve_bytes_(reserve_bytes),
       uploads_(std::move(uploads)),
       fd_(::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
-  if (fd_ < 0) ThrowSystem(path_, errno);
+  if (fd_ < 0) ThrowFileError(path_, errno);
   ::flock(fd_, LOCK_EX | LOCK_NB);
 }
 
@@ -186,13 +160,13 @@ BulkUpload::~BulkUpload() {
 
 void BulkUpload::Append(std::string_view bytes) {
   if (written_ == 0 || written_ - looked_ >= kLookEvery) {
-    RequireSpace(path_.parent_path(), kLookEvery + bytes.size(), reserve_bytes_);
+    RequireDiskSpace(path_.parent_path(), kLookEvery + bytes.size(), reserve_bytes_);
     looked_ = written_;
   }
   while (!bytes.empty()) {
     const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) ThrowSystem(path_, errno);
+    if (n < 0) ThrowFileError(path_, errno);
     bytes.remove_prefix(static_cast<std::size_t>(n));
     written_ += static_cast<std::uint64_t>(n);
   }
@@ -204,13 +178,13 @@ std::string_view BulkUpload::All() {
 }
 
 void BulkUpload::Sync() {
-  if (::fsync(fd_) != 0) ThrowSystem(path_, errno);
+  if (::fsync(fd_) != 0) ThrowFileError(path_, errno);
   const fs::path directory = path_.parent_path();
   const int fd = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) ThrowSystem(directory, errno);
+  if (fd < 0) ThrowFileError(directory, errno);
   const int failed = ::fsync(fd) == 0 ? 0 : errno;
   ::close(fd);
-  if (failed != 0) ThrowSystem(directory, failed);
+  if (failed != 0) ThrowFileError(directory, failed);
 }
 
 }  // namespace pliant::server

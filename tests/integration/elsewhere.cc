@@ -3,63 +3,26 @@
 #include "tests/integration/elsewhere.h"
 
 #include <chrono>
-#include <stdexcept>
+#include <thread>
 #include <utility>
 
-#include <arpa/inet.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 namespace pliant::testing {
-
 namespace {
 
-constexpr int kLookMs = 50;
-
-bool Readable(int fd) {
-  pollfd waiting = {fd, POLLIN, 0};
-  return poll(&waiting, 1, kLookMs) > 0;
-}
+constexpr std::chrono::milliseconds kDrip{50};  // between two bytes
 
 }  // namespace
 
 Elsewhere::Elsewhere(std::function<std::string(const std::string&)> answer)
-    : answer_(std::move(answer)), listener_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t length = sizeof(address);
-  if (bind(listener_, reinterpret_cast<const sockaddr*>(&address), length) != 0 ||
-      listen(listener_, 64) != 0 ||
-      getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &length) != 0) {
-    throw std::runtime_error("there is no port for another server");
-  }
-  port_ = ntohs(address.sin_port);
-  accepting_ = std::thread([this] { Accept(); });
-}
-
-Elsewhere::~Elsewhere() {
-  ending_ = true;
-  accepting_.join();
-  for (std::thread& thread : threads_) thread.join();
-  close(listener_);
-}
-
-void Elsewhere::Accept() {
-  while (!ending_) {
-    if (!Readable(listener_)) continue;
-    const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
-    if (fd < 0) continue;
-    ++connections_;
-    threads_.emplace_back([this, fd] { Serve(fd); });
-  }
-}
+    : answer_(std::move(answer)), listener_([this](int fd, int) { Serve(fd); }) {}
 
 void Elsewhere::Serve(int fd) {
   std::string head;
-  while (!ending_ && head.find("\r\n\r\n") == std::string::npos) {
-    if (!Readable(fd)) continue;
+  while (!listener_.ending() && head.find("\r\n\r\n") == std::string::npos) {
+    if (!LocalListener::Readable(fd)) continue;
     char buffer[4096];
     const ssize_t got = recv(fd, buffer, sizeof(buffer), 0);
     if (got <= 0) break;
@@ -71,7 +34,7 @@ void Elsewhere::Serve(int fd) {
   }
   const std::string path = head.substr(head.find(' ') + 1);
   if (path.starts_with("/silent")) {
-    while (!ending_ && !Readable(fd)) {
+    while (!listener_.ending() && !LocalListener::Readable(fd)) {
     }
   } else {
     Send(fd, answer_(head), path.starts_with("/drip"));
@@ -82,11 +45,11 @@ void Elsewhere::Serve(int fd) {
 
 bool Elsewhere::Send(int fd, const std::string& bytes, bool drip) {
   std::size_t sent = 0;
-  while (!ending_ && sent < bytes.size()) {
+  while (!listener_.ending() && sent < bytes.size()) {
     const ssize_t n = send(fd, bytes.data() + sent, drip ? 1 : bytes.size() - sent, MSG_NOSIGNAL);
     if (n <= 0) return false;
     sent += static_cast<std::size_t>(n);
-    if (drip) std::this_thread::sleep_for(std::chrono::milliseconds(kLookMs));
+    if (drip) std::this_thread::sleep_for(kDrip);
   }
   return true;
 }

@@ -4,12 +4,12 @@
 // has written, byte by byte.
 #pragma once
 
-#include <atomic>
 #include <functional>
 #include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
+
+#include "tests/integration/local_listener.h"
 
 namespace pliant::testing {
 
@@ -19,34 +19,25 @@ class Elsewhere {
   // that head; then the connection is closed. A path that begins with /drip is answered with a byte
   // every 50 ms; /silent is not answered at all.
   explicit Elsewhere(std::function<std::string(const std::string& head)> answer);
-  ~Elsewhere();
-  Elsewhere(const Elsewhere&) = delete;
-  Elsewhere& operator=(const Elsewhere&) = delete;
 
-  int port() const { return port_; }
-  std::string host() const { return "127.0.0.1:" + std::to_string(port_); }
+  int port() const { return listener_.port(); }
+  std::string host() const { return "127.0.0.1:" + std::to_string(port()); }
   std::string url(const std::string& path) const { return "http://" + host() + path; }
 
   std::vector<std::string> heads() const;  // of all requests so far
-  int connections() const { return connections_; }
+  int connections() const { return listener_.connections(); }
 
   static std::string Ok(const std::string& body, const std::string& more_headers = "");
   static std::string Redirect(const std::string& location, int status = 302);
 
  private:
-  void Accept();
   void Serve(int fd);
   bool Send(int fd, const std::string& bytes, bool drip);
 
   std::function<std::string(const std::string&)> answer_;
-  int listener_ = -1;
-  int port_ = 0;
-  std::atomic<bool> ending_{false};
-  std::atomic<int> connections_{0};
   mutable std::mutex mutex_;  // guards heads_
   std::vector<std::string> heads_;
-  std::vector<std::thread> threads_;  // of connections; the accepting one's until it has ended
-  std::thread accepting_;
+  LocalListener listener_;  // ends first
 };
 
 }  // namespace pliant::testing

@@ -4,11 +4,8 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <stdexcept>
 #include <utility>
 
-#include <arpa/inet.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -16,13 +13,6 @@ namespace pliant::testing {
 namespace {
 
 using std::chrono::milliseconds;
-
-constexpr int kLookMs = 10;
-
-bool Readable(int fd) {
-  pollfd waiting = {fd, POLLIN, 0};
-  return poll(&waiting, 1, kLookMs) > 0;
-}
 
 std::size_t BodyBytes(const std::string& head) {
   const std::string name = "Content-Length: ";
@@ -33,36 +23,8 @@ std::size_t BodyBytes(const std::string& head) {
 }  // namespace
 
 OddServer::OddServer(std::function<Answer(const Request&)> answer)
-    : answer_(std::move(answer)), listener_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t length = sizeof(address);
-  if (bind(listener_, reinterpret_cast<const sockaddr*>(&address), length) != 0 ||
-      listen(listener_, 64) != 0 ||
-      getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &length) != 0) {
-    throw std::runtime_error("there is no port for another server");
-  }
-  port_ = ntohs(address.sin_port);
-  accepting_ = std::thread([this] { Accept(); });
-}
-
-OddServer::~OddServer() {
-  ending_ = true;
-  accepting_.join();
-  for (std::thread& thread : threads_) thread.join();
-  close(listener_);
-}
-
-void OddServer::Accept() {
-  while (!ending_) {
-    if (!Readable(listener_)) continue;
-    const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
-    if (fd < 0) continue;
-    const int connection = ++connections_;
-    threads_.emplace_back([this, fd, connection] { Serve(fd, connection); });
-  }
-}
+    : answer_(std::move(answer)),
+      listener_([this](int fd, int connection) { Serve(fd, connection); }) {}
 
 void OddServer::Serve(int fd, int connection) {
   std::string buffer;
@@ -96,12 +58,12 @@ bool OddServer::Read(int fd, std::string& buffer, Request& request) {
         return true;
       }
     }
-    while (!Readable(fd)) {
-      if (ending_ || hangs_up_) return false;
+    while (!LocalListener::Readable(fd)) {
+      if (listener_.ending() || hangs_up_) return false;
     }
     char piece[16384];
     const ssize_t got = recv(fd, piece, sizeof(piece), 0);
-    if (got <= 0 || ending_) return false;
+    if (got <= 0 || listener_.ending()) return false;
     buffer.append(piece, static_cast<std::size_t>(got));
   }
 }
@@ -119,10 +81,10 @@ bool OddServer::Send(int fd, const Answer& answer) {
 
 bool OddServer::Sleep(milliseconds time) const {
   const auto until = std::chrono::steady_clock::now() + time;
-  while (!ending_ && std::chrono::steady_clock::now() < until) {
-    std::this_thread::sleep_for(std::min(time, milliseconds(kLookMs)));
+  while (!listener_.ending() && std::chrono::steady_clock::now() < until) {
+    std::this_thread::sleep_for(std::min(time, milliseconds(LocalListener::kLookMs)));
   }
-  return !ending_;
+  return !listener_.ending();
 }
 
 std::vector<OddServer::Request> OddServer::requests() const {

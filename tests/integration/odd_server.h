@@ -8,8 +8,9 @@
 #include <functional>
 #include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
+
+#include "tests/integration/local_listener.h"
 
 namespace pliant::testing {
 
@@ -31,12 +32,9 @@ class OddServer {
 
   // On a free port of 127.0.0.1. `answer` is called in several threads at once.
   explicit OddServer(std::function<Answer(const Request&)> answer);
-  ~OddServer();
-  OddServer(const OddServer&) = delete;
-  OddServer& operator=(const OddServer&) = delete;
 
-  int port() const { return port_; }
-  int connections() const { return connections_; }
+  int port() const { return listener_.port(); }
+  int connections() const { return listener_.connections(); }
   std::vector<Request> requests() const;
   // From now on, connections are closed in place of being read.
   void HangUp() { hangs_up_ = true; }
@@ -48,22 +46,16 @@ class OddServer {
                        const std::string& more_headers = "");
 
  private:
-  void Accept();
   void Serve(int fd, int connection);
   bool Read(int fd, std::string& buffer, Request& request);
   bool Send(int fd, const Answer& answer);
   bool Sleep(std::chrono::milliseconds time) const;
 
   const std::function<Answer(const Request&)> answer_;
-  int port_ = 0;
-  int listener_ = -1;
-  std::atomic<bool> ending_{false};
   std::atomic<bool> hangs_up_{false};
-  std::atomic<int> connections_{0};
   mutable std::mutex mutex_;  // guards requests_
   std::vector<Request> requests_;
-  std::vector<std::thread> threads_;  // the accepting one's until it has ended
-  std::thread accepting_;
+  LocalListener listener_;  // ends first
 };
 
 }  // namespace pliant::testing
