@@ -50,18 +50,36 @@ std::error_code FlushDirectory(const std::filesystem::path& directory) {
   return error;
 }
 
+std::filesystem::path FolderOf(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : ".";
+}
+
 }  // namespace
 
 std::error_code ReplaceFile(const std::filesystem::path& path,
                             std::span<const std::string_view> parts) {
-  const std::string temporary = path.string() + ".part-" + std::to_string(::getpid());
+  const std::string temporary = TemporaryNameOf(path);
   std::error_code error = WriteNew(temporary, parts);
   if (!error && std::rename(temporary.c_str(), path.c_str()) != 0) error = LastError();
   if (error) {
     ::unlink(temporary.c_str());
     return error;
   }
-  return FlushDirectory(path.has_parent_path() ? path.parent_path() : ".");
+  return FlushDirectory(FolderOf(path));
+}
+
+std::string TemporaryNameOf(const std::filesystem::path& path) {
+  return path.string() + ".part-" + std::to_string(::getpid());
+}
+
+std::error_code PublishFile(const std::string& temporary, const std::filesystem::path& path) {
+  const int fd = ::open(temporary.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return LastError();
+  const std::error_code error = Flush(fd);
+  ::close(fd);
+  if (error) return error;
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) return LastError();
+  return FlushDirectory(FolderOf(path));
 }
 
 }  // namespace pliant

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -15,5 +16,12 @@ namespace pliant {
 // callers turn it into the Error of their own. Thread-safe for different paths.
 [[nodiscard]] std::error_code ReplaceFile(const std::filesystem::path& path,
                                           std::span<const std::string_view> parts);
+
+// The name of the temporary file, for those who write it themselves.
+std::string TemporaryNameOf(const std::filesystem::path& path);
+// What ReplaceFile does with the temporary file once it is written: flushes and renames it. On
+// failure it stays where it is.
+[[nodiscard]] std::error_code PublishFile(const std::string& temporary,
+                                          const std::filesystem::path& path);
 
 }  // namespace pliant

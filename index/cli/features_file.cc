@@ -10,10 +10,12 @@
 #include <string_view>
 #include <system_error>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/safetensors.h"
+#include "index/cli/hdf5_file.h"
 #include "index/cli/write_file.h"
 #include "index/files/features_npz.h"
 #include "index/files/text.h"
@@ -55,6 +57,10 @@ void WriteTensors(const std::filesystem::path& path, const std::vector<Tensor>& 
 
 bool IsNpz(const std::filesystem::path& path) { return path.extension() == ".npz"; }
 
+bool IsHdf5(const std::filesystem::path& path) {
+  return path.extension() == ".h5" || path.extension() == ".hdf5";
+}
+
 // The rows of all pictures, and which are whose.
 struct Joined {
   Features all;
@@ -62,7 +68,7 @@ struct Joined {
   std::vector<std::int64_t> starts = {0}, widths, heights;
 };
 
-Joined Join(std::span<const FolderPicture> pictures) {
+Joined Join(const std::vector<FolderPicture>& pictures) {
   Joined joined;
   for (const FolderPicture& picture : pictures) {
     const Features& f = picture.features;
@@ -82,35 +88,7 @@ Joined Join(std::span<const FolderPicture> pictures) {
   return joined;
 }
 
-}  // namespace
-
-void CheckFeaturesName(const std::filesystem::path& path) {
-  const std::string extension = path.extension().string();
-  if (IsNpz(path) || extension == ".safetensors") return;
-  const bool hdf5 = extension == ".h5" || extension == ".hdf5";
-  throw Error(
-      ErrorCode::kInvalidArgument, "bad_features_name",
-      ToDisplayText(path.string()) +
-          ": features are written as .npz (NumPy) or .safetensors; the name must say which" +
-          (hdf5 ? ". HDF5 is not written: in Python, h5py makes it from the arrays of a .npz"
-                : ""));
-}
-
-void WriteFeatures(const std::filesystem::path& path, const Features& features) {
-  CheckFeaturesName(path);
-  if (!IsNpz(path)) {
-    return WriteTensors(path, TensorsOf(features),
-                        {{"model_id", features.model_id},
-                         {"width", std::to_string(features.width)},
-                         {"height", std::to_string(features.height)}});
-  }
-  WriteFile(path, FeaturesNpz(features));
-}
-
-void WriteFolderFeatures(const std::filesystem::path& path,
-                         std::span<const FolderPicture> pictures) {
-  CheckFeaturesName(path);
-  const Joined joined = Join(pictures);
+void WriteJoined(const std::filesystem::path& path, const Joined& joined) {
   const std::tuple<const char*, const std::vector<std::int64_t>&> lists[] = {
       {"starts", joined.starts}, {"width", joined.widths}, {"height", joined.heights}};
   if (IsNpz(path)) {
@@ -129,6 +107,67 @@ void WriteFolderFeatures(const std::filesystem::path& path,
   }
   WriteTensors(path, tensors,
                {{"model_id", joined.all.model_id}, {"names", Json(joined.names).dump()}});
+}
+
+class JoinedFile final : public FolderFeaturesFile {
+ public:
+  explicit JoinedFile(std::filesystem::path path) : path_(std::move(path)) {}
+  bool Add(FolderPicture picture) override {
+    pictures_.push_back(std::move(picture));
+    return true;
+  }
+  void Publish() override { WriteJoined(path_, Join(pictures_)); }
+
+ private:
+  const std::filesystem::path path_;
+  std::vector<FolderPicture> pictures_;
+};
+
+class GroupsFile final : public FolderFeaturesFile {
+ public:
+  explicit GroupsFile(const std::filesystem::path& path) : file_(path) {}
+  bool Add(FolderPicture picture) override {
+    return file_.Add(ToDisplayText(picture.name), picture.features);
+  }
+  void Publish() override { file_.Publish(); }
+
+ private:
+  Hdf5File file_;
+};
+
+}  // namespace
+
+void CheckFeaturesName(const std::filesystem::path& path) {
+  if (!IsNpz(path) && !IsHdf5(path) && path.extension() != ".safetensors") {
+    throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
+                ToDisplayText(path.string()) +
+                    ": features are written as .npz (NumPy), .h5 (HDF5) or .safetensors; the name "
+                    "must say which");
+  }
+  CheckWritable(path);
+}
+
+void WriteFeatures(const std::filesystem::path& path, const std::string& name,
+                   const Features& features) {
+  CheckFeaturesName(path);
+  if (IsHdf5(path)) {
+    Hdf5File file(path);
+    file.Add(ToDisplayText(name), features);
+    file.Publish();
+  } else if (IsNpz(path)) {
+    WriteFile(path, FeaturesNpz(features));
+  } else {
+    WriteTensors(path, TensorsOf(features),
+                 {{"model_id", features.model_id},
+                  {"width", std::to_string(features.width)},
+                  {"height", std::to_string(features.height)}});
+  }
+}
+
+std::unique_ptr<FolderFeaturesFile> OpenFolderFeatures(const std::filesystem::path& path) {
+  CheckFeaturesName(path);
+  if (IsHdf5(path)) return std::make_unique<GroupsFile>(path);
+  return std::make_unique<JoinedFile>(path);
 }
 
 }  // namespace pliant::cli

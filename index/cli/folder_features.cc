@@ -18,6 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kPicturesOfAThread = 32;  // that are in memory at once
+
 fs::path RootOf(const std::vector<fs::path>& inputs) {
   std::error_code error;
   if (inputs.size() == 1 && fs::is_directory(inputs[0], error)) return fs::canonical(inputs[0]);
@@ -31,6 +33,21 @@ fs::path RootOf(const std::vector<fs::path>& inputs) {
 
 bool IsSurfaceMap(const fs::path& path) {  // of the simulator
   return path.filename().string().ends_with(".uv.png");
+}
+
+// Why it cannot be described, if it cannot.
+std::optional<SkippedFile> Describe(const FeatureExtractor& extractor, const EngineOptions& engine,
+                                    int threads, FolderPicture& picture) {
+  try {
+    const std::vector<std::uint8_t> bytes =
+        ReadPicture(picture.path, engine.extraction.decode.max_bytes).bytes;
+    picture.features = extractor.Extract(bytes, threads);
+    picture.exif_orientation = ReadImageHeader(bytes).exif_orientation;
+    return std::nullopt;
+  } catch (const Error& error) {
+    if (!ConcernsOnePicture(error.code()) && error.code() != ErrorCode::kNotFound) throw;
+    return SkippedFile{ToDisplayText(picture.name), error.reason(), ToDisplayText(error.what())};
+  }
 }
 
 }  // namespace
@@ -53,40 +70,44 @@ FolderFeatures FindFolderPictures(const std::vector<fs::path>& inputs) {
   return folder;
 }
 
-void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
-                    const Interrupt& interrupt) {
+void DescribeEach(FolderFeatures& folder, const EngineOptions& engine, int threads,
+                  const Interrupt& interrupt, const std::function<void(FolderPicture)>& take) {
   const std::string descriptor =
       engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(descriptor, engine.descriptor_options),
                                    engine.extraction);
+  std::vector<FolderPicture> pictures = std::move(folder.pictures);
+  folder.pictures.clear();
   const int wanted = ResolveThreads(threads);
   const auto at_once = static_cast<int>(
-      std::clamp<std::size_t>(folder.pictures.size(), 1, static_cast<std::size_t>(wanted)));
-  std::vector<std::optional<SkippedFile>> failures(folder.pictures.size());
+      std::clamp<std::size_t>(pictures.size(), 1, static_cast<std::size_t>(wanted)));
   Progress progress("pictures");
   std::atomic<std::uint64_t> done{0};
-  ParallelFor(folder.pictures.size(), wanted, [&](std::size_t i) {
+  const std::size_t batch = kPicturesOfAThread * static_cast<std::size_t>(wanted);
+  for (std::size_t first = 0; first < pictures.size(); first += batch) {
+    const std::size_t count = std::min(batch, pictures.size() - first);
+    std::vector<std::optional<SkippedFile>> failures(count);
+    ParallelFor(count, wanted, [&](std::size_t i) {
+      if (interrupt.requested()) return;
+      failures[i] = Describe(extractor, engine, wanted / at_once, pictures[first + i]);
+      progress.Count(++done, pictures.size());
+    });
     if (interrupt.requested()) return;
-    FolderPicture& picture = folder.pictures[i];
-    try {
-      const std::vector<std::uint8_t> bytes =
-          ReadPicture(picture.path, engine.extraction.decode.max_bytes).bytes;
-      picture.features = extractor.Extract(bytes, wanted / at_once);
-      picture.exif_orientation = ReadImageHeader(bytes).exif_orientation;
-    } catch (const Error& error) {
-      if (!ConcernsOnePicture(error.code()) && error.code() != ErrorCode::kNotFound) throw;
-      failures[i] = {ToDisplayText(picture.name), error.reason(), ToDisplayText(error.what())};
-    }
-    progress.Count(++done, folder.pictures.size());
-  });
-  std::vector<FolderPicture> described;
-  for (std::size_t i = 0; i < failures.size(); ++i) {
-    if (failures[i]) {
-      folder.skipped.push_back(*failures[i]);
-    } else {
-      described.push_back(std::move(folder.pictures[i]));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (failures[i]) {
+        folder.skipped.push_back(*failures[i]);
+      } else {
+        take(std::move(pictures[first + i]));
+      }
     }
   }
+}
+
+void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
+                    const Interrupt& interrupt) {
+  std::vector<FolderPicture> described;
+  DescribeEach(folder, engine, threads, interrupt,
+               [&](FolderPicture picture) { described.push_back(std::move(picture)); });
   folder.pictures = std::move(described);
 }
 

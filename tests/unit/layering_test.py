@@ -37,6 +37,7 @@ OWNERS = {
     "sqlite3": {"index/store/sqlite"},
     "httplib": {"server", "index/store/clickhouse"},
     "curl/": {"server/fetch"},
+    "hdf5": {"index/cli"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
 }
