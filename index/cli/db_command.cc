@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant db stats | check | backup | restore | copy | originals | rm
+// pliant db stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
 
 #include "index/cli/command.h"
 #include "index/cli/db_copy.h"
+#include "index/cli/db_export.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
+#include "index/cli/write_file.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
 
@@ -20,6 +22,7 @@ struct Options {
   std::filesystem::path backup;
   std::string place;
   CopyCommandOptions copy;
+  ExportOptions exporting;
   std::vector<std::string> ids;
   std::vector<std::string> objects;
   bool sweep = false;
@@ -154,6 +157,15 @@ ExitStatus CopyAll(Options& options) {
   return RunCopy(options.copy);
 }
 
+ExitStatus Export(Options& options) {
+  CheckExportName(options.exporting.out);
+  CheckWritable(options.exporting.out);
+  options.exporting.collection = options.collection;
+  options.exporting.json = options.json;
+  Engine engine = OpenEngine(options, Access::kRead);
+  return RunExport(engine, options.exporting);
+}
+
 ExitStatus MoveOriginals(Options& options) {
   Engine engine = OpenEngine(options, Access::kWrite);
   MoveOriginalsResult result;
@@ -248,6 +260,21 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->required();
   copy->add_option("--compare", options->copy.compare, "rankings of both to compare afterwards")
       ->capture_default_str();
+  CLI::App* exporting =
+      add("export", "Write the features of a collection, or its records, to a file", Export,
+          "export features.npz --db my.db");
+  exporting
+      ->add_option(
+          "FILE", options->exporting.out,
+          "the file to write: features as .npz (NumPy) or .h5 (HDF5, as hloc reads it), or "
+          "records as .ndjson")
+      ->required();
+  exporting->add_option("--object", options->exporting.object, "only pictures of this object")
+      ->type_name("NAME");
+  exporting
+      ->add_option("--filter", options->exporting.filter,
+                   "only pictures whose metadata match, as of `pliant query`")
+      ->option_text("JSON");
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
       "originals pictures/ --db my.db")
       ->add_option("DIR|database", options->place, "the new location of the files")

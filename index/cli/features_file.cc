@@ -2,14 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/features_file.h"
 
-#include <array>
 #include <cstdint>
 #include <cstring>
 #include <map>
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -28,11 +26,6 @@ std::vector<std::uint8_t> BytesOf(const std::vector<Value>& values) {
   std::vector<std::uint8_t> bytes(values.size() * sizeof(Value));
   if (!bytes.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());
   return bytes;
-}
-
-template <typename Value>
-std::string_view ViewOf(const std::vector<Value>& values) {
-  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
 }
 
 std::vector<Tensor> TensorsOf(const Features& features) {
@@ -88,25 +81,35 @@ Joined Join(const std::vector<FolderPicture>& pictures) {
   return joined;
 }
 
-void WriteJoined(const std::filesystem::path& path, const Joined& joined) {
-  const std::tuple<const char*, const std::vector<std::int64_t>&> lists[] = {
-      {"starts", joined.starts}, {"width", joined.widths}, {"height", joined.heights}};
-  if (IsNpz(path)) {
-    NpzArchive archive;
-    AddFeatures(archive, joined.all);
-    archive.AddTexts("names", joined.names);
-    for (const auto& [name, values] : lists) {
-      const auto count = static_cast<std::int64_t>(values.size());
-      archive.Add(name, "<i8", {&count, 1}, ViewOf(values));
-    }
-    return WriteFile(path, archive.Finish());
-  }
+void WriteTensorsOf(const std::filesystem::path& path, const std::vector<FolderPicture>& pictures) {
+  const Joined joined = Join(pictures);
   std::vector<Tensor> tensors = TensorsOf(joined.all);
-  for (const auto& [name, values] : lists) {
-    tensors.push_back({name, "I64", {static_cast<std::int64_t>(values.size())}, BytesOf(values)});
+  for (const auto& [name, values] : {std::pair{"starts", &joined.starts},
+                                     {"width", &joined.widths},
+                                     {"height", &joined.heights}}) {
+    tensors.push_back({name, "I64", {static_cast<std::int64_t>(values->size())}, BytesOf(*values)});
   }
   WriteTensors(path, tensors,
                {{"model_id", joined.all.model_id}, {"names", Json(joined.names).dump()}});
+}
+
+void WriteArchiveOf(const std::filesystem::path& path, const std::vector<FolderPicture>& pictures) {
+  FeatureTotals totals;
+  for (const FolderPicture& picture : pictures) {
+    const Features& features = picture.features;
+    totals.Count(ToDisplayText(picture.name), features.keypoints.size());
+    totals.kind = features.descriptors.kind;
+    totals.dim = features.descriptors.dim;
+    totals.model_id = features.model_id;
+  }
+  NewFile file(path);
+  FeaturesArchive archive(
+      totals, [&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
+  for (const FolderPicture& picture : pictures) {
+    archive.Add(ToDisplayText(picture.name), "", picture.features);
+  }
+  archive.Finish();
+  file.Publish();
 }
 
 class JoinedFile final : public FolderFeaturesFile {
@@ -116,7 +119,9 @@ class JoinedFile final : public FolderFeaturesFile {
     pictures_.push_back(std::move(picture));
     return true;
   }
-  void Publish() override { WriteJoined(path_, Join(pictures_)); }
+  void Publish() override {
+    IsNpz(path_) ? WriteArchiveOf(path_, pictures_) : WriteTensorsOf(path_, pictures_);
+  }
 
  private:
   const std::filesystem::path path_;

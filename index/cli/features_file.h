@@ -37,8 +37,7 @@ class FolderFeaturesFile {
   // False: there is a picture of this name, or a folder, already. HDF5 is written as pictures come;
   // the others keep all in memory.
   virtual bool Add(FolderPicture picture) = 0;
-  // Replaces the file. Throws kTooLarge "archive_too_large" for a .npz above 2 GiB. What is not
-  // published leaves nothing.
+  // Replaces the file. What is not published leaves nothing.
   virtual void Publish() = 0;
 };
 std::unique_ptr<FolderFeaturesFile> OpenFolderFeatures(const std::filesystem::path& path);

@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/write_file.h"
 
+#include <cerrno>
 #include <fstream>
 #include <string>
 #include <system_error>
+#include <utility>
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
@@ -38,6 +41,39 @@ void CheckWritable(const std::filesystem::path& path) {
   if (writable) return;
   throw Error(ErrorCode::kNoSpace, "write_failed",
               path.string() + " cannot be written; is the folder there and writable?");
+}
+
+NewFile::NewFile(std::filesystem::path path)
+    : path_(std::move(path)),
+      temporary_(TemporaryNameOf(path_)),
+      fd_(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  if (fd_ < 0) Fail(std::generic_category().message(errno));
+}
+
+NewFile::~NewFile() {
+  if (fd_ < 0) return;
+  ::close(fd_);
+  ::unlink(temporary_.c_str());
+}
+
+void NewFile::Fail(const std::string& why) const {
+  throw Error(ErrorCode::kNoSpace, "write_failed",
+              path_.string() + " could not be written: " + why);
+}
+
+void NewFile::Write(std::uint64_t offset, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) Fail(std::generic_category().message(errno));
+    bytes.remove_prefix(static_cast<std::size_t>(n));
+    offset += static_cast<std::uint64_t>(n);
+  }
+}
+
+void NewFile::Publish() {
+  if (const std::error_code error = PublishFile(temporary_, path_)) Fail(error.message());
+  ::close(std::exchange(fd_, -1));
 }
 
 }  // namespace pliant::cli

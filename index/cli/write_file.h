@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 namespace pliant::cli {
@@ -13,5 +15,25 @@ void WriteFile(const std::filesystem::path& path, std::string_view content);
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
 // the path is a folder. To be called before the work whose result is written.
 void CheckWritable(const std::filesystem::path& path);
+
+// A file that is written a piece at a time, anywhere in it, and takes its place in one step. What
+// is not published leaves nothing. Throws kNoSpace "write_failed".
+class NewFile {
+ public:
+  explicit NewFile(std::filesystem::path path);
+  ~NewFile();
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  void Write(std::uint64_t offset, std::string_view bytes);
+  void Publish();
+
+ private:
+  [[noreturn]] void Fail(const std::string& why) const;
+
+  const std::filesystem::path path_;
+  const std::string temporary_;
+  int fd_;
+};
 
 }  // namespace pliant::cli

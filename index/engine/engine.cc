@@ -173,6 +173,15 @@ void Engine::ForEachPage(const PictureListing& list,
   impl_->catalogue().ForEachPicturePage(list, work);
 }
 
+void Engine::ForEachFeatures(const PictureListing& list,
+                             const std::function<void(const PicturePage&)>& look,
+                             const std::function<void(const ImageRecord&, const Features&)>& take) {
+  CheckListing(list.which, list);
+  impl_->ForEachFeatures(list, look, take);
+}
+
+DescriptorInfo Engine::Model() { return impl_->Model(); }
+
 ObjectPage Engine::ListPage(const ObjectListing& list) {
   CheckListing(list.which, list);
   return impl_->catalogue().ListObjectPage(list);

@@ -128,6 +128,12 @@ class Engine {
   // All pages, one after the other, of one state of the database: what is changed meanwhile is not
   // seen. Writers go on, and the database's log grows until it ends.
   void ForEachPage(const PictureListing& list, const std::function<void(const PicturePage&)>& work);
+  // Likewise, with the features of each picture: `look` sees all pages first, then `take` each
+  // picture, in the same order.
+  void ForEachFeatures(const PictureListing& list,
+                       const std::function<void(const PicturePage&)>& look,
+                       const std::function<void(const ImageRecord&, const Features&)>& take);
+  DescriptorInfo Model();  // what the pictures are described with
   ObjectPage ListPage(const ObjectListing& list);
   // Removes all pictures selected, at once or not at all; how many. Nothing selected apart from the
   // collection is kInvalidArgument "selection_empty": that would be all of it.

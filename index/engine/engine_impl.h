@@ -31,6 +31,10 @@ class Engine::Impl {
   AddResult Add(const AddRequest& request, const PictureCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
   Features GetFeatures(const std::string& collection, const std::string& id);
+  void ForEachFeatures(const PictureListing& list,
+                       const std::function<void(const PicturePage&)>& look,
+                       const std::function<void(const ImageRecord&, const Features&)>& take);
+  DescriptorInfo Model() const { return store_->model().info; }
   ImageRecord Change(const std::string& collection, const std::string& id,
                      const PictureChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,

@@ -142,4 +142,14 @@ Features Engine::Impl::GetFeatures(const std::string& collection, const std::str
   return features;
 }
 
+void Engine::Impl::ForEachFeatures(
+    const PictureListing& list, const std::function<void(const PicturePage&)>& look,
+    const std::function<void(const ImageRecord&, const Features&)>& take) {
+  catalogue().ForEachPictureFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
+    Features features = DecodeFeatures(encoded);
+    features.model_id = store_->model().info.model_id;
+    take(record, features);
+  });
+}
+
 }  // namespace pliant

@@ -87,6 +87,11 @@ class Catalogue {
   // All pages, one after the other, of one state of the store, however long `work` takes.
   virtual void ForEachPicturePage(PictureListing list,
                                   const std::function<void(const PicturePage&)>& work) = 0;
+  // The same pictures twice, of one state of the store, in the same order: page by page, then one
+  // by one with their encoded features, of which a page is in memory.
+  virtual void ForEachPictureFeatures(
+      PictureListing list, const std::function<void(const PicturePage&)>& look,
+      const std::function<void(const ImageRecord&, Bytes features)>& take) = 0;
   virtual ObjectPage ListObjectPage(const ObjectListing& list) = 0;
   // The picture that `request` would only store once more (store/unchanged.h).
   virtual std::optional<ImageRecord> FindUnchanged(const AddRequest& request,

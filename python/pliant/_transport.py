@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import random
 import ssl
 import struct
@@ -12,7 +13,7 @@ import time
 import urllib.parse
 import uuid
 import zlib
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from pliant import _problems
 from pliant.errors import ConnectionFailedError, InvalidArgumentError
@@ -55,8 +56,9 @@ class Transport:
         self.address = f"{parts.scheme}://{parts.netloc}{self._prefix}"
 
     def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None, body: bytes | None = None,
-             content_type: str | None = None, again: bool | None = None, patient: bool = True) -> Answer:
-        """Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
+             content_type: str | None = None, again: bool | None = None, patient: bool = True,
+             into: BinaryIO | None = None) -> Answer:
+        """`into`: a new file that takes the body of a success, a piece at a time. Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
         `again`: whether the request does the same when it is done twice; by default all methods but POST and PATCH.
         Others get an Idempotency-Key, by which the server does them once."""
         if again is None:
@@ -73,7 +75,7 @@ class Transport:
         failed = 0
         while True:
             try:
-                answer = self._once(method, target, body, headers)
+                answer = self._once(method, target, body, headers, into)
             except (OSError, http.client.HTTPException) as error:
                 if isinstance(error, ssl.SSLCertVerificationError) or failed >= retries:
                     raise ConnectionFailedError(f"{method} {self.address}{path}: {error or type(error).__name__}",
@@ -90,7 +92,8 @@ class Transport:
             time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
             failed += 1
 
-    def _once(self, method: str, target: str, body: bytes | None, headers: dict[str, str]) -> Answer:
+    def _once(self, method: str, target: str, body: bytes | None, headers: dict[str, str],
+              into: BinaryIO | None) -> Answer:
         connection: http.client.HTTPConnection
         if self._tls:
             connection = http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout, context=self._tls)
@@ -99,6 +102,9 @@ class Transport:
         try:
             connection.request(method, target, body, {**headers, "Connection": "close"})
             response = connection.getresponse()
+            if into is not None and response.status < 300:
+                _copy(response, into)
+                return Answer(response.status, response.headers, b"", None)
             data = response.read()
             document = None
             if response.status < 300 and data and "json" in response.headers.get("Content-Type", ""):
@@ -108,6 +114,41 @@ class Transport:
             raise http.client.HTTPException(f"the answer cannot be read: {error}") from error
         finally:
             connection.close()
+
+
+class _FileFailed(Exception):
+    """The file that takes a body cannot be written: no failure of the connection."""
+
+
+def _copy(response: http.client.HTTPResponse, file: BinaryIO) -> None:
+    try:
+        file.seek(0)
+        file.truncate()
+    except OSError as error:
+        raise _FileFailed from error
+    while data := response.read(1 << 20):
+        try:
+            file.write(data)
+        except OSError as error:
+            raise _FileFailed from error
+    if response.length:  # read(n) does not say that something is missing
+        raise http.client.IncompleteRead(b"", response.length)
+
+
+def download(transport: Transport, path: str, parameters: dict[str, Any], target: str | os.PathLike[str]) -> None:
+    """A file, which appears when it is complete. OSError where it cannot be written."""
+    final = os.fsdecode(os.fspath(target))
+    partial = f"{final}.part-{uuid.uuid4().hex}"
+    with open(partial, "xb", buffering=0) as file:
+        try:
+            transport.call("GET", path, parameters=parameters, into=file)
+            os.replace(partial, final)
+        except _FileFailed as failed:
+            os.unlink(partial)
+            raise failed.__cause__ or failed from None
+        except BaseException:
+            os.unlink(partial)
+            raise
 
 
 def segment(name: str, value: str) -> str:

@@ -12,7 +12,7 @@ import ssl
 import time
 from typing import Any, Callable, Iterator, Mapping, Sequence, Union
 
-from pliant import _problems
+from pliant import _problems, _transport
 from pliant._transport import Transport, png, segment
 from pliant.errors import UnavailableError
 
@@ -110,6 +110,13 @@ class Client:
     def features(self, id: str) -> Json:
         """Key points, and descriptors as base64."""
         return self._get(self._image(id) + "/features")
+
+    def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
+                      q: str | None = None) -> None:
+        """Writes the features of the whole collection (of an object, of those that pass) to an .npz file, which
+        `pliant.Features.load_folder` and `numpy.load` read: by ids, all of one state. `objects` says what each shows.
+        The file appears when it is complete."""
+        _transport.download(self._transport, f"{self._base}/features", _listing(object=object, filter=filter, q=q), path)
 
     def delete(self, id: str) -> None:
         """Deletes a picture for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""

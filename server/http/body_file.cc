@@ -60,17 +60,25 @@ BodyFile::~BodyFile() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-void BodyFile::Append(std::string_view bytes) {
-  if (size_ == 0 || size_ - checked_ >= kCheckEvery) {
-    RequireDiskSpace(directory_, kCheckEvery + bytes.size(), reserve_bytes_);
-    checked_ = size_;
+void BodyFile::Append(std::string_view bytes) { Write(size_, bytes); }
+
+void BodyFile::Reserve(std::uint64_t bytes) const {
+  RequireDiskSpace(directory_, bytes, reserve_bytes_);
+}
+
+void BodyFile::Write(std::uint64_t offset, std::string_view bytes) {
+  if (written_ == 0 || written_ - checked_ >= kCheckEvery) {
+    Reserve(kCheckEvery + bytes.size());
+    checked_ = written_;
   }
   while (!bytes.empty()) {
-    const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
+    const ssize_t written = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) ThrowFileError(directory_, errno);
     bytes.remove_prefix(static_cast<std::size_t>(written));
-    size_ += static_cast<std::uint64_t>(written);
+    offset += static_cast<std::uint64_t>(written);
+    written_ += static_cast<std::uint64_t>(written);
+    size_ = std::max(size_, offset);
   }
 }
 

@@ -31,6 +31,10 @@ class BodyFile {
   BodyFile& operator=(const BodyFile&) = delete;
 
   void Append(std::string_view bytes);  // throws as the constructor does
+  // For one that is written anywhere, until all places below size() are. Throws likewise; Reserve,
+  // before, when so many bytes would not fit on the disk.
+  void Reserve(std::uint64_t bytes) const;
+  void Write(std::uint64_t offset, std::string_view bytes);
   std::uint64_t size() const { return size_; }
   // Of a file that is there: another one, or another state of it, has another.
   const std::string& version() const { return version_; }
@@ -46,7 +50,8 @@ class BodyFile {
   int fd_ = -1;
   std::string version_;
   std::uint64_t size_ = 0;
-  std::uint64_t checked_ = 0;  // size when the free space was looked at
+  std::uint64_t written_ = 0;
+  std::uint64_t checked_ = 0;  // written_ when the free space was looked at
 };
 
 }  // namespace pliant::server

@@ -31,6 +31,7 @@ struct HeaderNameLess {
 };
 
 inline constexpr const char* kNdjsonType = "application/x-ndjson";
+inline constexpr const char* kNpzType = "application/vnd.numpy.npz";
 inline constexpr const char* kTarType = "application/x-tar";
 inline constexpr const char* kFileType = "application/octet-stream";
 

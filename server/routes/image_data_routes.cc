@@ -11,8 +11,6 @@ namespace pliant::server {
 
 namespace {
 
-constexpr const char* kNpzType = "application/vnd.numpy.npz";
-
 // Pictures come from strangers: whatever their bytes are, a browser must not run them. Who names
 // the bytes may keep them: at that address they are never others. Another key may not see them.
 void AddPictureHeaders(Response& response, const std::string& etag, const ImageRecord& image,

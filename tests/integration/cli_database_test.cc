@@ -74,6 +74,50 @@ TEST_F(CliTest, VocabulariesFromTheCommandLine) {
   EXPECT_EQ(RunProgram({"db", "check", "--db", db_}).out, "ok\n");
 }
 
+// That NumPy and HDF5 read what is written is the tests' of Python, and of `describe`.
+TEST_F(CliTest, ExportsFeaturesAndRecords) {
+  WriteObjects(4);
+  ASSERT_EQ(Index().status, 0);
+  const auto run = [&](const std::string& name, std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"db", "export", (folder_ / name).string(), "--db", db_, "--json"});
+    return RunProgram(more);
+  };
+  for (const std::string name : {"x.npz", "x.h5", "x.hdf5", "x.ndjson"}) {
+    const ProgramResult result = run(name);
+    ASSERT_EQ(result.status, 0) << result.err;
+    EXPECT_EQ(result.json()["images"], 4);
+    EXPECT_EQ(result.json()["bytes"], std::filesystem::file_size(folder_ / name));
+  }
+  const auto start = [&](const std::string& name) {
+    const std::vector<std::uint8_t> bytes = ReadBytes(folder_ / name);
+    return std::string(bytes.begin(), bytes.begin() + 4);
+  };
+  EXPECT_EQ(start("x.npz"), "PK\x03\x04");
+  EXPECT_EQ(start("x.h5"), "\x89HDF");
+  const std::vector<std::uint8_t> lines = ReadBytes(folder_ / "x.ndjson");
+  EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 4);
+  EXPECT_EQ(Json::parse(lines.begin(), std::find(lines.begin(), lines.end(), '\n'))["collection"],
+            "default");
+  EXPECT_EQ(run("o2.npz", {"--object", "o2"}).json()["images"], 1);
+  EXPECT_EQ(run("none.npz", {"--filter", R"({"year": 3})"}).json()["images"], 0);
+  EXPECT_EQ(run("x.npz", {"--filter", "x"}).status, 2);
+  EXPECT_EQ(run("x.npz", {"--collection", "none"}).json()["error"]["code"], "collection_not_found");
+  EXPECT_EQ(run("x.txt").json()["error"]["code"], "bad_export_name");
+  EXPECT_EQ(run("nowhere/x.npz").json()["error"]["code"], "write_failed");
+  const std::vector<std::uint8_t> before = ReadBytes(folder_ / "x.npz");
+  for (const std::string name : {"x.npz", "x.h5", "x.ndjson"}) {
+    const ProgramResult full =
+        RunProgram({"db", "export", (folder_ / name).string(), "--db", db_, "--json"},
+                   {.max_file_bytes = 500});
+    EXPECT_EQ(full.status, 1) << name;
+    EXPECT_EQ(full.json()["error"]["code"], "write_failed") << full.out;
+  }
+  EXPECT_EQ(ReadBytes(folder_ / "x.npz"), before);
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    EXPECT_EQ(entry.path().string().find(".part-"), std::string::npos) << entry.path();
+  }
+}
+
 TEST_F(CliTest, LookingAfterADatabase) {
   WriteObjects(5);
   ASSERT_EQ(Index().status, 0);

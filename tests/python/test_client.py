@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """The client against a real server."""
+import base64
 import functools
 import http.server
 import pathlib
@@ -72,6 +73,28 @@ class Served(FolderCase):
         self.assertEqual(shelf.get("grey")["id"], "grey")
         self.assertEqual(shelf.thumbnail("grey")[:2], b"\xff\xd8")
         self.assertEqual(shelf.features("grey")["descriptors"]["rows"], shelf.get("grey")["keypoints"])
+        shelf.save_features(self.folder / "shelf.npz")
+        all_of_it = pliant.Features.load_folder(self.folder / "shelf.npz")
+        self.assertEqual(sorted(all_of_it), [one["id"] for one in shelf.images()])
+        for id, features in all_of_it.items():
+            alone = shelf.features(id)
+            rows = np.frombuffer(base64.b64decode(alone["descriptors"]["base64"]), np.float32).reshape(-1, 128)
+            np.testing.assert_array_equal(features.descriptors, rows)
+            np.testing.assert_array_equal(features.keypoints[:, 0], np.float32([k["x"] for k in alone["keypoints"]]))
+            self.assertEqual((features.width, features.height, features.model_id),
+                             (alone["width"], alone["height"], alone["model_id"]))
+        with np.load(self.folder / "shelf.npz") as arrays:
+            self.assertEqual(dict(zip(arrays["names"].tolist(), arrays["objects"].tolist())),
+                             {"cup:1": "cup é/?#", "grey": "", record["id"]: "mug"})
+        shelf.save_features(self.folder / "mug.npz", "mug")
+        self.assertEqual(list(pliant.Features.load_folder(self.folder / "mug.npz")), [record["id"]])
+        before = (self.folder / "mug.npz").read_bytes()
+        with self.assertRaises(pliant.NotFoundError):
+            client.collection("none").save_features(self.folder / "mug.npz")
+        self.assertEqual((self.folder / "mug.npz").read_bytes(), before)
+        with self.assertRaises(OSError):
+            shelf.save_features(self.folder / "nowhere" / "x.npz")
+        self.assertEqual([f.name for f in self.folder.iterdir() if ".part-" in f.name], [])
         shelf.delete("grey")
         self.assertEqual(shelf.delete_object("cup é/?#"), 1)
         self.assertEqual(shelf.info()["images"], 1)

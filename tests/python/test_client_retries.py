@@ -5,6 +5,8 @@
 import http.client
 import http.server
 import json
+import pathlib
+import tempfile
 import threading
 import time
 import unittest
@@ -54,6 +56,24 @@ class Scripted(unittest.TestCase):
         self.addCleanup(self.server.shutdown)
         self.address = f"http://127.0.0.1:{self.server.server_port}"
         self.client = pliant.Client(self.address, "secret")
+
+    def test_a_download_is_whole_or_not_there(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            whole = (200, {"Content-Type": "application/vnd.numpy.npz"}, b"0123456789")
+            cut = (200, {"Content-Type": "application/vnd.numpy.npz", "Content-Length": "10"}, b"0123")
+            self.answers = [BUSY, cut, whole]
+            self.client.save_features(folder / "x.npz")
+            self.assertEqual((folder / "x.npz").read_bytes(), b"0123456789")
+            self.answers = [cut] * 3
+            with self.assertRaises(pliant.ConnectionFailedError):
+                pliant.Client(self.address, retries=2, max_wait=0.01).save_features(folder / "x.npz")
+            self.assertEqual((folder / "x.npz").read_bytes(), b"0123456789")
+            with self.assertRaises(OSError):
+                self.client.save_features(folder)
+            with self.assertRaises(TypeError):
+                self.client.save_features(None)
+            self.assertEqual([file.name for file in folder.iterdir()], ["x.npz"])
 
     def methods(self):
         return [method for method, *_ in self.seen]

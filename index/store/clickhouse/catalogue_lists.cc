@@ -177,7 +177,11 @@ PicturePage ClickhouseCatalogue::ListPicturePage(const PictureListing& list) {
 
 void ClickhouseCatalogue::ForEachPicturePage(PictureListing list,
                                              const std::function<void(const PicturePage&)>& work) {
-  const Snapshot now = snapshots_.Now();
+  EachPageAt(snapshots_.Now(), std::move(list), work);
+}
+
+void ClickhouseCatalogue::EachPageAt(const Snapshot& now, PictureListing list,
+                                     const std::function<void(const PicturePage&)>& work) {
   now.registry->Require(list.which.collection);
   while (true) {
     const PicturePage page = PageAt(now, list);
@@ -185,6 +189,31 @@ void ClickhouseCatalogue::ForEachPicturePage(PictureListing list,
     if (!page.next) return;
     list.after = *page.next;
   }
+}
+
+void ClickhouseCatalogue::ForEachPictureFeatures(
+    PictureListing list, const std::function<void(const PicturePage&)>& look,
+    const std::function<void(const ImageRecord&, Bytes features)>& take) {
+  const Snapshot now = snapshots_.Now();
+  EachPageAt(now, list, look);
+  const std::uint32_t collection = now.registry->Require(list.which.collection).key;
+  EachPageAt(now, list, [&](const PicturePage& page) {
+    std::vector<std::string> ids;
+    for (const ImageRecord& record : page.records) ids.push_back(record.id);
+    std::map<std::string, std::uint32_t> numbers;
+    std::vector<std::uint64_t> wanted;
+    for (const PictureState& state : states_.ByIds(collection, ids, now.log)) {
+      numbers.emplace(state.record.id, state.picture);
+      wanted.push_back(state.picture);
+    }
+    const auto features = states_.Features(wanted);
+    for (const ImageRecord& record : page.records) {
+      const auto number = numbers.find(record.id);
+      const auto blob = number == numbers.end() ? features.end() : features.find(number->second);
+      if (blob == features.end()) ThrowFeaturesMissing();
+      take(record, blob->second);
+    }
+  });
 }
 
 std::vector<ImageRecord> ClickhouseCatalogue::ListPictures(const ListOptions& options) {

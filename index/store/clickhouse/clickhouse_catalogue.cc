@@ -81,6 +81,11 @@ std::optional<StoredPicture> ClickhouseCatalogue::FindDescribed(const std::strin
   return std::nullopt;
 }
 
+void ThrowFeaturesMissing() {
+  throw Error(ErrorCode::kCorrupt, "features_missing",
+              "a stored picture has lost its features; run `pliant db check`");
+}
+
 std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
     std::span<const PictureRef> refs, Load what) {
   std::vector<std::optional<StoredPicture>> pictures(refs.size());
@@ -110,10 +115,7 @@ std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
                                 {}};
     if (what == Load::kRecords) continue;
     const auto blob = features.find(state->second.picture);
-    if (blob == features.end()) {
-      throw Error(ErrorCode::kCorrupt, "features_missing",
-                  "a stored picture has lost its features; run `pliant db check`");
-    }
+    if (blob == features.end()) ThrowFeaturesMissing();
     pictures[i]->features = blob->second;
   }
   return pictures;

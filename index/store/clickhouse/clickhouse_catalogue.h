@@ -22,6 +22,8 @@ struct CollectionCounts {
   std::uint64_t descriptors = 0;
 };
 
+[[noreturn]] void ThrowFeaturesMissing();  // kCorrupt "features_missing"
+
 class ClickhouseCatalogue : public Catalogue {
  public:
   // `password`: for Check(), which asks every node.
@@ -46,6 +48,9 @@ class ClickhouseCatalogue : public Catalogue {
   PicturePage ListPicturePage(const PictureListing& list) override;
   void ForEachPicturePage(PictureListing list,
                           const std::function<void(const PicturePage&)>& work) override;
+  void ForEachPictureFeatures(
+      PictureListing list, const std::function<void(const PicturePage&)>& look,
+      const std::function<void(const ImageRecord&, Bytes features)>& take) override;
   ObjectPage ListObjectPage(const ObjectListing& list) override;
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
                                            const std::string& sha256) override;
@@ -80,6 +85,8 @@ class ClickhouseCatalogue : public Catalogue {
  private:
   using Counts = std::map<std::uint32_t, CollectionCounts>;  // by collection
 
+  void EachPageAt(const Snapshot& now, PictureListing list,
+                  const std::function<void(const PicturePage&)>& work);
   PicturePage PageAt(const Snapshot& now, const PictureListing& list);
   PicturePage PageById(const Snapshot& now, const PictureListing& list);
   std::shared_ptr<const Counts> CountAll(const Snapshot& now);

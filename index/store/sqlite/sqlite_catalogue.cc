@@ -34,6 +34,16 @@ std::optional<PictureRow> FindState(Connection& db, const PictureRef& ref) {
   return pliant::FindPicture(db, ref.collection, ref.id);
 }
 
+void EachPage(Connection& db, Key collection, PictureListing list,
+              const std::function<void(const PicturePage&)>& work) {
+  while (true) {
+    const PicturePage page = SelectPicturePage(db, collection, list);
+    work(page);
+    if (!page.next) return;
+    list.after = *page.next;
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> SqliteCatalogue::ListCollections() {
@@ -118,13 +128,21 @@ PicturePage SqliteCatalogue::ListPicturePage(const PictureListing& list) {
 void SqliteCatalogue::ForEachPicturePage(PictureListing list,
                                          const std::function<void(const PicturePage&)>& work) {
   access_.Read([&](Connection& db) {
+    EachPage(db, pliant::RequireCollection(db, list.which.collection).key, list, work);
+  });
+}
+
+void SqliteCatalogue::ForEachPictureFeatures(
+    PictureListing list, const std::function<void(const PicturePage&)>& look,
+    const std::function<void(const ImageRecord&, Bytes features)>& take) {
+  access_.Read([&](Connection& db) {
     const Key collection = pliant::RequireCollection(db, list.which.collection).key;
-    while (true) {
-      const PicturePage page = SelectPicturePage(db, collection, list);
-      work(page);
-      if (!page.next) return;
-      list.after = *page.next;
-    }
+    EachPage(db, collection, list, look);
+    EachPage(db, collection, list, [&](const PicturePage& page) {
+      for (const ImageRecord& record : page.records) {
+        take(record, ReadFeaturesBlob(db, KeyOfPicture(db, collection, record.id)));
+      }
+    });
   });
 }
 

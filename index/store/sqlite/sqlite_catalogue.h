@@ -33,6 +33,9 @@ class SqliteCatalogue : public Catalogue {
   PicturePage ListPicturePage(const PictureListing& list) override;
   void ForEachPicturePage(PictureListing list,
                           const std::function<void(const PicturePage&)>& work) override;
+  void ForEachPictureFeatures(
+      PictureListing list, const std::function<void(const PicturePage&)>& look,
+      const std::function<void(const ImageRecord&, Bytes features)>& take) override;
   ObjectPage ListObjectPage(const ObjectListing& list) override;
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
                                            const std::string& sha256) override;
