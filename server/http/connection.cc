@@ -191,7 +191,7 @@ void Connection::ForgetRequest() {
   begin_ = read_ = searched_ = head_end_ = end_ = 0;
   head_ = {};
   body_received_ = false;
-  body_bytes_ = 0;
+  body_bytes_ = framing_bytes_ = 0;
   fault_ = Fault::kNone;
   sink_.reset();
   sink_error_ = nullptr;

@@ -75,11 +75,15 @@ class Connection final : public httplib::Stream {
   Step Swallow();      // kOver: the client has ended, or sends without end
 
   // The body goes there from now on, whatever its length, and is no part of what the library reads.
-  // To be called after ReceiveHead() for a body whose length is known, before ReceiveBody(), which
-  // then comes back after each megabyte: others have their turn.
-  void ReceiveInto(std::shared_ptr<BodySink> sink) { sink_ = std::move(sink); }
+  // To be called after ReceiveHead(), before ReceiveBody(), which then comes back after each
+  // megabyte: others have their turn. The sink says when a body of chunks has too much content.
+  void ReceiveInto(std::shared_ptr<BodySink> sink);
   bool receives_into_sink() const { return sink_ != nullptr; }
-  std::uint64_t sink_left() const { return sink_ ? head_.length - body_bytes_ : 0; }
+  bool is_chunked() const { return head_.framing == BodyFraming::kChunked; }
+  // What is still to come of a body that says its length.
+  std::uint64_t sink_left() const {
+    return sink_ && !is_chunked() ? head_.length - body_bytes_ : 0;
+  }
   [[noreturn]] void RethrowSinkError() const { std::rethrow_exception(sink_error_); }
 
   void SetFault(Fault fault) { fault_ = fault; }
@@ -152,7 +156,8 @@ class Connection final : public httplib::Stream {
   RequestHead head_;
   ChunkedBody chunks_{0};
   bool body_received_ = false;
-  std::size_t body_bytes_ = 0;
+  std::size_t body_bytes_ = 0;     // into a sink: the content alone
+  std::size_t framing_bytes_ = 0;  // of the chunks of such a body
   Fault fault_ = Fault::kNone;
   std::shared_ptr<BodySink> sink_;
   std::exception_ptr sink_error_;

@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Connection: answers whose body is a file, and requests whose body becomes one.
 #include <algorithm>
+#include <cstdint>
+#include <exception>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -13,6 +16,8 @@ namespace {
 
 constexpr std::size_t kPiece = 64 * 1024;         // of a file, in memory for one client
 constexpr std::size_t kMostAtOnce = 1024 * 1024;  // then other clients have their turn
+// Of a body of chunks into a sink, which has a limit of its own: that numbers do not overflow.
+constexpr std::uint64_t kMostChunked = std::uint64_t{1} << 50;
 
 }  // namespace
 
@@ -67,21 +72,43 @@ Connection::Step Connection::SendFileOn() {
   return over_ ? Step::kOver : Step::kDone;
 }
 
+void Connection::ReceiveInto(std::shared_ptr<BodySink> sink) {
+  sink_ = std::move(sink);
+  chunks_ = ChunkedBody(kMostChunked);
+}
+
 Connection::Step Connection::PassOn() {
   if (fault_ != Fault::kNone) return Step::kDone;
-  const std::size_t there =
-      std::min<std::uint64_t>(head_.length - body_bytes_, received_.size() - head_end_);
+  const std::string_view there = std::string_view(received_).substr(head_end_);
+  std::size_t used = 0;
+  std::string chunked;
+  std::string_view content;
+  auto state = ChunkedBody::State::kGoesOn;
+  if (is_chunked()) {
+    state = chunks_.Take(there, &used, &chunked);
+    content = chunked;
+  } else {
+    used = std::min<std::uint64_t>(head_.length - body_bytes_, there.size());
+    content = there.substr(0, used);
+  }
+  body_bytes_ += content.size();
+  framing_bytes_ += used - content.size();
+  if (state == ChunkedBody::State::kBroken) fault_ = Fault::kBadBody;
+  if (state == ChunkedBody::State::kTooLarge ||
+      framing_bytes_ > body_bytes_ + 2 * limits_.max_body_bytes) {
+    fault_ = Fault::kBodyTooLarge;
+  }
+  if (fault_ != Fault::kNone) return Step::kDone;
   try {
-    sink_->Append(std::string_view(received_).substr(head_end_, there));
+    sink_->Append(content);
   } catch (...) {
     sink_error_ = std::current_exception();
     fault_ = Fault::kSink;
     return Step::kDone;
   }
-  received_.erase(head_end_, there);  // what came after it stays
+  received_.erase(head_end_, used);  // what came after it stays
   end_ = head_end_;
-  body_bytes_ += there;
-  body_received_ = body_bytes_ == head_.length;
+  body_received_ = is_chunked() ? state == ChunkedBody::State::kEnded : body_bytes_ == head_.length;
   return body_received_ ? Step::kDone : Step::kWantsInput;
 }
 

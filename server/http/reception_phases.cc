@@ -88,9 +88,11 @@ bool Reception::Step(Guests::iterator guest) {
       const std::size_t before = connection.body_bytes();
       const auto step = connection.ReceiveBody();
       if (step == Connection::Step::kDone) return Arrived(guest);
-      // A long body that comes along gets more time, up to that for the whole.
+      // A long body that comes along gets more time, up to that for the whole; of one in chunks, up
+      // to that for what has come.
       if (connection.receives_into_sink() && connection.body_bytes() > before) {
-        SetDeadline(guest, std::min(guest->second.last_deadline,
+        const auto earned = TimeFor(connection.is_chunked() ? connection.body_bytes() : 0);
+        SetDeadline(guest, std::min(guest->second.last_deadline + earned,
                                     Clock::now() + options_.limits.body_timeout));
       }
       return After(guest, step);

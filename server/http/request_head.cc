@@ -159,7 +159,8 @@ ChunkedBody::State ChunkedBody::TakeSize(char c) {
   return State::kGoesOn;
 }
 
-ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used) {
+ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
+                                     std::string* content) {
   std::size_t at = 0;
   const auto expect = [&](char wanted, Part next) {
     part_ = next;
@@ -177,6 +178,7 @@ ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used) 
         break;
       case Part::kData: {
         const std::size_t here = std::min<std::uint64_t>(left_, bytes.size() - at);
+        if (content != nullptr) content->append(bytes.substr(at, here));
         at += here;
         left_ -= here;
         if (left_ == 0) part_ = Part::kDataCr;

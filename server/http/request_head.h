@@ -40,8 +40,9 @@ class ChunkedBody {
   // `most_bytes`: of the content.
   explicit ChunkedBody(std::uint64_t most_bytes) : most_bytes_(most_bytes) {}
 
-  // Takes what was received next; `used` is set to the bytes of it that belong to the body.
-  State Take(std::string_view bytes, std::size_t* used);
+  // Takes what was received next; `used` is set to the bytes of it that belong to the body. What is
+  // content of them is added to `content`, unless that is null.
+  State Take(std::string_view bytes, std::size_t* used, std::string* content = nullptr);
 
  private:
   enum class Part { kSize, kExtension, kSizeEnd, kData, kDataCr, kDataLf, kLastCr, kLastLf };

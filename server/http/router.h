@@ -51,9 +51,10 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
-  // Of kFile, and of others with bodies beyond the server's limit: called when the head is there
-  // and its parameters are right, for what takes the body, which the handler finds in
-  // Request::received. Throws what refuses it, also for its size: the limit does not hold for it.
+  // Of kFile, and of others with bodies beyond the server's limit, or in chunks: called when the
+  // head is there and its parameters are right, for what takes the body, which the handler finds in
+  // Request::received. Throws what refuses it, also for its size (0: in chunks, not known yet): the
+  // limit does not hold for it.
   Receive receive = {};
   bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
   bool needs_index = true;      // answered with "starting" while the index loads

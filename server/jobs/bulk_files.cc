@@ -44,6 +44,11 @@ bool IsId(const std::string& text) {
          });
 }
 
+void CheckSize(std::uint64_t bytes, std::uint64_t max_bytes) {
+  if (max_bytes == 0 || bytes <= max_bytes) return;
+  throw ProblemError("body_too_large", fmt::format("An import may have {} bytes.", max_bytes));
+}
+
 // Of all jobs that have not ended.
 std::set<std::string> IdsInUse(JobQueue& jobs) {
   jobs.LookNow();
@@ -80,10 +85,7 @@ fs::path BulkFiles::PathOf(const std::string& id) const {
 }
 
 std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
-  if (options_.max_bytes > 0 && bytes > options_.max_bytes) {
-    throw ProblemError("body_too_large",
-                       fmt::format("An import may have {} bytes.", options_.max_bytes));
-  }
+  CheckSize(bytes, options_.max_bytes);
   RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
   const auto give_back = [uploads = uploads_](std::atomic<int>*) { --*uploads; };
   if (++*uploads_ > kMostUploads) {
@@ -93,7 +95,7 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   }
   std::unique_ptr<std::atomic<int>, decltype(give_back)> counted(uploads_.get(), give_back);
   const std::string id = NewId();
-  auto upload = std::make_shared<BulkUpload>(PathOf(id), id, options_.reserve_bytes, uploads_);
+  auto upload = std::make_shared<BulkUpload>(PathOf(id), id, options_, uploads_);
   counted.release();  // it gives that back itself
   return upload;
 }
@@ -141,11 +143,12 @@ std::size_t BulkFiles::Sweep(JobQueue& jobs) const {
   return removed;
 }
 
-BulkUpload::BulkUpload(fs::path path, std::string id, std::uint64_t reserve_bytes,
+BulkUpload::BulkUpload(fs::path path, std::string id, const BulkFileOptions& options,
                        std::shared_ptr<std::atomic<int>> uploads)
     : path_(std::move(path)),
       id_(std::move(id)),
-      reserve_bytes_(reserve_bytes),
+      max_bytes_(options.max_bytes),
+      reserve_bytes_(options.reserve_bytes),
       uploads_(std::move(uploads)),
       fd_(::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
   if (fd_ < 0) ThrowFileError(path_, errno);
@@ -159,6 +162,7 @@ BulkUpload::~BulkUpload() {
 }
 
 void BulkUpload::Append(std::string_view bytes) {
+  CheckSize(written_ + bytes.size(), max_bytes_);
   if (written_ == 0 || written_ - looked_ >= kLookEvery) {
     RequireDiskSpace(path_.parent_path(), kLookEvery + bytes.size(), reserve_bytes_);
     looked_ = written_;

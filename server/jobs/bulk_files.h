@@ -50,7 +50,8 @@ class BulkFiles {
 
   std::size_t max_item_bytes() const { return options_.max_item_bytes; }
 
-  // What takes a body of `bytes`. Throws ProblemError "body_too_large" and "busy", and Error
+  // What takes a body of `bytes`, 0: of nobody knows how many; it refuses those that are too many
+  // ("body_too_large") when they come. Throws ProblemError "body_too_large" and "busy", and Error
   // kNoSpace, kReadOnly, kUnavailable "too_many_open_files", kInternal.
   std::shared_ptr<BulkUpload> Receive(std::uint64_t bytes) const;
 
@@ -73,7 +74,7 @@ class BulkFiles {
 class BulkUpload final : public BodySink {
  public:
   // `uploads` counts it as long as it is there.
-  BulkUpload(std::filesystem::path path, std::string id, std::uint64_t reserve_bytes,
+  BulkUpload(std::filesystem::path path, std::string id, const BulkFileOptions& options,
              std::shared_ptr<std::atomic<int>> uploads);
   ~BulkUpload() override;
 
@@ -87,6 +88,7 @@ class BulkUpload final : public BodySink {
  private:
   const std::filesystem::path path_;
   const std::string id_;
+  const std::uint64_t max_bytes_;
   const std::uint64_t reserve_bytes_;
   const std::shared_ptr<std::atomic<int>> uploads_;
   int fd_ = -1;  // locked, so that no sweep takes it

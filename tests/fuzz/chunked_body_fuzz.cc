@@ -4,6 +4,7 @@
 // input chooses the most bytes of content, the second where it is split.
 #include <cctype>
 #include <optional>
+#include <string>
 
 #include "server/http/request_head.h"
 #include "tests/fuzz/fuzz.h"
@@ -17,6 +18,7 @@ using State = ChunkedBody::State;
 struct Outcome {
   State state = State::kGoesOn;
   std::size_t used = 0;
+  std::string content;
 
   bool operator==(const Outcome&) const = default;
 };
@@ -30,7 +32,7 @@ Outcome TakeInPieces(std::string_view text, std::uint64_t most, std::size_t firs
   while (outcome.state == State::kGoesOn && outcome.used < text.size()) {
     const std::string_view next = text.substr(outcome.used, piece);
     std::size_t used = 0;
-    outcome.state = body.Take(next, &used);
+    outcome.state = body.Take(next, &used, &outcome.content);
     Require(used <= next.size(), "no more is used than there is");
     Require(outcome.state != State::kGoesOn || used == next.size(), "all is used until the end");
     outcome.used += used;
@@ -77,6 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Require(TakeInPieces(text, most, 1 + split / 2, 1 + split) == whole, "in many it is the same");
   if (whole.state == State::kEnded) {
     Require(LengthOf(text, most) == whole.used, "a body is what others take for one");
+    Require(whole.content.size() <= most, "it has no more content than it may");
   }
   return 0;
 }

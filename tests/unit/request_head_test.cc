@@ -93,13 +93,14 @@ using State = ChunkedBody::State;
 
 // The state after the text, given in pieces of so many bytes, and the bytes that belong to it.
 std::pair<State, std::size_t> Follow(const std::string& text, std::size_t piece,
-                                     std::uint64_t most = 1000) {
+                                     std::uint64_t most = 1000, std::string* content = nullptr) {
   ChunkedBody body(most);
+  if (content != nullptr) content->clear();
   std::size_t total = 0;
   State state = State::kGoesOn;
   for (std::size_t at = 0; at < text.size() && state == State::kGoesOn; at += piece) {
     std::size_t used = 0;
-    state = body.Take(std::string_view(text).substr(at, piece), &used);
+    state = body.Take(std::string_view(text).substr(at, piece), &used, content);
     total += used;
   }
   return {state, total};
@@ -108,8 +109,11 @@ std::pair<State, std::size_t> Follow(const std::string& text, std::size_t piece,
 TEST(ChunkedBody, EndsWhereItEnds) {
   const std::string body = "4\r\nabcd\r\n0A;name=\"v\"\r\n0123456789\r\n0\r\n\r\n";
   for (std::size_t piece = 1; piece < body.size() + 9; ++piece) {
-    EXPECT_EQ(Follow(body + "GET / HTTP/1.1", piece), std::pair(State::kEnded, body.size()))
+    std::string content;
+    EXPECT_EQ(Follow(body + "GET / HTTP/1.1", piece, 1000, &content),
+              std::pair(State::kEnded, body.size()))
         << piece;
+    EXPECT_EQ(content, "abcd0123456789");
   }
   EXPECT_EQ(Follow(body.substr(0, body.size() - 1), 3).first, State::kGoesOn);
 }
