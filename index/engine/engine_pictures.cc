@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine: adding and reading pictures.
 #include <chrono>
+#include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -42,8 +43,15 @@ void CheckEnough(std::size_t keypoints) {
 
 }  // namespace
 
-AddResult Engine::Impl::Add(const AddRequest& original, const PictureCheck& check) {
-  AddRequest request = original;
+std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
+                                                  const PictureCheck& check) {
+  struct Pending {
+    AddRequest request;
+    std::optional<PicturePut> put;
+    AddResult result;
+  };
+  const auto pending = std::make_shared<Pending>();
+  AddRequest& request = pending->request = original;
   if (request.id) CheckImageId(*request.id);
   CheckObject(request.object);
   request.source = ToDisplayText(request.source);  // a file's name is no choice: not refused
@@ -54,19 +62,23 @@ AddResult Engine::Impl::Add(const AddRequest& original, const PictureCheck& chec
     check(now ? &*now : nullptr);
   }
   const std::string sha256 = Sha256Hex(request.bytes);
-  if (const auto unchanged = catalogue().FindUnchanged(request, sha256)) {
-    writer().RestoreContent(*unchanged, request.bytes);
-    return {AddOutcome::kUnchanged, *unchanged, {}};
+  if (auto unchanged = catalogue().FindUnchanged(request, sha256)) {
+    pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
+    return [this, pending] {
+      writer().RestoreContent(pending->result.image, pending->request.bytes);
+      return pending->result;
+    };
   }
-  AddResult result;
-  PicturePut put = Prepare(request, sha256, &result.timings);
-  put.check = check;
-  const Stopwatch writing;
-  PutOutcome stored = writer().Put(put);
-  result.timings.database_ms = writing.Ms();
-  result.outcome = stored.outcome;
-  result.image = std::move(stored.image);
-  return result;
+  pending->put.emplace(Prepare(request, sha256, &pending->result.timings));
+  pending->put->check = check;
+  return [this, pending] {
+    const Stopwatch writing;
+    PutOutcome stored = writer().Put(*pending->put);
+    pending->result.timings.database_ms = writing.Ms();
+    pending->result.outcome = stored.outcome;
+    pending->result.image = std::move(stored.image);
+    return pending->result;
+  };
 }
 
 PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha256,

@@ -181,6 +181,7 @@ void ClickhouseCatalogue::ForEachPicturePage(PictureListing list,
   now.registry->Require(list.which.collection);
   while (true) {
     const PicturePage page = PageAt(now, list);
+    snapshots_.RequireKept(now);
     work(page);
     if (!page.next) return;
     list.after = *page.next;

@@ -28,8 +28,8 @@ struct Wanted {
 
 class ClickhouseFeedView : public FeedView {
  public:
-  ClickhouseFeedView(ClusterLink* link, Snapshot snapshot)
-      : link_(*link), states_(link), snapshot_(std::move(snapshot)) {}
+  ClickhouseFeedView(ClusterLink* link, Snapshots* snapshots)
+      : link_(*link), snapshots_(*snapshots), states_(link), snapshot_(snapshots->Now()) {}
 
   FeedPosition Position() override {
     const auto log = static_cast<std::int64_t>(snapshot_.log);
@@ -45,11 +45,13 @@ class ClickhouseFeedView : public FeedView {
   }
 
   std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) override {
+    if (static_cast<std::uint64_t>(removal) < snapshot_.registry->purge.log) return std::nullopt;
     const NativeBlock rows =
         link_.Read(ClusterLink::kHome, "SELECT before FROM log WHERE before != 0" + After(removal),
                    {{"before", "UInt64"}});
     std::vector<std::int64_t> removed;
     for (std::size_t i = 0; i < rows.rows; ++i) removed.push_back(Row(rows, i).Signed(0));
+    snapshots_.RequireKept(snapshot_);
     return removed;
   }
 
@@ -72,6 +74,7 @@ class ClickhouseFeedView : public FeedView {
     for (std::size_t from = 0; from < wanted.size(); from += kTogether) {
       const std::size_t count = std::min(kTogether, wanted.size() - from);
       Load(vocabulary, words, std::span(wanted).subspan(from, count));
+      snapshots_.RequireKept(snapshot_);
       while (loaded_.size() >= chunk) Give(chunk, work);
     }
     if (!loaded_.empty()) Give(loaded_.size(), work);
@@ -147,6 +150,7 @@ class ClickhouseFeedView : public FeedView {
   }
 
   ClusterLink& link_;
+  Snapshots& snapshots_;
   PictureStates states_;
   const Snapshot snapshot_;
   std::vector<IndexedPicture> loaded_;
@@ -184,7 +188,7 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(ClusterLink& link, const Regist
 std::int64_t ClickhouseFeed::Version() { return static_cast<std::int64_t>(snapshots_.Version()); }
 
 std::unique_ptr<FeedView> ClickhouseFeed::Look() {
-  return std::make_unique<ClickhouseFeedView>(&link_, snapshots_.Now());
+  return std::make_unique<ClickhouseFeedView>(&link_, &snapshots_);
 }
 
 }  // namespace pliant::clickhouse

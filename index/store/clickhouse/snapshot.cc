@@ -7,9 +7,52 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "index/store/clickhouse/query.h"
 #include "index/store/clickhouse/rows.h"
 
 namespace pliant::clickhouse {
+
+std::optional<std::uint64_t> OpenSnapshots::Oldest() const {
+  const std::lock_guard lock(mutex_);
+  if (logs_.empty()) return std::nullopt;
+  return *logs_.begin();
+}
+
+SnapshotHold::SnapshotHold(std::shared_ptr<OpenSnapshots> open, std::uint64_t log,
+                           std::uint64_t guard)
+    : open_(std::move(open)), log_(log), guard_(guard) {
+  const std::lock_guard lock(open_->mutex_);
+  open_->logs_.insert(log_);
+}
+
+SnapshotHold::~SnapshotHold() {
+  const std::lock_guard lock(open_->mutex_);
+  open_->logs_.erase(open_->logs_.find(log_));
+}
+
+void SnapshotHold::MoveTo(std::uint64_t log) {
+  const std::lock_guard lock(open_->mutex_);
+  open_->logs_.erase(open_->logs_.find(log_));
+  open_->logs_.insert(log_ = log);
+}
+
+void Snapshots::SetGuard(std::function<std::uint64_t()> guard) { guard_ = std::move(guard); }
+
+void Snapshots::RequireKept(const Snapshot& snapshot) {
+  const std::uint64_t guard = Guard();
+  if (guard != 0 && snapshot.hold->guard_ == guard) return;
+  const NativeBlock rows =
+      link_.Read(ClusterLink::kHome,
+                 "SELECT max(version) AS newest FROM registry WHERE kind = " + Literal(kPurgeKind),
+                 {{"newest", "UInt64"}});
+  if (rows.rows > 0 && Row(rows, 0).Number(0) > snapshot.log) {
+    throw Error(ErrorCode::kUnavailable, "snapshot_expired",
+                "this took so long, without a Keeper, that what it reads may have been purged; try "
+                "again");
+  }
+  snapshot.hold->guard_ = guard;
+}
+
 Snapshots::Versions Snapshots::ReadVersions() {
   std::uint64_t known = 0;
   {
@@ -40,10 +83,21 @@ Snapshots::Versions Snapshots::ReadVersions() {
 std::uint64_t Snapshots::Version() { return ReadVersions().log; }
 
 Snapshot Snapshots::Now() {
-  const Versions versions = ReadVersions();
+  // Open before it is read, so that nobody misses it in between.
+  const std::uint64_t guard = Guard();
+  std::uint64_t known = 0;
   {
     const std::lock_guard lock(mutex_);
-    if (registry_ && registry_->version >= versions.common) return {versions.log, registry_};
+    known = known_log_;
+  }
+  auto hold = std::make_shared<SnapshotHold>(open_, known, guard);
+  const Versions versions = ReadVersions();
+  hold->MoveTo(versions.log);
+  {
+    const std::lock_guard lock(mutex_);
+    if (registry_ && registry_->version >= versions.common) {
+      return {versions.log, registry_, std::move(hold)};
+    }
   }
   const NativeBlock rows =
       link_.Read(ClusterLink::kHome,
@@ -59,7 +113,7 @@ Snapshot Snapshots::Now() {
   }
   const std::lock_guard lock(mutex_);
   if (!registry_ || registry_->version < registry->version) registry_ = registry;
-  return {versions.log, std::move(registry)};
+  return {versions.log, std::move(registry), std::move(hold)};
 }
 
 }  // namespace pliant::clickhouse
