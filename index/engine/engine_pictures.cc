@@ -10,6 +10,7 @@
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
+#include "index/store/refusals.h"
 
 namespace pliant {
 namespace {
@@ -33,12 +34,6 @@ void CheckEnough(std::size_t keypoints) {
               "the picture has " + std::to_string(keypoints) + " key points, " +
                   std::to_string(kMinKeypoints) +
                   " are the least: it is too plain, too small or too blurred to be recognised");
-}
-
-[[noreturn]] void ThrowNoImage(const std::string& collection, const std::string& id) {
-  throw Error(
-      ErrorCode::kNotFound, "image_not_found",
-      "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
 }
 
 }  // namespace
@@ -125,7 +120,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
 
 ImageRecord Engine::Impl::Get(const std::string& collection, const std::string& id) {
   auto found = catalogue().FindPicture(collection, id);
-  if (!found) ThrowNoImage(collection, id);
+  if (!found) throw refusals::NoPicture(collection, id);
   return *std::move(found);
 }
 
@@ -148,7 +143,7 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
 Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
   const PictureRef ref{catalogue().RequireCollection(collection).key, id};
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) ThrowNoImage(collection, id);
+  if (!found) throw refusals::NoPicture(collection, id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;

@@ -3,8 +3,10 @@
 #include "index/store/clickhouse/clickhouse_feed.h"
 
 #include <algorithm>
+#include <chrono>
 #include <map>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -28,8 +30,8 @@ struct Wanted {
 
 class ClickhouseFeedView : public FeedView {
  public:
-  ClickhouseFeedView(ClusterLink* link, Snapshots* snapshots)
-      : link_(*link), snapshots_(*snapshots), states_(link), snapshot_(snapshots->Now()) {}
+  ClickhouseFeedView(ClusterLink* link, Snapshots* snapshots, Snapshot snapshot)
+      : link_(*link), snapshots_(*snapshots), states_(link), snapshot_(std::move(snapshot)) {}
 
   FeedPosition Position() override {
     const auto log = static_cast<std::int64_t>(snapshot_.log);
@@ -185,10 +187,34 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(ClusterLink& link, const Regist
   return rows.Finish(codebook);
 }
 
-std::int64_t ClickhouseFeed::Version() { return static_cast<std::int64_t>(snapshots_.Version()); }
+// Who has followed one replica stays where it is while another one, which is behind, answers:
+// what that one lacks was never acknowledged.
+std::int64_t ClickhouseFeed::Version() {
+  const std::uint64_t now = snapshots_.Version();
+  std::uint64_t told = told_;
+  while (now > told && !told_.compare_exchange_weak(told, now)) {
+  }
+  return static_cast<std::int64_t>(std::max(now, told));
+}
 
+// Never less than was told: it would be taken for all there is.
 std::unique_ptr<FeedView> ClickhouseFeed::Look() {
-  return std::make_unique<ClickhouseFeedView>(&link_, &snapshots_);
+  constexpr int kTries = 20;
+  constexpr std::chrono::milliseconds kPause{50};
+  for (int i = 0; i < kTries; ++i) {
+    Snapshot now = snapshots_.Now();
+    std::uint64_t told = told_;
+    while (now.log > told && !told_.compare_exchange_weak(told, now.log)) {
+    }
+    if (now.log >= told) {
+      looked_ = now.log;
+      return std::make_unique<ClickhouseFeedView>(&link_, &snapshots_, std::move(now));
+    }
+    std::this_thread::sleep_for(kPause);
+  }
+  told_ = looked_.load();  // whoever had it may not come back
+  throw Error(ErrorCode::kUnavailable, "replica_behind",
+              "the replica that answers has not got yet what another one showed; try again");
 }
 
 }  // namespace pliant::clickhouse

@@ -9,6 +9,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/text.h"
 #include "index/store/clickhouse/registry_text.h"
+#include "index/store/refusals.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -93,8 +94,7 @@ const CollectionEntry* Registry::Find(std::uint32_t key) const {
 
 const CollectionEntry& Registry::Require(const std::string& name) const {
   if (const CollectionEntry* found = Find(name)) return *found;
-  throw Error(ErrorCode::kNotFound, "collection_not_found",
-              "there is no collection \"" + name + "\"");
+  throw refusals::NoCollection(name);
 }
 
 const VocabularyEntry* Registry::FindVocabulary(std::uint32_t collection, Key vocabulary) const {

@@ -59,22 +59,23 @@ Snapshots::Versions Snapshots::ReadVersions() {
     const std::lock_guard lock(mutex_);
     known = known_log_;
   }
+  const auto read = [this](std::uint64_t from) {
+    const NativeBlock rows =
+        link_.Read(ClusterLink::kHome,
+                   "SELECT max(version) AS newest, maxIf(version, collection = 0) AS common FROM "
+                   "log WHERE version >= " +
+                       std::to_string(from),
+                   {{"newest", "UInt64"}, {"common", "UInt64"}});
+    return rows.rows == 0 ? Versions{} : Versions{Row(rows, 0).Number(0), Row(rows, 0).Number(1)};
+  };
   // From what is known on: the rest of the log need not be read.
-  const NativeBlock rows = link_.Read(
-      ClusterLink::kHome,
-      "SELECT max(version) AS newest, maxIf(version, collection = 0) AS common FROM log WHERE "
-      "version >= " +
-          std::to_string(known),
-      {{"newest", "UInt64"}, {"common", "UInt64"}});
-  Versions versions;
-  if (rows.rows > 0) versions = {Row(rows, 0).Number(0), Row(rows, 0).Number(1)};
-  const std::lock_guard lock(mutex_);
+  Versions versions = read(known);
   if (versions.log < known) {
-    // What a failed insert has left on one replica alone. To go back would be to forget it there,
-    // and to load it twice later.
-    throw Error(ErrorCode::kUnavailable, "replica_behind",
-                "the replica that answered has not got yet what another one showed; try again");
+    versions = read(0);
+    versions.is_behind = versions.log < known;
+    if (versions.is_behind) return versions;
   }
+  const std::lock_guard lock(mutex_);
   known_log_ = std::max(known_log_, versions.log);
   known_common_ = versions.common = std::max(known_common_, versions.common);
   return versions;
@@ -82,7 +83,11 @@ Snapshots::Versions Snapshots::ReadVersions() {
 
 std::uint64_t Snapshots::Version() { return ReadVersions().log; }
 
-Snapshot Snapshots::Now() {
+Snapshot Snapshots::Now() { return Take(/*for_writing=*/false); }
+
+Snapshot Snapshots::NowForWriting() { return Take(/*for_writing=*/true); }
+
+Snapshot Snapshots::Take(bool for_writing) {
   // Open before it is read, so that nobody misses it in between.
   const std::uint64_t guard = Guard();
   std::uint64_t known = 0;
@@ -92,6 +97,10 @@ Snapshot Snapshots::Now() {
   }
   auto hold = std::make_shared<SnapshotHold>(open_, known, guard);
   const Versions versions = ReadVersions();
+  if (for_writing && versions.is_behind) {
+    throw Error(ErrorCode::kUnavailable, "replica_behind",
+                "the replica that answered has not got yet what another one showed; try again");
+  }
   hold->MoveTo(versions.log);
   {
     const std::lock_guard lock(mutex_);

@@ -52,16 +52,18 @@ struct Snapshot {
   std::shared_ptr<SnapshotHold> hold;
 };
 
-// Thread-safe. Throws what ClusterLink throws, kCorrupt "registry_corrupt", and kUnavailable
-// "replica_behind" rather than show an older state than before.
+// Thread-safe. Throws what ClusterLink throws, and kCorrupt "registry_corrupt".
 class Snapshots {
  public:
   explicit Snapshots(ClusterLink* link) : link_(*link) {}
 
-  // Whatever was acknowledged before the call is in it. One statement, unless the registry has
-  // changed.
+  // Whatever was acknowledged before the call is in it. What had no answer yet, or none at all, may
+  // have been in an earlier one and not be in this: a failed insert leaves it on one replica, and
+  // another one answers. One statement, unless the registry has changed.
   Snapshot Now();
-  // The version of the newest commit. One statement.
+  // Throws kUnavailable "replica_behind" in that case: what is written now must come after it.
+  Snapshot NowForWriting();
+  // The version of the newest commit, as Now() would have it. One statement.
   std::uint64_t Version();
 
   // For what reads long: throws kUnavailable "snapshot_expired" when what it shows may have been
@@ -77,8 +79,10 @@ class Snapshots {
   struct Versions {
     std::uint64_t log = 0;
     std::uint64_t common = 0;  // the newest change of the registry
+    bool is_behind = false;    // another replica has shown more
   };
-  Versions ReadVersions();
+  Versions ReadVersions();  // as the replica has them that answers
+  Snapshot Take(bool for_writing);
 
   std::uint64_t Guard() const { return guard_ ? guard_() : 0; }
 
