@@ -171,7 +171,7 @@ class ClusterTest(unittest.TestCase):
         return sum(int(self.on_node(node, f"SELECT count() FROM {database}.pictures")) for node in ("s1r1", "s2r1"))
 
     def copy(self, source, target):
-        done = json.loads(self.pliant("db", "copy", target, "--db", source, "--json").stdout)
+        done = json.loads(self.pliant("db", "copy", target, "--db", source, "--compare", "10", "--json").stdout)
         self.assertEqual(done["differences"], [])
         return done
 
@@ -186,7 +186,7 @@ class ClusterTest(unittest.TestCase):
     def test_3c_a_copy_into_a_cluster_and_back(self):
         """Killed in both directions, gone on with, and with the rankings of the original at the end."""
         folder = pathlib.Path(self.folder.name) / "copies"
-        pictures = 150
+        pictures = 90
         write_folder(folder / "shelf", "thing", pictures // 3, 3)
         first, last = str(folder / "first.db"), str(folder / "last.db")
         url = self.url.replace("/pliant?", "/copies?")
@@ -198,7 +198,7 @@ class ClusterTest(unittest.TestCase):
         done = self.copy(first, url)
         self.assertEqual(done["copied"] + done["unchanged"], pictures)
         self.assertGreater(done["unchanged"], 0)
-        self.assertEqual(done["rankings_compared"], 100)
+        self.assertEqual(done["rankings_compared"], 10)
 
         def some_of_last():
             with contextlib.suppress(OSError, subprocess.SubprocessError, KeyError, ValueError):
