@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant cluster init | status | check
+// pliant cluster init | status | check | purge
+#include <chrono>
+#include <cstdint>
 #include <memory>
 
 #include "index/cli/cluster_output.h"
@@ -8,25 +10,33 @@
 #include "index/cli/output.h"
 #include "index/files/text.h"
 #include "index/store/clickhouse/cluster.h"
+#include "index/store/clickhouse/cluster_purge.h"
 
 namespace pliant::cli {
 namespace {
+
+constexpr std::int64_t kMostSeconds = 10LL * 366 * 24 * 3600;
 
 struct Options {
   std::string database;
   std::string password_file;
   bool quick = false;
+  std::int64_t older_than = 3600;
+  std::int64_t log_older_than = 604800;
+  std::int64_t wait = 60;
   bool json = false;
 };
 
+void RequireUrl(const std::string& database) {
+  if (database.find("://") != std::string::npos) return;
+  throw Error(ErrorCode::kInvalidArgument, "database_is_a_file",
+              ToDisplayText(database) +
+                  " is a file's name, and a cluster is named by a URL such as "
+                  "clickhouse://host:8123/pliant?keeper=host:2181; for a file there is pliant db");
+}
+
 std::unique_ptr<clickhouse::Cluster> Open(const Options& options) {
-  if (options.database.find("://") == std::string::npos) {
-    throw Error(
-        ErrorCode::kInvalidArgument, "database_is_a_file",
-        ToDisplayText(options.database) +
-            " is a file's name, and a cluster is named by a URL such as "
-            "clickhouse://host:8123/pliant?keeper=host:2181; for a file there is pliant db");
-  }
+  RequireUrl(options.database);
   return std::make_unique<clickhouse::Cluster>(
       clickhouse::ParseDatabaseUrl(options.database),
       clickhouse::ReadDatabasePassword(options.password_file));
@@ -71,6 +81,22 @@ ExitStatus Check(const Options& options) {
   return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }
 
+ExitStatus RunPurge(const Options& options) {
+  RequireUrl(options.database);
+  clickhouse::ClusterAccess cluster(options.database, options.password_file);
+  clickhouse::PurgeOptions purge;
+  purge.states_after = std::chrono::seconds(options.older_than);
+  purge.log_after = std::chrono::seconds(options.log_older_than);
+  purge.wait = std::chrono::seconds(options.wait);
+  const clickhouse::PurgeReport report = clickhouse::Purge(cluster, purge);
+  if (options.json) {
+    PrintJson(PurgeDocument(report));
+  } else {
+    Print(PurgeText(report));
+  }
+  return ExitStatus::kDone;
+}
+
 }  // namespace
 
 void AddClusterCommand(CLI::App& program, ExitStatus& status) {
@@ -85,10 +111,7 @@ void AddClusterCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("FILE");
   app->add_flag("--json", options->json, "print one JSON document");
   constexpr const char* kUrl = " --db 'clickhouse://ch1:8123,ch2:8123/pliant?keeper=zk1:2181'";
-  app->footer(
-      "Today a cluster's tables can be made and checked; pictures are kept in database files.\n"
-      "Example:  pliant cluster init" +
-      std::string(kUrl));
+  app->footer("Example:  pliant cluster init" + std::string(kUrl));
   const auto add = [&](const std::string& name, const char* help,
                        ExitStatus (*run)(const Options&)) {
     CLI::App* sub = app->add_subcommand(name, help);
@@ -101,6 +124,22 @@ void AddClusterCommand(CLI::App& program, ExitStatus& status) {
   add("status", "List every table on every node: rows, bytes, parts, replicas, lag", Status);
   add("check", "Verify that all nodes have the same tables, settings and rows", Check)
       ->add_flag("--quick", options->quick, "without reading and comparing all rows");
+  CLI::App* purge =
+      add("purge",
+          "Remove what nobody can read any more: old states of pictures, features and "
+          "words of none, the beginning of the log",
+          RunPurge);
+  purge->add_option("--older-than", options->older_than, "seconds since a state was replaced")
+      ->check(CLI::Range(std::int64_t{0}, kMostSeconds))
+      ->capture_default_str();
+  purge
+      ->add_option("--log-older-than", options->log_older_than,
+                   "seconds; a server that has not looked at the log for so long loads all anew")
+      ->check(CLI::Range(std::int64_t{0}, kMostSeconds))
+      ->capture_default_str();
+  purge->add_option("--wait", options->wait, "seconds at most, for those who still read old states")
+      ->check(CLI::Range(std::int64_t{0}, kMostSeconds))
+      ->capture_default_str();
 }
 
 }  // namespace pliant::cli

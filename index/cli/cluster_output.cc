@@ -89,4 +89,41 @@ Json StatusDocument(const clickhouse::ClusterState& state) {
   return {{"nodes", std::move(nodes)}};
 }
 
+std::string PurgeText(const clickhouse::PurgeReport& report) {
+  if (report.readers > 0) {
+    return "removed nothing: " + std::to_string(report.readers) +
+           (report.readers == 1 ? " process still reads" : " processes still read") +
+           " an older state; try again later";
+  }
+  const auto count = [](std::uint64_t number, const char* what) {
+    return std::to_string(number) + " " + what;
+  };
+  std::string text =
+      "to be removed: " + count(report.states, "old states, ") +
+      count(report.removals, "removals, ") + count(report.descriptions, "features and words, ") +
+      count(report.originals, "pictures' bytes, ") + count(report.places, "entries, ") +
+      count(report.registry, "of the registry, ") +
+      count(report.vocabularies, "partitions of vocabularies");
+  if (!report.behind.empty()) {
+    text += "\nleft alone, not done with earlier removals: " + Joined(report.behind);
+  }
+  if (!report.all_replicas) {
+    text += "\nremovals stay until all replicas answer, and the URL names them";
+  }
+  return text;
+}
+
+Json PurgeDocument(const clickhouse::PurgeReport& report) {
+  return {{"states", report.states},
+          {"removals", report.removals},
+          {"descriptions", report.descriptions},
+          {"originals", report.originals},
+          {"entries", report.places},
+          {"registry", report.registry},
+          {"vocabularies", report.vocabularies},
+          {"readers", report.readers},
+          {"behind", report.behind},
+          {"all_replicas", report.all_replicas}};
+}
+
 }  // namespace pliant::cli

@@ -7,6 +7,7 @@
 
 #include "index/json/json.h"
 #include "index/store/clickhouse/cluster.h"
+#include "index/store/clickhouse/cluster_purge.h"
 
 namespace pliant::cli {
 
@@ -15,5 +16,8 @@ Json InitDocument(const clickhouse::InitReport& report);
 
 std::string StatusText(const clickhouse::ClusterState& state);
 Json StatusDocument(const clickhouse::ClusterState& state);
+
+std::string PurgeText(const clickhouse::PurgeReport& report);
+Json PurgeDocument(const clickhouse::PurgeReport& report);
 
 }  // namespace pliant::cli

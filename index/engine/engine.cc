@@ -132,7 +132,11 @@ Engine::Engine(EngineOptions options) : impl_(std::make_unique<Impl>(std::move(o
 Engine::~Engine() = default;
 
 AddResult Engine::Add(const AddRequest& request, const PictureCheck& check) {
-  return impl_->Add(request, check);
+  return impl_->BeginAdd(request, check)();
+}
+
+std::function<AddResult()> Engine::BeginAdd(const AddRequest& request, const PictureCheck& check) {
+  return impl_->BeginAdd(request, check);
 }
 
 std::optional<ImageRecord> Engine::FindBySha256(const std::string& collection,

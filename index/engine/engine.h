@@ -114,6 +114,9 @@ class Engine {
   // that has the id, before anything is described, and again when it is stored; what it throws
   // refuses the addition.
   AddResult Add(const AddRequest& request, const PictureCheck& check = {});
+  // The same in two steps: this one takes processor time, and what it returns waits for the store,
+  // which may take long. The request's bytes, and the engine, must outlive it.
+  std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check = {});
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound
   Features GetFeatures(const std::string& collection, const std::string& id);

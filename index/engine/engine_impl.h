@@ -28,7 +28,7 @@ class Engine::Impl {
   }
 
   // Pictures (engine_pictures.cc)
-  AddResult Add(const AddRequest& request, const PictureCheck& check);
+  std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
   Features GetFeatures(const std::string& collection, const std::string& id);
   void ForEachFeatures(const PictureListing& list,

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Engine: adding and reading pictures.
 #include <chrono>
+#include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -9,6 +10,7 @@
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
+#include "index/store/refusals.h"
 
 namespace pliant {
 namespace {
@@ -34,16 +36,17 @@ void CheckEnough(std::size_t keypoints) {
                   " are the least: it is too plain, too small or too blurred to be recognised");
 }
 
-[[noreturn]] void ThrowNoImage(const std::string& collection, const std::string& id) {
-  throw Error(
-      ErrorCode::kNotFound, "image_not_found",
-      "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
-}
-
 }  // namespace
 
-AddResult Engine::Impl::Add(const AddRequest& original, const PictureCheck& check) {
-  AddRequest request = original;
+std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
+                                                  const PictureCheck& check) {
+  struct Pending {
+    AddRequest request;
+    std::optional<PicturePut> put;
+    AddResult result;
+  };
+  const auto pending = std::make_shared<Pending>();
+  AddRequest& request = pending->request = original;
   if (request.id) CheckImageId(*request.id);
   CheckObject(request.object);
   request.source = ToDisplayText(request.source);  // a file's name is no choice: not refused
@@ -54,19 +57,23 @@ AddResult Engine::Impl::Add(const AddRequest& original, const PictureCheck& chec
     check(now ? &*now : nullptr);
   }
   const std::string sha256 = Sha256Hex(request.bytes);
-  if (const auto unchanged = catalogue().FindUnchanged(request, sha256)) {
-    writer().RestoreContent(*unchanged, request.bytes);
-    return {AddOutcome::kUnchanged, *unchanged, {}};
+  if (auto unchanged = catalogue().FindUnchanged(request, sha256)) {
+    pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
+    return [this, pending] {
+      writer().RestoreContent(pending->result.image, pending->request.bytes);
+      return pending->result;
+    };
   }
-  AddResult result;
-  PicturePut put = Prepare(request, sha256, &result.timings);
-  put.check = check;
-  const Stopwatch writing;
-  PutOutcome stored = writer().Put(put);
-  result.timings.database_ms = writing.Ms();
-  result.outcome = stored.outcome;
-  result.image = std::move(stored.image);
-  return result;
+  pending->put.emplace(Prepare(request, sha256, &pending->result.timings));
+  pending->put->check = check;
+  return [this, pending] {
+    const Stopwatch writing;
+    PutOutcome stored = writer().Put(*pending->put);
+    pending->result.timings.database_ms = writing.Ms();
+    pending->result.outcome = stored.outcome;
+    pending->result.image = std::move(stored.image);
+    return pending->result;
+  };
 }
 
 PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha256,
@@ -113,7 +120,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
 
 ImageRecord Engine::Impl::Get(const std::string& collection, const std::string& id) {
   auto found = catalogue().FindPicture(collection, id);
-  if (!found) ThrowNoImage(collection, id);
+  if (!found) throw refusals::NoPicture(collection, id);
   return *std::move(found);
 }
 
@@ -136,7 +143,7 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
 Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
   const PictureRef ref{catalogue().RequireCollection(collection).key, id};
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) ThrowNoImage(collection, id);
+  if (!found) throw refusals::NoPicture(collection, id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;

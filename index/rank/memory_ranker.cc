@@ -7,6 +7,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/rank/ranking.h"
+#include "index/store/refusals.h"
 
 namespace pliant {
 namespace {
@@ -33,8 +34,7 @@ CollectionView MemoryRanker::View(const std::string& collection) {
     CatchUp();
     const auto found = entries_.find(collection);
     if (found == entries_.end()) {
-      throw Error(ErrorCode::kNotFound, "collection_not_found",
-                  "there is no collection \"" + collection + "\"");
+      throw refusals::NoCollection(collection);
     }
     const Entry& entry = found->second;
     if (entry.is_current() || (entry.shown && entry.loading)) {

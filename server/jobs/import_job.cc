@@ -92,13 +92,13 @@ AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& reque
                        const std::stop_token& stop) {
   for (int attempt = 1;; ++attempt) {
     try {
-      AddResult result;
+      std::function<AddResult()> write;
       pool.Run(WorkerPool::Lane::kBackground, [&](int cores) {
         AddRequest with_cores = request;
         with_cores.threads = cores;
-        result = engine.Add(with_cores);
+        write = engine.BeginAdd(with_cores);
       });
-      return result;
+      return write();
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kUnavailable || attempt == kTriesWhenBusy ||
           stop.stop_requested()) {

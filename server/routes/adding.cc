@@ -5,12 +5,14 @@
 namespace pliant::server {
 
 AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCheck& check) {
-  AddResult result;
+  // A store that cannot be written now must not keep cores from searches.
+  std::function<AddResult()> write;
   service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
     AddRequest with_cores = request;
     with_cores.threads = cores;
-    result = service.engine().Add(with_cores, check);
+    write = service.engine().BeginAdd(with_cores, check);
   });
+  AddResult result = write();
   if (result.outcome != AddOutcome::kUnchanged) {
     service.metrics.OnAdd(result.timings);
     if (service.auto_trainer() != nullptr) service.auto_trainer()->OnAdded(request.collection);

@@ -8,6 +8,7 @@
 Exit status 77 where Debian's clickhouse-server or libzookeeper-java is not installed.
 """
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -24,6 +25,9 @@ import urllib.error
 import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "chaos"))
+from service.pictures import write_folder  # noqa: E402  (needs the path above)
+
 SCRIPT = HERE.parent.parent / "docker" / "cluster_local.sh"
 OPTIONS = argparse.Namespace()
 NODES = ("s1r1", "s1r2", "s2r1", "s2r2")
@@ -162,6 +166,51 @@ class ClusterTest(unittest.TestCase):
         os.environ["PLIANT_DB_PASSWORD"] = "wrong"
         self.assertIn("assword",
                       self.pliant("cluster", "check", "--db", url(listeners), status=1).stderr)
+
+    def count_pictures(self, database):
+        return sum(int(self.on_node(node, f"SELECT count() FROM {database}.pictures")) for node in ("s1r1", "s2r1"))
+
+    def copy(self, source, target):
+        done = json.loads(self.pliant("db", "copy", target, "--db", source, "--compare", "10", "--json").stdout)
+        self.assertEqual(done["differences"], [])
+        return done
+
+    def kill_copy(self, source, target, written):
+        """Kills a copy as soon as written() says that some of it is there."""
+        with subprocess.Popen([OPTIONS.pliant, "db", "copy", target, "--db", source], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL) as copying:
+            while copying.poll() is None and not written():
+                time.sleep(0.01)
+            copying.kill()
+
+    def test_3c_a_copy_into_a_cluster_and_back(self):
+        """Killed in both directions, gone on with, and with the rankings of the original at the end."""
+        folder = pathlib.Path(self.folder.name) / "copies"
+        pictures = 90
+        write_folder(folder / "shelf", "thing", pictures // 3, 3)
+        first, last = str(folder / "first.db"), str(folder / "last.db")
+        url = self.url.replace("/pliant?", "/copies?")
+        self.cluster("init", url=url)
+        self.pliant("index", str(folder / "shelf"), "--db", first, "--descriptor", "rootsift", "--json")
+        self.kill_copy(first, url, lambda: self.count_pictures("copies") > 20)
+        there = self.count_pictures("copies")
+        self.assertLess(there, pictures, "it was killed too late: nothing is tested")
+        done = self.copy(first, url)
+        self.assertEqual(done["copied"] + done["unchanged"], pictures)
+        self.assertGreater(done["unchanged"], 0)
+        self.assertEqual(done["rankings_compared"], 10)
+
+        def some_of_last():
+            with contextlib.suppress(OSError, subprocess.SubprocessError, KeyError, ValueError):
+                stats = subprocess.run([OPTIONS.pliant, "db", "stats", "--db", last, "--json"], capture_output=True, check=True)
+                return json.loads(stats.stdout)["images"] > 20
+            return False
+
+        self.kill_copy(url, last, some_of_last)
+        done = self.copy(url, last)
+        self.assertEqual(done["copied"] + done["unchanged"], pictures)
+        done = self.copy(first, last)
+        self.assertEqual((done["copied"], done["unchanged"], done["extra"]), (0, pictures, 0))
 
     def test_4_a_table_that_one_node_lost(self):
         self.on_node("s2r1", "DROP TABLE pliant.features")

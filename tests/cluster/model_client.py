@@ -27,6 +27,10 @@ class Book:
         with self.lock:
             self.figures[what] += 1
 
+    def most(self, what, number):
+        with self.lock:
+            self.figures[what] = max(self.figures[what], number)
+
     def blame(self, text, history=()):
         with self.lock:
             self.wrong.append("\n    ".join([text, *history]))
@@ -104,6 +108,7 @@ class Client(threading.Thread):
         if status not in (200, 404):
             return
         found = record["sha256"] if status == 200 else None
+        self.book.count("looks that agree" if found in picture.may else "looks that do not")
         if found not in picture.may:
             self.book.blame(f"{picture.name} is {found and found[:8]}, may be {[one and one[:8] for one in picture.may]}", picture.history)
 
@@ -118,6 +123,8 @@ class Client(threading.Thread):
         if status != 200:
             return
         hits = [hit["image_id"] for hit in answer["hits"]]
+        agrees = picture.name in hits[:1] if now else picture.name not in hits
+        self.book.count("searches that agree" if agrees else "searches that do not")
         if now and picture.name not in hits[:1]:
             self.book.blame(f"{picture.name} ({now[:8]}) is not found: {hits}", picture.history)
         if not now and picture.name in hits:

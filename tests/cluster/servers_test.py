@@ -3,12 +3,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several servers on one cluster, while processes of all kinds are killed with SIGKILL at random moments.
 
-    tests/cluster/on_cluster.sh tests/cluster/servers_test.py --bin build/release/bin [--seconds 600] [--servers 4]
+    PLIANT_TEST_SMALL_DISK=s1r2 tests/cluster/on_cluster.sh tests/cluster/servers_test.py --bin build/release/bin [--seconds 600] [--servers 4]
 
 Clients put, replace, delete, look and search, each time at another server. A model of what was acknowledged decides:
 every look and every search that begins afterwards, at any server, must agree with it. What had no answer, or another one
-than 2xx, may have happened, also later, until the next acknowledged change of the same picture. At the end nothing may
-be lost or back, and the replicas must be equal.
+than 2xx, may have happened, also later, until the next acknowledged change of the same picture. In between the Keeper is
+gone for a while, and, with PLIANT_TEST_SMALL_DISK, a node's disk is full. At the end nothing may be lost or back, and the
+replicas must be equal.
 """
 import argparse
 import contextlib
@@ -16,12 +17,10 @@ import http.client
 import json
 import os
 import pathlib
-import random
-import signal
+import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -29,53 +28,9 @@ sys.path.insert(0, str(HERE.parent / "chaos"))
 from model_client import IMAGES, Book, Client  # noqa: E402  (needs the path above)
 from service.pictures import texture  # noqa: E402
 from service.server import Connection, Server, Wrong  # noqa: E402
+from troubles import KEPT, SETTLE_S, Troubles, local, most_parts  # noqa: E402
 
-LOCAL = HERE.parent.parent / "docker" / "cluster_local.sh"
-KEPT = 20  # pictures at the beginning
-SETTLE_S = 180
-
-
-class Killer(threading.Thread):
-    """Kills one process after the other; the last thing it does is to start what it has killed."""
-
-    def __init__(self, home, servers, start, book, dice):
-        super().__init__(daemon=True)
-        self.home, self.servers, self.start_server, self.book = home, servers, start, book
-        self.dice, self.stopped = random.Random(dice), False
-
-    def run(self):
-        try:
-            while not self.stopped:
-                time.sleep(self.dice.uniform(1, 5))
-                self.dice.choices([self.server, self.node, self.keeper], [4, 4, 1])[0]()
-        except Exception as error:
-            self.book.blame(f"killer: {error!r}")
-
-    def server(self):
-        i = self.dice.randrange(len(self.servers))
-        self.servers[i].kill()
-        self.book.count("killed servers")
-        self.servers[i] = self.start_server(i)
-
-    def process(self, name, what):
-        pid = int((self.home / name / "pid").read_text(encoding="ascii"))
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
-        self.book.count(f"killed {what}")
-        time.sleep(self.dice.uniform(0.5, 6))
-        local("up", self.home)
-
-    def node(self):
-        self.process(self.dice.choice(["s1r1", "s1r2", "s2r1", "s2r2"]), "ClickHouse")
-
-    def keeper(self):
-        self.process("zookeeper", "ZooKeeper")
-
-
-def local(action, home):
-    done = subprocess.run(["bash", LOCAL, action, home], capture_output=True, text=True, check=False, timeout=300)
-    if done.returncode != 0:
-        raise Wrong(f"cluster_local.sh {action}: {done.stdout}{done.stderr}")
+MOST_PARTS = 150
 
 
 class Test:
@@ -126,14 +81,14 @@ class Test:
 
     def run(self):
         clients = [Client(i, self.servers, self.book, f"{self.options.seed} {i}") for i in range(self.options.clients)]
-        killer = Killer(self.home, self.servers, self.start, self.book, f"{self.options.seed} killer")
-        for thread in (*clients, killer):
+        troubles = Troubles(self)
+        for thread in (*clients, troubles):
             thread.start()
         end = time.monotonic() + self.options.seconds
-        while time.monotonic() < end and not self.book.wrong:
+        while (time.monotonic() < end or troubles.waiting) and troubles.is_alive() and not self.book.wrong:
             time.sleep(0.5)
-        killer.stopped = True
-        killer.join(2 * SETTLE_S)
+        troubles.stopped = True
+        troubles.join(4 * SETTLE_S)
         for client in clients:
             client.stopped = True
         for client in clients:
@@ -163,6 +118,9 @@ class Test:
             for i in range(KEPT):
                 if Connection(server.address, False).ask("GET", f"{IMAGES}/kept-{i}")[0] != 200:
                     self.book.blame(f"kept-{i} is lost at a server")
+        self.book.most("parts of one partition", most_parts(self.url))
+        if self.book.figures["parts of one partition"] > MOST_PARTS:
+            self.book.blame("there are more parts than merging keeps up with")
         checked = self.pliant("db", "check")
         if checked.returncode != 0:
             self.book.blame(f"db check: {checked.stdout}{checked.stderr}")
@@ -171,7 +129,12 @@ class Test:
             if time.monotonic() > until:
                 return self.book.blame(f"cluster check: {replicas.stdout}{replicas.stderr}")
             time.sleep(1)
+        print("the replicas' checksums are equal")
         return None
+
+    def keep_logs(self):
+        for log in self.home.glob("*/*.log"):
+            shutil.copy(log, self.logs / f"{log.parent.name}-{log.name}")
 
     def tidy(self):
         for server in getattr(self, "servers", []):
@@ -184,6 +147,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=45)
     parser.add_argument("--servers", type=int, default=2)
     parser.add_argument("--clients", type=int, default=4)
+    parser.add_argument("--gap", type=float, default=5, help="seconds at most between one trouble and the next")
     parser.add_argument("--seed", type=int, default=1)
     test = Test(parser.parse_args())
     try:
@@ -198,10 +162,12 @@ def main():
         test.tidy()
     for name, number in sorted(test.book.figures.items()):
         print(f"{number:7} {name}")
+    print(f"{len(test.book.wrong):7} wrong")
     for wrong in test.book.wrong[:10]:
         print(f"WRONG: {wrong}")
     if test.book.wrong:
-        print(f"the servers' logs are in {test.logs}")
+        test.keep_logs()
+        print(f"all logs are in {test.logs}")
     return 1 if test.book.wrong else 0
 
 

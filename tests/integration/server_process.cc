@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
+#include <map>
 #include <random>
 #include <sstream>
 #include <stdexcept>
@@ -35,10 +37,24 @@ void SendAll(int fd, const std::string& bytes) {
   }
 }
 
+// The file, or what stands for it on the cluster: always the same.
+std::string DatabaseOf(const std::filesystem::path& file) {
+  const char* cluster = std::getenv("PLIANT_TEST_CLUSTER");
+  if (cluster == nullptr) return file.string();
+  static std::map<std::filesystem::path, std::string> made;
+  std::string& url = made[file];
+  if (!url.empty()) return url;
+  url = cluster;
+  url.insert(url.find('?'), "_" + std::to_string(getpid()) + "_" + std::to_string(made.size()));
+  const ProgramResult done = RunProgram({"cluster", "init", "--db", url});
+  if (done.status != 0) throw std::runtime_error(done.err);
+  return url;
+}
+
 std::vector<std::string> CommandLine(const std::filesystem::path& database,
                                      const std::vector<std::string>& flags) {
-  std::vector<std::string> arguments = {"--db",        database.string(), "--listen",
-                                        "127.0.0.1:0", "--descriptor",    "rootsift"};
+  std::vector<std::string> arguments = {"--db",        DatabaseOf(database), "--listen",
+                                        "127.0.0.1:0", "--descriptor",       "rootsift"};
   arguments.insert(arguments.end(), flags.begin(), flags.end());
   return arguments;
 }

@@ -23,7 +23,8 @@ std::filesystem::path ServerPath();
 class ServerProcess {
  public:
   // Waits until the server says that it listens; throws when it does not. Pictures are described
-  // by RootSIFT, which is fast; `flags` come after and may say otherwise.
+  // by RootSIFT, which is fast; `flags` come after and may say otherwise. With PLIANT_TEST_CLUSTER,
+  // a URL, the database is one of that cluster in place of the file (tests/cluster/http_suite.sh).
   explicit ServerProcess(const std::filesystem::path& database,
                          const std::vector<std::string>& flags = {});
 

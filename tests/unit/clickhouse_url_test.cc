@@ -77,5 +77,27 @@ TEST(ClickhouseErrors, BothFormsAreUnderstood) {
   EXPECT_FALSE(FindServerError(""));
 }
 
+// What clients can do nothing about but try again must not look like a defect.
+TEST(ClickhouseErrors, AFullDiskAndAReplicaThatStartsOrEnds) {
+  const auto of = [](const std::string& text) {
+    return ToError(FindServerError("Code: " + text + ", e.what() = DB::Exception").value(), "h:1");
+  };
+  const Error full =
+      of("75, e.displayText() = DB::Exception: Cannot write to file /d/x, errno: 28, strerror: No "
+         "space left on device");
+  EXPECT_EQ(full.code(), ErrorCode::kNoSpace);
+  EXPECT_EQ(full.reason(), "database_full");
+  const Error failing =
+      of("75, e.displayText() = DB::Exception: Cannot write to file /d/x, errno: 5, strerror: "
+         "Input/output error");
+  EXPECT_EQ(failing.code(), ErrorCode::kUnavailable);
+  const Error starting =
+      of("244, e.displayText() = DB::Exception: Unexpected logical error while adding block 56 "
+         "with ID 'a': No node, path /clickhouse/replicas/s1r1/is_active");
+  EXPECT_EQ(starting.code(), ErrorCode::kUnavailable);
+  EXPECT_EQ(starting.reason(), "database_outcome_unknown");
+  EXPECT_EQ(of("236, e.displayText() = DB::Exception: Aborted").code(), ErrorCode::kUnavailable);
+}
+
 }  // namespace
 }  // namespace pliant::clickhouse

@@ -9,6 +9,7 @@
 #include "index/store/clickhouse/query.h"
 #include "index/store/facet_count.h"
 #include "index/store/list_place.h"
+#include "index/store/refusals.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -185,6 +186,7 @@ void ClickhouseCatalogue::EachPageAt(const Snapshot& now, PictureListing list,
   now.registry->Require(list.which.collection);
   while (true) {
     const PicturePage page = PageAt(now, list);
+    snapshots_.RequireKept(now);
     work(page);
     if (!page.next) return;
     list.after = *page.next;
@@ -210,7 +212,7 @@ void ClickhouseCatalogue::ForEachPictureFeatures(
     for (const ImageRecord& record : page.records) {
       const auto number = numbers.find(record.id);
       const auto blob = number == numbers.end() ? features.end() : features.find(number->second);
-      if (blob == features.end()) ThrowFeaturesMissing();
+      if (blob == features.end()) throw refusals::FeaturesMissing();
       take(record, blob->second);
     }
   });

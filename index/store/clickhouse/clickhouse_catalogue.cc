@@ -11,16 +11,11 @@
 #include "index/store/clickhouse/clickhouse_feed.h"
 #include "index/store/clickhouse/query.h"
 #include "index/store/draw_descriptors.h"
+#include "index/store/refusals.h"
 #include "index/store/unchanged.h"
 
 namespace pliant::clickhouse {
 namespace {
-
-[[noreturn]] void ThrowNoPicture(const std::string& collection, const std::string& id) {
-  throw Error(
-      ErrorCode::kNotFound, "image_not_found",
-      "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
-}
 
 // Of this collection.
 std::vector<ImageRecord> WithBytes(std::vector<PictureState> states,
@@ -81,11 +76,6 @@ std::optional<StoredPicture> ClickhouseCatalogue::FindDescribed(const std::strin
   return std::nullopt;
 }
 
-void ThrowFeaturesMissing() {
-  throw Error(ErrorCode::kCorrupt, "features_missing",
-              "a stored picture has lost its features; run `pliant db check`");
-}
-
 std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
     std::span<const PictureRef> refs, Load what) {
   std::vector<std::optional<StoredPicture>> pictures(refs.size());
@@ -115,7 +105,7 @@ std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
                                 {}};
     if (what == Load::kRecords) continue;
     const auto blob = features.find(state->second.picture);
-    if (blob == features.end()) ThrowFeaturesMissing();
+    if (blob == features.end()) throw refusals::FeaturesMissing();
     pictures[i]->features = blob->second;
   }
   return pictures;
@@ -126,10 +116,9 @@ std::vector<std::uint8_t> ClickhouseCatalogue::ReadContent(const std::string& co
   const Snapshot now = snapshots_.Now();
   const CollectionEntry& in = now.registry->Require(collection);
   const auto state = states_.ById(in.key, id, now.log);
-  if (!state) ThrowNoPicture(collection, id);
+  if (!state) throw refusals::NoPicture(collection, id);
   if (!state->content) {
-    throw Error(ErrorCode::kNotFound, "content_not_kept",
-                "the bytes of image \"" + ToDisplayText(id) + "\" were not kept");
+    throw refusals::ContentNotKept(id);
   }
   const NativeBlock rows = link_.Read(link_.ShardOf(in.key, id),
                                       "SELECT data FROM originals WHERE sha256 = "
@@ -238,8 +227,7 @@ std::vector<StoredFeatures> FeaturesOf(PictureStates& states,
   for (const PictureOutline& outline : pictures) {
     const auto blob = blobs.find(outline.picture);
     if (blob == blobs.end()) {
-      throw Error(ErrorCode::kCorrupt, "features_missing",
-                  "a stored picture has lost its features; run `pliant db check`");
+      throw refusals::FeaturesMissing();
     }
     features.push_back({static_cast<std::int64_t>(outline.version), blob->second});
   }

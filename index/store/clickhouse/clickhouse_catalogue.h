@@ -22,8 +22,6 @@ struct CollectionCounts {
   std::uint64_t descriptors = 0;
 };
 
-[[noreturn]] void ThrowFeaturesMissing();  // kCorrupt "features_missing"
-
 class ClickhouseCatalogue : public Catalogue {
  public:
   // `password`: for Check(), which asks every node.

@@ -3,8 +3,10 @@
 #include "index/store/clickhouse/clickhouse_feed.h"
 
 #include <algorithm>
+#include <chrono>
 #include <map>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -28,8 +30,8 @@ struct Wanted {
 
 class ClickhouseFeedView : public FeedView {
  public:
-  ClickhouseFeedView(ClusterLink* link, Snapshot snapshot)
-      : link_(*link), states_(link), snapshot_(std::move(snapshot)) {}
+  ClickhouseFeedView(ClusterLink* link, Snapshots* snapshots, Snapshot snapshot)
+      : link_(*link), snapshots_(*snapshots), states_(link), snapshot_(std::move(snapshot)) {}
 
   FeedPosition Position() override {
     const auto log = static_cast<std::int64_t>(snapshot_.log);
@@ -45,11 +47,13 @@ class ClickhouseFeedView : public FeedView {
   }
 
   std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) override {
+    if (static_cast<std::uint64_t>(removal) < snapshot_.registry->purge.log) return std::nullopt;
     const NativeBlock rows =
         link_.Read(ClusterLink::kHome, "SELECT before FROM log WHERE before != 0" + After(removal),
                    {{"before", "UInt64"}});
     std::vector<std::int64_t> removed;
     for (std::size_t i = 0; i < rows.rows; ++i) removed.push_back(Row(rows, i).Signed(0));
+    snapshots_.RequireKept(snapshot_);
     return removed;
   }
 
@@ -72,6 +76,7 @@ class ClickhouseFeedView : public FeedView {
     for (std::size_t from = 0; from < wanted.size(); from += kTogether) {
       const std::size_t count = std::min(kTogether, wanted.size() - from);
       Load(vocabulary, words, std::span(wanted).subspan(from, count));
+      snapshots_.RequireKept(snapshot_);
       while (loaded_.size() >= chunk) Give(chunk, work);
     }
     if (!loaded_.empty()) Give(loaded_.size(), work);
@@ -147,6 +152,7 @@ class ClickhouseFeedView : public FeedView {
   }
 
   ClusterLink& link_;
+  Snapshots& snapshots_;
   PictureStates states_;
   const Snapshot snapshot_;
   std::vector<IndexedPicture> loaded_;
@@ -181,10 +187,34 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(ClusterLink& link, const Regist
   return rows.Finish(codebook);
 }
 
-std::int64_t ClickhouseFeed::Version() { return static_cast<std::int64_t>(snapshots_.Version()); }
+// Who has followed one replica stays where it is while another one, which is behind, answers:
+// what that one lacks was never acknowledged.
+std::int64_t ClickhouseFeed::Version() {
+  const std::uint64_t now = snapshots_.Version();
+  std::uint64_t told = told_;
+  while (now > told && !told_.compare_exchange_weak(told, now)) {
+  }
+  return static_cast<std::int64_t>(std::max(now, told));
+}
 
+// Never less than was told: it would be taken for all there is.
 std::unique_ptr<FeedView> ClickhouseFeed::Look() {
-  return std::make_unique<ClickhouseFeedView>(&link_, snapshots_.Now());
+  constexpr int kTries = 20;
+  constexpr std::chrono::milliseconds kPause{50};
+  for (int i = 0; i < kTries; ++i) {
+    Snapshot now = snapshots_.Now();
+    std::uint64_t told = told_;
+    while (now.log > told && !told_.compare_exchange_weak(told, now.log)) {
+    }
+    if (now.log >= told) {
+      looked_ = now.log;
+      return std::make_unique<ClickhouseFeedView>(&link_, &snapshots_, std::move(now));
+    }
+    std::this_thread::sleep_for(kPause);
+  }
+  told_ = looked_.load();  // whoever had it may not come back
+  throw Error(ErrorCode::kUnavailable, "replica_behind",
+              "the replica that answers has not got yet what another one showed; try again");
 }
 
 }  // namespace pliant::clickhouse

@@ -3,6 +3,8 @@
 // The changes of a cluster. Private to store/clickhouse.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 
 #include "index/store/change_feed.h"
@@ -25,6 +27,8 @@ class ClickhouseFeed : public ChangeFeed {
  private:
   ClusterLink& link_;
   Snapshots& snapshots_;
+  std::atomic<std::uint64_t> looked_{0};  // the version of the last look
+  std::atomic<std::uint64_t> told_{0};    // the greatest version that was told, or looked at
 };
 
 }  // namespace pliant::clickhouse

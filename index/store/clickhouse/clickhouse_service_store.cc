@@ -12,6 +12,7 @@
 #include "descriptor/base/hex.h"
 #include "index/store/clickhouse/query.h"
 #include "index/store/clickhouse/registry_text.h"
+#include "index/store/refusals.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -129,9 +130,7 @@ bool ClickhouseServiceStore::RevokeKey(const std::string& id_or_name) {
       if (key.name == id_or_name) named.push_back(std::move(key));
     }
     if (named.size() > 1) {
-      throw Error(
-          ErrorCode::kConflict, "key_ambiguous",
-          "several keys are called \"" + id_or_name + "\"; name the id of the one to revoke");
+      throw refusals::KeyAmbiguous(id_or_name);
     }
     revoked = !named.empty();
     if (!revoked) return;

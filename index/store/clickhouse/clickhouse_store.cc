@@ -107,12 +107,13 @@ class ClickhouseStore : public Store {
 
 }  // namespace
 
-ClusterAccess::ClusterAccess(const std::string& url)
-    : password(ReadDatabasePassword("")),
+ClusterAccess::ClusterAccess(const std::string& url, const std::string& password_file)
+    : password(ReadDatabasePassword(password_file)),
       link(RequireKeepers(ParseDatabaseUrl(url)), password),
       snapshots(&link),
       keeper(std::make_shared<Keeper>(KeeperOf(link.url()))),
-      commits(&link, &snapshots, keeper) {}
+      commits(&link, &snapshots, keeper),
+      readers(&snapshots, keeper) {}
 
 std::unique_ptr<Store> OpenClickhouseStore(const StoreOptions& options) {
   return std::make_unique<ClickhouseStore>(options);

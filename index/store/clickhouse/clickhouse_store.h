@@ -7,20 +7,23 @@
 #include <string>
 
 #include "index/store/clickhouse/cluster_commits.h"
+#include "index/store/clickhouse/reader_floor.h"
 #include "index/store/open_store.h"
 
 namespace pliant::clickhouse {
 
 // What both stores stand on.
 struct ClusterAccess {
-  // Throws kInvalidArgument "database_url_invalid".
-  explicit ClusterAccess(const std::string& url);
+  // Throws kInvalidArgument "database_url_invalid". The password is read from `password_file`, or
+  // from the environment when that is empty.
+  explicit ClusterAccess(const std::string& url, const std::string& password_file = {});
 
   std::string password;
   ClusterLink link;
   Snapshots snapshots;
   std::shared_ptr<Keeper> keeper;
   ClusterCommits commits;
+  ReaderFloor readers;
 };
 
 std::unique_ptr<Store> OpenClickhouseStore(const StoreOptions& options);

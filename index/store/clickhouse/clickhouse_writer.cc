@@ -9,6 +9,7 @@
 #include "index/files/merge_patch.h"
 #include "index/files/text.h"
 #include "index/store/clickhouse/clickhouse_feed.h"
+#include "index/store/refusals.h"
 #include "index/store/unchanged.h"
 #include "index/store/word_codec.h"
 
@@ -27,11 +28,6 @@ std::optional<ImageRecord> FindUnchangedIn(Change& change, const CollectionEntry
   const auto found = change.Find(collection.key, *request.id);
   if (!found || !IsUnchanged(found->record, request, sha256)) return std::nullopt;
   return RecordOf(*found, collection.name);
-}
-
-[[noreturn]] void ThrowNoObject(const std::string& object) {
-  throw Error(ErrorCode::kNotFound, "object_not_found",
-              "there is no picture of an object \"" + ToDisplayText(object) + "\"");
 }
 
 const std::string& FirstId(const std::vector<PictureOutline>& pictures) {
@@ -121,9 +117,7 @@ ImageRecord ClickhouseWriter::ChangePicture(const std::string& collection, const
         const CollectionEntry in = commit.registry().Require(collection);
         const auto now = commit.Find(in.key, id);
         if (!now) {
-          throw Error(ErrorCode::kNotFound, "image_not_found",
-                      "there is no image \"" + ToDisplayText(id) + "\" in collection \"" +
-                          collection + "\"");
+          throw refusals::NoPicture(collection, id);
         }
         changed = RecordOf(*now, in.name);
         if (change.check) change.check(changed);
@@ -160,7 +154,7 @@ ObjectRecord ClickhouseWriter::ChangeObject(const std::string& collection,
     which.object = object;
     const std::vector<PictureOutline> pictures =
         object.empty() ? std::vector<PictureOutline>{} : SelectNow(commit, which);
-    if (pictures.empty()) ThrowNoObject(object);
+    if (pictures.empty()) throw refusals::NoObject(object);
     changed = {object, pictures.size()};
     if (change.check) change.check(changed, FirstId(pictures));
     if (change.name == object) return;
@@ -168,11 +162,7 @@ ObjectRecord ClickhouseWriter::ChangeObject(const std::string& collection,
     which.object = change.name;
     const std::vector<PictureOutline> others = SelectNow(commit, which);
     if (!others.empty() && !change.merge) {
-      throw Error(ErrorCode::kConflict, "object_exists",
-                  "there is an object \"" + ToDisplayText(change.name) + "\" already, of " +
-                      std::to_string(others.size()) +
-                      (others.size() == 1 ? " picture" : " pictures") +
-                      "; merge=true makes one object of the two");
+      throw refusals::ObjectExists(change.name, others.size());
     }
     for (const PictureOutline& picture : pictures) {
       const auto now = commit.Find(in.key, picture.id);

@@ -77,7 +77,7 @@ bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
   const std::unique_ptr<KeeperLease> lease =
       keeper_->Lock(kLock, std::chrono::steady_clock::now() + kWaitForTurn);
   if (keeper_->Read(kUnfinished)) Recover();
-  const Snapshot now = snapshots_.Now();
+  const Snapshot now = snapshots_.NowForWriting();
   WriteBatch changes(&link_, now, {[this] { return NextPicture(); }, [this] { return NextKey(); }},
                      std::max(NowUs(), now.log + 1));
   Foreseen all;
@@ -114,7 +114,7 @@ bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
 // Rows that no commit knows: commits them, in the order of their versions. Those of the registry
 // are seen by who reads it anew: that somebody has changed it is said.
 void ClusterCommits::Recover() {
-  const Snapshot now = snapshots_.Now();
+  const Snapshot now = snapshots_.NowForWriting();
   const std::string newer = "version > " + std::to_string(now.log);
   std::vector<NewCommit> commits;
   const std::string statement =

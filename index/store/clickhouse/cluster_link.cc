@@ -100,7 +100,8 @@ void CheckProbe(const Probe& probe, const DatabaseUrl& url) {
 struct ClusterLink::Shape {
   Settings settings;
   std::vector<std::unique_ptr<HttpPool>> shards;
-  bool complete = true;  // every server of the URL answered
+  std::vector<std::vector<HostPort>> hosts;  // of each
+  bool complete = true;                      // every server of the URL answered
   Clock::time_point found = Clock::now();
 };
 
@@ -147,7 +148,8 @@ std::shared_ptr<ClusterLink::Shape> ClusterLink::Find() const {
                     " answer; the URL must name at least one of each shard");
   }
   for (auto& [name, of_shard] : hosts) {
-    shape->shards.push_back(std::make_unique<HttpPool>(Options(std::move(of_shard))));
+    shape->shards.push_back(std::make_unique<HttpPool>(Options(of_shard)));
+    shape->hosts.push_back(std::move(of_shard));
   }
   return shape;
 }
@@ -179,6 +181,8 @@ DatabaseRequest ClusterLink::Request(const Shape& shape, std::string statement) 
   request.settings.emplace_back("database", url_.database);
   request.settings.emplace_back("max_query_size", "67108864");
   request.settings.emplace_back("insert_quorum_timeout", "15000");  // ms
+  // The same rows again are meant: what they were has been purged since, perhaps.
+  request.settings.emplace_back("insert_deduplicate", "0");
   return request;
 }
 
@@ -228,6 +232,34 @@ std::vector<NativeBlock> ClusterLink::ReadEach(const std::string& statement,
   std::vector<NativeBlock> blocks;
   blocks.push_back(Read(0, statement, columns));
   for (auto& other : others) blocks.push_back(other.get());
+  return blocks;
+}
+
+std::optional<std::vector<NativeBlock>> ClusterLink::ReadReplicas(
+    std::size_t shard, const std::string& statement, const std::vector<TableColumn>& columns) {
+  const NativeBlock counted =
+      Read(shard,
+           "SELECT toUInt64(max(total_replicas)) AS replicas FROM system.replicas WHERE database "
+           "= " +
+               Literal(url_.database),
+           {{"replicas", "UInt64"}});
+  const std::shared_ptr<Shape> shape = Current();
+  const std::vector<HostPort>& hosts = shape->hosts.at(shard);
+  if (counted.rows == 0 || counted.columns[0].Of<std::uint64_t>()[0] != hosts.size()) {
+    return std::nullopt;
+  }
+  std::vector<NativeBlock> blocks;
+  try {
+    for (const HostPort& host : hosts) {
+      HttpPool pool(Options({host}));
+      DatabaseRequest request = Request(*shape, statement);
+      request.repeatable = true;
+      blocks.push_back(ReadRows(pool, std::move(request), columns));
+    }
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kUnavailable) throw;
+    return std::nullopt;
+  }
   return blocks;
 }
 

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,6 +41,11 @@ class ClusterLink {
   // By shard.
   std::vector<NativeBlock> ReadEach(const std::string& statement,
                                     const std::vector<TableColumn>& columns);
+  // Of each replica of the shard by itself. Nothing when one of them does not answer, or the URL
+  // does not name it.
+  std::optional<std::vector<NativeBlock>> ReadReplicas(std::size_t shard,
+                                                       const std::string& statement,
+                                                       const std::vector<TableColumn>& columns);
   // When this returns, so many replicas as the cluster's settings say have the rows; when it
   // throws, they may have.
   void Insert(std::size_t shard, const TableSpec& table, const NativeBlock& rows);

@@ -9,6 +9,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/text.h"
 #include "index/store/clickhouse/registry_text.h"
+#include "index/store/refusals.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -93,8 +94,7 @@ const CollectionEntry* Registry::Find(std::uint32_t key) const {
 
 const CollectionEntry& Registry::Require(const std::string& name) const {
   if (const CollectionEntry* found = Find(name)) return *found;
-  throw Error(ErrorCode::kNotFound, "collection_not_found",
-              "there is no collection \"" + name + "\"");
+  throw refusals::NoCollection(name);
 }
 
 const VocabularyEntry* Registry::FindVocabulary(std::uint32_t collection, Key vocabulary) const {
@@ -127,7 +127,7 @@ std::vector<std::string> Registry::AliasesOf(std::uint32_t collection) const {
 
 bool IsCommon(const RegistryRow& row) {
   return row.kind == kModel || row.kind == kCollection || row.kind == kAlias ||
-         row.kind == kVocabulary;
+         row.kind == kVocabulary || row.kind == kPurgeKind;
 }
 
 RegistryRow ToRow(const StoredModel& model) {
@@ -170,6 +170,11 @@ RegistryRow ToRow(const VocabularyEntry& vocabulary, bool deleted) {
                         {"ready", vocabulary.ready}})};
 }
 
+RegistryRow ToRow(const PurgeEntry& purge) {
+  return {kPurgeKind, kPurgeKind, false,
+          RegistryText({{"states", purge.states}, {"log", purge.log}})};
+}
+
 void Apply(const RegistryRow& row, Registry& registry) {
   try {
     const Json body = Json::parse(row.body);
@@ -177,6 +182,10 @@ void Apply(const RegistryRow& row, Registry& registry) {
     if (row.kind == kCollection) {
       Put(registry.collections, row.name, row.deleted,
           [&] { return ReadCollection(row.name, body); });
+    }
+    if (row.kind == kPurgeKind) {
+      registry.purge = {body.at("states").get<std::uint64_t>(),
+                        body.at("log").get<std::uint64_t>()};
     }
     if (row.kind == kAlias) {
       Put(registry.aliases, row.name, row.deleted, [&] { return ReadAlias(row.name, body); });

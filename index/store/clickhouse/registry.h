@@ -41,6 +41,12 @@ struct VocabularyEntry {
 
 std::int64_t NowMs();  // Unix time
 
+// What may be removed, as soon as nobody reads what was before this was written (cluster_purge.h).
+struct PurgeEntry {
+  std::uint64_t states = 0;  // those that had been replaced at this version
+  std::uint64_t log = 0;     // the log up to this version
+};
+
 struct RegistryRow {
   std::string kind;
   std::string name;
@@ -50,7 +56,9 @@ struct RegistryRow {
 
 // The kinds of rows that are read here, for IN. Others (jobs, keys) change all the time, and change
 // nothing here.
-inline constexpr const char* kCommonKinds = "('model', 'collection', 'alias', 'vocabulary')";
+inline constexpr const char* kCommonKinds =
+    "('model', 'collection', 'alias', 'vocabulary', 'purge')";
+inline constexpr const char* kPurgeKind = "purge";
 bool IsCommon(const RegistryRow& row);
 
 // As of one moment. Plain values.
@@ -60,6 +68,7 @@ struct Registry {
   std::map<std::string, CollectionEntry> collections;  // by name
   std::map<std::string, AliasEntry> aliases;           // by name
   std::map<Key, VocabularyEntry> vocabularies;
+  PurgeEntry purge;
 
   // By name or alias.
   const CollectionEntry* Find(const std::string& name) const;
@@ -76,6 +85,7 @@ RegistryRow ToRow(const StoredModel& model);
 RegistryRow ToRow(const CollectionEntry& collection, bool deleted = false);
 RegistryRow ToRow(const AliasEntry& alias, bool deleted = false);
 RegistryRow ToRow(const VocabularyEntry& vocabulary, bool deleted = false);
+RegistryRow ToRow(const PurgeEntry& purge);
 
 // Rows of other kinds are left out. Throws kCorrupt "registry_corrupt".
 void Apply(const RegistryRow& row, Registry& registry);

@@ -23,10 +23,12 @@ struct Meaning {
 
 constexpr std::array kMeanings = {
     Meaning{60, ErrorCode::kNotFound, "database_table_missing"},        // UNKNOWN_TABLE
+    Meaning{75, ErrorCode::kUnavailable, "database_outcome_unknown"},   // CANNOT_WRITE_TO_FILE...
     Meaning{81, ErrorCode::kNotFound, "database_table_missing"},        // UNKNOWN_DATABASE
     Meaning{159, ErrorCode::kUnavailable, "database_timeout"},          // TIMEOUT_EXCEEDED
     Meaning{160, ErrorCode::kUnavailable, "database_timeout"},          // TOO_SLOW
     Meaning{164, ErrorCode::kReadOnly, "database_read_only"},           // READONLY
+    Meaning{173, ErrorCode::kUnavailable, "database_unavailable"},      // CANNOT_ALLOCATE_MEMORY
     Meaning{192, ErrorCode::kUnavailable, "database_login_failed"},     // UNKNOWN_USER
     Meaning{193, ErrorCode::kUnavailable, "database_login_failed"},     // WRONG_PASSWORD
     Meaning{194, ErrorCode::kUnavailable, "database_login_failed"},     // REQUIRED_PASSWORD
@@ -35,10 +37,13 @@ constexpr std::array kMeanings = {
     Meaning{209, ErrorCode::kUnavailable, "shard_unavailable"},         // SOCKET_TIMEOUT
     Meaning{210, ErrorCode::kUnavailable, "shard_unavailable"},         // NETWORK_ERROR
     Meaning{225, ErrorCode::kUnavailable, "database_unavailable"},      // NO_ZOOKEEPER
+    Meaning{236, ErrorCode::kUnavailable, "database_outcome_unknown"},  // ABORTED, when it ends
     Meaning{241, ErrorCode::kUnavailable, "database_unavailable"},      // MEMORY_LIMIT_EXCEEDED
     Meaning{242, ErrorCode::kUnavailable, "database_unavailable"},      // TABLE_IS_READ_ONLY
     Meaning{243, ErrorCode::kNoSpace, "database_full"},                 // NOT_ENOUGH_SPACE
+    Meaning{244, ErrorCode::kUnavailable, "database_outcome_unknown"},  // UNEXPECTED_ZOOKEEPER...
     Meaning{252, ErrorCode::kUnavailable, "database_unavailable"},      // TOO_MANY_PARTS
+    Meaning{254, ErrorCode::kUnavailable, "database_unavailable"},      // NO_ACTIVE_REPLICAS
     Meaning{279, ErrorCode::kUnavailable, "shard_unavailable"},         // ALL_CONNECTION_TRIES...
     Meaning{285, ErrorCode::kUnavailable, "database_unavailable"},      // TOO_LESS_LIVE_REPLICAS
     Meaning{286, ErrorCode::kUnavailable, "database_unavailable"},      // UNSATISFIED_QUORUM...
@@ -85,6 +90,9 @@ std::optional<ServerError> FindServerError(std::string_view text) {
 Error ToError(const ServerError& error, const std::string& host) {
   std::string text = "ClickHouse at " + host + " says: " + ToDisplayText(error.text) + " (code " +
                      std::to_string(error.code) + ")";
+  if (error.text.find("errno: 28") != std::string::npos) {  // ENOSPC, in any of its calls
+    return {ErrorCode::kNoSpace, "database_full", text};
+  }
   for (const Meaning& meaning : kMeanings) {
     if (meaning.code == error.code) return {meaning.kind, meaning.reason, text};
   }

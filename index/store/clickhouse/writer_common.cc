@@ -4,6 +4,7 @@
 #include "descriptor/base/error.h"
 #include "index/store/clickhouse/clickhouse_writer.h"
 #include "index/store/quantize_batch.h"
+#include "index/store/refusals.h"
 #include "index/store/vocabulary_rows.h"
 #include "index/store/word_codec.h"
 
@@ -53,9 +54,7 @@ bool ClickhouseWriter::RemoveCollection(const std::string& name) {
     if (!removed) return;
     const CollectionEntry entry = *found;
     if (entry.name != name) {
-      throw Error(ErrorCode::kConflict, "collection_is_alias",
-                  "\"" + name + "\" is an alias of the collection \"" + entry.name +
-                      "\"; remove the alias, or name the collection");
+      throw refusals::CollectionIsAlias(name, entry.name);
     }
     const Registry before = change.registry();
     for (const auto& [alias, target] : before.aliases) {
@@ -88,22 +87,18 @@ void ClickhouseWriter::ChangeAliases(const AliasChanges& changes) {
       const auto known = now.aliases.find(name);
       if (!collection) {
         if (known == now.aliases.end()) {
-          throw Error(ErrorCode::kNotFound, "alias_not_found",
-                      "there is no alias \"" + name + "\"");
+          throw refusals::NoAlias(name);
         }
         commit.Set(ToRow(AliasEntry(known->second), /*deleted=*/true));
         continue;
       }
       if (now.collections.count(name) > 0) {
-        throw Error(ErrorCode::kConflict, "collection_exists",
-                    "\"" + name + "\" is a collection and cannot be an alias, too");
+        throw refusals::AliasIsCollection(name);
       }
       const auto target = now.collections.find(*collection);
       if (target == now.collections.end()) {  // an alias of an alias would move with it
         const CollectionEntry* other = now.Find(*collection);
-        throw Error(ErrorCode::kNotFound, "collection_not_found",
-                    "there is no collection \"" + *collection + "\"" +
-                        (other != nullptr ? ": that is an alias of \"" + other->name + "\"" : ""));
+        throw refusals::NoAliasTarget(*collection, other != nullptr ? other->name : "");
       }
       if (known != now.aliases.end() && known->second.collection == target->second.key) continue;
       commit.Set(ToRow(AliasEntry{name, target->second.key, NowMs()}));

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/base/error.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/database.h"
 
@@ -55,8 +56,7 @@ std::optional<CollectionRow> FindCollection(Connection& db, const std::string& n
 
 CollectionRow RequireCollection(Connection& db, const std::string& name) {
   if (auto collection = FindCollection(db, name)) return *std::move(collection);
-  throw Error(ErrorCode::kNotFound, "collection_not_found",
-              "there is no collection \"" + name + "\"");
+  throw refusals::NoCollection(name);
 }
 
 std::vector<CollectionRow> AllCollections(Connection& db) {
@@ -104,18 +104,15 @@ void ChangeAliases(Connection& db, const AliasChanges& changes) {
     if (!collection) {
       db.Prepare("DELETE FROM aliases WHERE name = ?").Bind(name).Run();
       if (db.changes() > 0) continue;
-      throw Error(ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + name + "\"");
+      throw refusals::NoAlias(name);
     }
     const auto named = FindCollection(db, name);
     if (named && named->name == name) {
-      throw Error(ErrorCode::kConflict, "collection_exists",
-                  "\"" + name + "\" is a collection and cannot be an alias, too");
+      throw refusals::AliasIsCollection(name);
     }
     const auto target = FindCollection(db, *collection);
     if (!target || target->name != *collection) {  // an alias of an alias would move with it
-      throw Error(ErrorCode::kNotFound, "collection_not_found",
-                  "there is no collection \"" + *collection + "\"" +
-                      (target ? ": that is an alias of \"" + target->name + "\"" : ""));
+      throw refusals::NoAliasTarget(*collection, target ? target->name : "");
     }
     db.Prepare(
           "INSERT INTO aliases (name, collection, updated_ms) VALUES (?, ?, ?) ON CONFLICT (name) "

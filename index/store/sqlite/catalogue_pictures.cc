@@ -3,6 +3,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "index/files/text.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue.h"
 
 namespace pliant {
@@ -62,9 +63,7 @@ std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std:
 PictureRow RequirePicture(Connection& db, const std::string& collection, const std::string& id) {
   auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
   if (!picture) {
-    throw Error(
-        ErrorCode::kNotFound, "image_not_found",
-        "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\"");
+    throw refusals::NoPicture(collection, id);
   }
   return *std::move(picture);
 }
@@ -208,8 +207,7 @@ void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob) {
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture) {
   Cursor row = db.Prepare("SELECT data FROM features WHERE picture = ?");
   if (!row.Bind(picture).Next()) {
-    throw Error(ErrorCode::kCorrupt, "features_missing",
-                "a stored picture has lost its features; run `pliant db check`");
+    throw refusals::FeaturesMissing();
   }
   return Copy(row.Blob(0));
 }

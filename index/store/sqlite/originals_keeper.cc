@@ -7,6 +7,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/text.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue.h"
 #include "index/store/sqlite/integrity.h"
 
@@ -50,8 +51,7 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
                       "\" are damaged; remove the picture and add it again");
     }
     if (!store) {
-      throw Error(ErrorCode::kNotFound, "content_not_kept",
-                  "the uploaded bytes of \"" + ToDisplayText(id) + "\" were not kept");
+      throw refusals::ContentNotKept(id);
     }
     if (auto file = store->Read(record.sha256, record.bytes)) return *std::move(file);
     directory = store->directory().string();

@@ -4,6 +4,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/merge_patch.h"
 #include "index/files/text.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/sqlite_writer.h"
@@ -103,8 +104,7 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
     const Key in = RequireCollection(db, collection).key;
     const Key key = FindObject(db, in, object);
     if (key == 0) {
-      throw Error(ErrorCode::kNotFound, "object_not_found",
-                  "there is no picture of an object \"" + ToDisplayText(object) + "\"");
+      throw refusals::NoObject(object);
     }
     changed = {object, CountPicturesOf(db, key)};
     if (change.check) CheckObjectNow(db, in, changed, change.check);
@@ -117,10 +117,7 @@ ObjectRecord SqliteWriter::ChangeObject(const std::string& collection, const std
     }
     const std::uint64_t there = CountPicturesOf(db, taken);
     if (!change.merge) {
-      throw Error(ErrorCode::kConflict, "object_exists",
-                  "there is an object \"" + ToDisplayText(change.name) + "\" already, of " +
-                      std::to_string(there) + (there == 1 ? " picture" : " pictures") +
-                      "; merge=true makes one object of the two");
+      throw refusals::ObjectExists(change.name, there);
     }
     Merge(access_, db, in, key, taken, change.name);
     changed.images += there;

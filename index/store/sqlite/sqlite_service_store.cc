@@ -13,6 +13,7 @@
 #include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
 #include "index/store/open_store.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/schema.h"
@@ -101,9 +102,7 @@ bool SqliteServiceStore::RevokeKey(const std::string& id_or_name) {
     const std::int64_t key = row.Int(0);
     Cursor by_id = db.Prepare("SELECT 1 FROM api_keys WHERE revoked_ms IS NULL AND id = ?");
     if (!by_id.Bind(id_or_name).Next() && row.Next()) {
-      throw Error(
-          ErrorCode::kConflict, "key_ambiguous",
-          "several keys are called \"" + id_or_name + "\"; name the id of the one to revoke");
+      throw refusals::KeyAmbiguous(id_or_name);
     }
     db.Prepare("UPDATE api_keys SET revoked_ms = ? WHERE key = ?").Bind(NowMs(), key).Run();
     return true;

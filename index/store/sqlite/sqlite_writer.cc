@@ -7,6 +7,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/store/quantize_batch.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue_lists.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
@@ -148,9 +149,7 @@ bool SqliteWriter::RemoveCollection(const std::string& name) {
         removed = collection.has_value();
         if (!collection) return;
         if (collection->name != name) {
-          throw Error(ErrorCode::kConflict, "collection_is_alias",
-                      "\"" + name + "\" is an alias of the collection \"" + collection->name +
-                          "\"; remove the alias, or name the collection");
+          throw refusals::CollectionIsAlias(name, collection->name);
         }
         DeleteCollection(db, collection->key);
       },

@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/refusals.h"
+
+#include "index/files/text.h"
+
+namespace pliant::refusals {
+
+Error NoCollection(const std::string& name) {
+  return {ErrorCode::kNotFound, "collection_not_found", "there is no collection \"" + name + "\""};
+}
+
+Error NoPicture(const std::string& collection, const std::string& id) {
+  return {ErrorCode::kNotFound, "image_not_found",
+          "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\""};
+}
+
+Error NoObject(const std::string& object) {
+  return {ErrorCode::kNotFound, "object_not_found",
+          "there is no picture of an object \"" + ToDisplayText(object) + "\""};
+}
+
+Error ContentNotKept(const std::string& id) {
+  return {ErrorCode::kNotFound, "content_not_kept",
+          "the uploaded bytes of \"" + ToDisplayText(id) + "\" were not kept"};
+}
+
+Error FeaturesMissing() {
+  return {ErrorCode::kCorrupt, "features_missing",
+          "a stored picture has lost its features; run `pliant db check`"};
+}
+
+Error ObjectExists(const std::string& object, std::uint64_t pictures) {
+  return {ErrorCode::kConflict, "object_exists",
+          "there is an object \"" + ToDisplayText(object) + "\" already, of " +
+              std::to_string(pictures) + (pictures == 1 ? " picture" : " pictures") +
+              "; merge=true makes one object of the two"};
+}
+
+Error KeyAmbiguous(const std::string& name) {
+  return {ErrorCode::kConflict, "key_ambiguous",
+          "several keys are called \"" + name + "\"; name the id of the one to revoke"};
+}
+
+Error NoAlias(const std::string& name) {
+  return {ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + name + "\""};
+}
+
+Error AliasIsCollection(const std::string& name) {
+  return {ErrorCode::kConflict, "collection_exists",
+          "\"" + name + "\" is a collection and cannot be an alias, too"};
+}
+
+Error NoAliasTarget(const std::string& name, const std::string& other) {
+  return {ErrorCode::kNotFound, "collection_not_found",
+          "there is no collection \"" + name + "\"" +
+              (other.empty() ? "" : ": that is an alias of \"" + other + "\"")};
+}
+
+Error CollectionIsAlias(const std::string& alias, const std::string& collection) {
+  return {ErrorCode::kConflict, "collection_is_alias",
+          "\"" + alias + "\" is an alias of the collection \"" + collection +
+              "\"; remove the alias, or name the collection"};
+}
+
+}  // namespace pliant::refusals

@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What every store says when it refuses: errors to throw, one sentence each.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::refusals {
+
+Error NoCollection(const std::string& name);  // kNotFound "collection_not_found"
+Error NoPicture(const std::string& collection, const std::string& id);  // "image_not_found"
+Error NoObject(const std::string& object);                              // "object_not_found"
+Error ContentNotKept(const std::string& id);                            // "content_not_kept"
+Error FeaturesMissing();  // kCorrupt "features_missing"
+Error ObjectExists(const std::string& object, std::uint64_t pictures);  // kConflict
+Error KeyAmbiguous(const std::string& name);                            // kConflict
+
+// Aliases.
+Error NoAlias(const std::string& name);            // kNotFound "alias_not_found"
+Error AliasIsCollection(const std::string& name);  // kConflict "collection_exists"
+// kNotFound "collection_not_found"; `other`: the collection that it is an alias of, or empty.
+Error NoAliasTarget(const std::string& name, const std::string& other);
+// kConflict "collection_is_alias"
+Error CollectionIsAlias(const std::string& alias, const std::string& collection);
+
+}  // namespace pliant::refusals

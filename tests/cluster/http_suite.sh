@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+# http_suite.sh BIN [TEST...]: the tests of the HTTP interface with databases of one cluster in place of files; a line each.
+# Left out are whole programs that look into the file or concern it alone: server_backups_test, restore_test,
+# server_slow_store_test, server_files_test (directories of originals); and what no database changes: server_auth_test's
+# neighbours of the connection (server_broken_http_test, server_tls_test, fetcher_*, decoder_*).
+set -euo pipefail
+bin=$(cd "$1" && pwd)
+shift
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+tests=("$@")
+if [ ${#tests[@]} -eq 0 ]; then
+  tests=(server_test server_aliases_test server_bulk_test server_changes_test server_conditions_test server_errors_test
+    server_export_test server_import_test server_lists_test server_locate_test server_repeatable_test server_search_test
+    server_similar_test server_waiting_test)
+fi
+if [ -z "${PLIANT_TEST_CLUSTER:-}" ]; then exec bash "$here/on_cluster.sh" bash "$0" "$bin" "${tests[@]}"; fi
+failed=0
+for test in "${tests[@]}"; do
+  log=$(mktemp)
+  if timeout 900 "$bin/$test" --gtest_brief=1 >"$log" 2>&1; then
+    echo "$test: $(grep -o '[0-9]* tests* ran' "$log" | tail -1)"
+  else
+    failed=1
+    echo "$test: FAILED: $(grep -o '\[  FAILED  \] [A-Za-z]*[.][A-Za-z0-9_]*' "$log" | sort -u | sed 's/.*] //' | tr '\n' ' ')"
+    mv "$log" "${TMPDIR:-/tmp}/$test.log"
+  fi
+  rm -f "$log"
+done
+exit "$failed"
