@@ -58,7 +58,8 @@ class Verifier:
             if any(job.kind == "demo" and job.seen["state"] == "done" for job in self.book.jobs.values()):
                 self.demonstration(connection, name)
         if not self.growing():
-            self.counts(connection, records)
+            # What ended since the list was read may have added to it.
+            self.counts(connection, self.records(connection) if late else records)
         self.contents(connection, thorough)
         self.searches(connection, 6 if thorough else 2)
 
