@@ -23,7 +23,7 @@ class AuthTest : public ::testing::Test {
  protected:
   ProgramResult Keys(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "keys");
-    arguments.insert(arguments.end(), {"--db", database().string()});
+    arguments.insert(arguments.end(), {"--db", DatabaseOf(database())});
     return Program(arguments, {}, ServerPath()).Wait();
   }
   // The new key, one line.

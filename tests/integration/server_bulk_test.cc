@@ -45,7 +45,7 @@ class BulkTest : public ::testing::Test {
   }
 
   void ExpectSound(const std::filesystem::path& file) {
-    const ProgramResult check = RunProgram({"db", "check", "--db", file.string(), "--json"});
+    const ProgramResult check = RunProgram({"db", "check", "--db", DatabaseOf(file), "--json"});
     EXPECT_EQ(check.status, 0) << check.out << check.err;
   }
 
@@ -241,7 +241,7 @@ TEST_F(BulkTest, PicturesAreDescribedAsTheDatabaseWasMade) {
   Save("p/a.png", TestPicture(1));
   Save("p/b.png", TestPicture(2));
   const std::vector<std::string> index = {
-      "index", (folder_ / "p").string(), "--db", database().string(), "--descriptor", "rootsift",
+      "index", (folder_ / "p").string(), "--db", DatabaseOf(database()), "--descriptor", "rootsift",
       "--json"};
   auto with = [&](std::vector<std::string> more) {
     more.insert(more.begin(), index.begin(), index.end());
@@ -261,7 +261,7 @@ TEST_F(BulkTest, PicturesAreDescribedAsTheDatabaseWasMade) {
   const auto found = client.Post(kSearch, TestPicture(2, 1), "image/png");
   EXPECT_LE(Json::parse(found->body)["keypoints"], 100);
   EXPECT_EQ(server.Stop(), 0);
-  const ProgramResult refused = Program({"--db", database().string(), "--listen", "127.0.0.1:0",
+  const ProgramResult refused = Program({"--db", DatabaseOf(database()), "--listen", "127.0.0.1:0",
                                          "--max-keypoints", "70", "--descriptor", "rootsift"},
                                         {}, ServerPath())
                                     .Wait();

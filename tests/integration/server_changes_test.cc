@@ -212,7 +212,7 @@ TEST_F(ChangesTest, ChangesAndDeletionsAtOnceLeaveNoHalves) {
   EXPECT_EQ(Read(std::string(kImages) + "?limit=10")["images"].size(), 3u);
   ASSERT_EQ(server_->Stop(), 0);
   const ProgramResult check =
-      RunProgram({"db", "check", "--db", (folder_.path() / "test.db").string(), "--json"});
+      RunProgram({"db", "check", "--db", DatabaseOf(folder_.path() / "test.db"), "--json"});
   EXPECT_EQ(check.status, 0) << check.out << check.err;
 }
 

@@ -37,20 +37,6 @@ void SendAll(int fd, const std::string& bytes) {
   }
 }
 
-// The file, or what stands for it on the cluster: always the same.
-std::string DatabaseOf(const std::filesystem::path& file) {
-  const char* cluster = std::getenv("PLIANT_TEST_CLUSTER");
-  if (cluster == nullptr) return file.string();
-  static std::map<std::filesystem::path, std::string> made;
-  std::string& url = made[file];
-  if (!url.empty()) return url;
-  url = cluster;
-  url.insert(url.find('?'), "_" + std::to_string(getpid()) + "_" + std::to_string(made.size()));
-  const ProgramResult done = RunProgram({"cluster", "init", "--db", url});
-  if (done.status != 0) throw std::runtime_error(done.err);
-  return url;
-}
-
 std::vector<std::string> CommandLine(const std::filesystem::path& database,
                                      const std::vector<std::string>& flags) {
   std::vector<std::string> arguments = {"--db",        DatabaseOf(database), "--listen",
@@ -63,6 +49,19 @@ std::vector<std::string> CommandLine(const std::filesystem::path& database,
 
 std::filesystem::path ServerPath() {
   return std::filesystem::path(PLIANT_BINARY_DIR) / "bin" / "pliant-server";
+}
+
+std::string DatabaseOf(const std::filesystem::path& file) {
+  const char* cluster = std::getenv("PLIANT_TEST_CLUSTER");
+  if (cluster == nullptr) return file.string();
+  static std::map<std::filesystem::path, std::string> made;
+  std::string& url = made[file];
+  if (!url.empty()) return url;
+  url = cluster;
+  url.insert(url.find('?'), "_" + std::to_string(getpid()) + "_" + std::to_string(made.size()));
+  const ProgramResult done = RunProgram({"cluster", "init", "--db", url});
+  if (done.status != 0) throw std::runtime_error(done.err);
+  return url;
 }
 
 ServerProcess::ServerProcess(const std::filesystem::path& database,

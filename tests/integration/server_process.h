@@ -20,6 +20,10 @@ using Json = nlohmann::json;
 
 std::filesystem::path ServerPath();
 
+// The file's name; with PLIANT_TEST_CLUSTER, the URL of the database that stands for it: always the
+// same for the same file, its tables made by the first call.
+std::string DatabaseOf(const std::filesystem::path& file);
+
 class ServerProcess {
  public:
   // Waits until the server says that it listens; throws when it does not. Pictures are described

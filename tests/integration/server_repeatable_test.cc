@@ -32,7 +32,7 @@ class RepeatableTest : public ServerTest {
   }
   std::string CreateKey(const std::string& name) {
     const ProgramResult made = Program({"keys", "create", "--name", name, "--scope", "write",
-                                        "--db", (folder_.path() / "test.db").string()},
+                                        "--db", DatabaseOf(folder_.path() / "test.db")},
                                        {}, ServerPath())
                                    .Wait();
     EXPECT_EQ(made.status, 0) << made.err;

@@ -22,8 +22,7 @@ TEST_F(ServerTest, AWriteThatWaitsKeepsNoCoreFromSearches) {
   int status = 0;
   std::thread writing([&] {
     auto writer = server_->Client();
-    const auto answer =
-        writer.Put(std::string(kImages) + "/second", TestPicture(2), "image/png");
+    const auto answer = writer.Put(std::string(kImages) + "/second", TestPicture(2), "image/png");
     status = answer ? answer->status : -1;
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(500));

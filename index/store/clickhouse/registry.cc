@@ -176,6 +176,7 @@ RegistryRow ToRow(const PurgeEntry& purge) {
 }
 
 void Apply(const RegistryRow& row, Registry& registry) {
+  if (!IsCommon(row)) return;  // its body may be anything: a job's input is what a client sent
   try {
     const Json body = Json::parse(row.body);
     if (row.kind == kModel) registry.model = ReadModel(body);

@@ -1,0 +1,246 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Fills a database, of a cluster or in a file, with many pictures, and measures it: pictures of
+// folders that are described, and copies of their features, each with some of the key points and
+// noise on their descriptors. Prints how fast they were written, how long loading and ranking take,
+// and how long it takes to fetch candidates.
+//
+//   cluster_load --db URL --folder PICTURES --pictures 1000000 [--keypoints 100] [--writers 64]
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include <CLI/CLI.hpp>
+
+#include "descriptor/base/error.h"
+#include "descriptor/base/sha256.h"
+#include "index/engine/engine.h"
+#include "index/store/cluster_scheme.h"
+#include "index/store/feature_codec.h"
+#include "index/store/open_store.h"
+#include "index/store/store.h"
+
+namespace pliant {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr Load kAll = Load::kRecordsAndFeatures;
+constexpr std::uint64_t kMostReal = 5000;  // pictures that are described
+
+struct Options {
+  std::string database;
+  std::filesystem::path folder;
+  std::uint64_t pictures = 100000;
+  std::size_t keypoints = 100;  // of a copy
+  int writers = 64;
+  int words = 4000;
+  unsigned seed = 1;
+};
+
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+EngineOptions OptionsOf(const Options& options) {
+  EngineOptions engine;
+  engine.database = options.database;
+  engine.descriptor = "rootsift";
+  engine.keep_originals = false;
+  return engine;
+}
+
+// Some of the rows, with noise of a tenth of their length.
+Features Perturbed(const Features& original, std::size_t keypoints, std::mt19937& random) {
+  Features copy;
+  copy.width = original.width;
+  copy.height = original.height;
+  copy.model_id = original.model_id;
+  std::vector<std::size_t> rows(original.keypoints.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
+  std::shuffle(rows.begin(), rows.end(), random);
+  rows.resize(std::min(rows.size(), keypoints));
+  const int dim = original.descriptors.dim;
+  copy.descriptors = Descriptors::Float(rows.size(), dim);
+  std::normal_distribution<float> noise(0.0F, 0.1F / std::sqrt(static_cast<float>(dim)));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    copy.keypoints.push_back(original.keypoints[rows[i]]);
+    const auto row = original.descriptors.float_row(rows[i]);
+    float sum = 0;
+    for (const float v : row) sum += v * v;
+    const float length = std::sqrt(sum);
+    float* to = copy.descriptors.floats.data() + i * static_cast<std::size_t>(dim);
+    for (std::size_t d = 0; d < row.size(); ++d) to[d] = row[d] + noise(random) * length;
+  }
+  return copy;
+}
+
+class Filler {
+ public:
+  explicit Filler(const Options& options) : options_(options) {}
+
+  void Run() {
+    Describe();
+    Copy();
+    Measure();
+  }
+
+ private:
+  void Describe() {
+    Engine engine(OptionsOf(options_));
+    if (engine.GetCollection("default").images > 0) return;
+    const auto start = Clock::now();
+    std::uint64_t added = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(options_.folder)) {
+      if (!entry.is_regular_file() || added == kMostReal) continue;
+      std::ifstream file(entry.path(), std::ios::binary);
+      const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(file), {}};
+      AddRequest request;
+      request.bytes = bytes;
+      request.id = "real-" + std::to_string(added);
+      try {
+        engine.Add(request);
+        ++added;
+      } catch (const Error&) {  // no picture, or too plain
+      }
+    }
+    TrainOptions train;
+    train.words = options_.words;
+    engine.TrainVocabulary(train);
+    std::printf("described %llu pictures and trained in %.0f s\n",
+                static_cast<unsigned long long>(added), SecondsSince(start));
+  }
+
+  void Copy() {
+    const auto store =
+        OpenStore({.database = options_.database, .create = false, .model_of_new = {}});
+    store->BeginWriting([] {});
+    const CollectionState in = store->catalogue().RequireCollection("default");
+    const Quantizer quantizer(store->catalogue().ReadVocabulary(in.vocabulary));
+    std::vector<PictureRef> refs;
+    for (std::uint64_t i = 0; i < kMostReal; ++i)
+      refs.push_back({in.key, "real-" + std::to_string(i)});
+    std::vector<Features> real;
+    for (const auto& picture : store->catalogue().LoadPictures(refs, kAll)) {
+      if (picture) real.push_back(DecodeFeatures(picture->features));
+    }
+    const std::uint64_t there = store->catalogue().CountPictures(in.key);
+    std::atomic<std::uint64_t> next{there};
+    const auto start = Clock::now();
+    {
+      std::vector<std::jthread> writers;
+      for (int i = 0; i < options_.writers; ++i) {
+        writers.emplace_back([&] {
+          for (std::uint64_t n = next++; n < options_.pictures; n = next++) {
+            Put(*store, quantizer, in.vocabulary, real[n % real.size()], n);
+          }
+        });
+      }
+    }
+    const double seconds = SecondsSince(start);
+    const double added =
+        static_cast<double>(options_.pictures - std::min(there, options_.pictures));
+    std::printf("wrote %.0f copies of %zu pictures in %.0f s: %.0f pictures/s, %d writers\n", added,
+                real.size(), seconds, added / seconds, options_.writers);
+  }
+
+  void Put(Store& store, const Quantizer& quantizer, Key vocabulary, const Features& original,
+           std::uint64_t number) {
+    std::mt19937 random(options_.seed + static_cast<unsigned>(number));
+    AddRequest request;
+    request.id = "copy-" + std::to_string(number);
+    PicturePut put{.request = request};
+    put.encoded = EncodeFeatures(Perturbed(original, options_.keypoints, random));
+    put.features = DecodeFeatures(put.encoded);
+    const Descriptors& descriptors = put.features.descriptors;
+    put.record.id = *request.id;
+    put.record.collection = "default";
+    put.record.sha256 =
+        Sha256Hex({reinterpret_cast<const std::uint8_t*>(request.id->data()), request.id->size()});
+    put.record.media_type = "image/png";
+    put.record.width = original.width;
+    put.record.height = original.height;
+    put.record.keypoints = static_cast<std::uint32_t>(descriptors.rows);
+    put.vocabulary = vocabulary;
+    put.bow = quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, 1));
+    put.keep_content = false;
+    for (int attempt = 0;; ++attempt) {
+      try {
+        store.writer().Put(put);
+        return;
+      } catch (const Error& error) {
+        if (error.code() != ErrorCode::kUnavailable || attempt == 20) throw;
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
+      }
+    }
+  }
+
+  void Measure() {
+    auto start = Clock::now();
+    EngineOptions read = OptionsOf(options_);
+    read.read_only = true;
+    Engine engine(read);
+    std::printf("loaded %llu pictures in %.1f s\n",
+                static_cast<unsigned long long>(engine.GetCollection("default").images),
+                SecondsSince(start));
+    const auto store = OpenStore(
+        {.database = options_.database, .create = false, .read_only = true, .model_of_new = {}});
+    const Key in = store->catalogue().RequireCollection("default").key;
+    std::mt19937 random(options_.seed);
+    for (const std::size_t count : {100U, 1000U}) {
+      std::vector<double> ms;
+      for (int i = 0; i < 10; ++i) {
+        std::vector<PictureRef> refs;
+        for (std::size_t j = 0; j < count; ++j) {
+          refs.push_back({in, "copy-" + std::to_string(random() % options_.pictures)});
+        }
+        start = Clock::now();
+        store->catalogue().LoadPictures(refs, kAll);
+        ms.push_back(1e3 * SecondsSince(start));
+      }
+      std::sort(ms.begin(), ms.end());
+      std::printf("fetched %zu candidates in %.0f ms (median of 10)\n", count, ms[5]);
+    }
+    std::vector<double> ranked;
+    for (int i = 0; i < 20; ++i) {
+      SearchOptions search;
+      search.verify = Verification::kNone;
+      const SearchResult found = engine.SearchStored("real-" + std::to_string(i), search);
+      ranked.push_back(found.timings.rank_ms);
+    }
+    std::sort(ranked.begin(), ranked.end());
+    std::printf("ranked in %.1f ms (median of 20)\n", ranked[10]);
+  }
+
+  const Options& options_;
+};
+
+}  // namespace
+}  // namespace pliant
+
+int main(int argc, char** argv) {
+  CLI::App app("Fills a database with many pictures, and measures it");
+  pliant::Options options;
+  app.add_option("--db", options.database)->required();
+  app.add_option("--folder", options.folder, "pictures to describe")->required();
+  app.add_option("--pictures", options.pictures)->capture_default_str();
+  app.add_option("--keypoints", options.keypoints, "of a copy, at most")->capture_default_str();
+  app.add_option("--writers", options.writers)->capture_default_str();
+  app.add_option("--words", options.words)->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  pliant::UseClusters();
+  try {
+    pliant::Filler(options).Run();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
