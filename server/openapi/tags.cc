@@ -8,11 +8,9 @@
 namespace pliant::server {
 
 std::string TagOf(const Route& route) {
-  static const std::map<std::string, std::string> tags = {{"livez", "health"},
-                                                          {"readyz", "health"},
-                                                          {"metrics", "health"},
-                                                          {"openapi", "page"},
-                                                          {"me", "keys"}};
+  static const std::map<std::string, std::string> tags = {
+      {"livez", "health"}, {"readyz", "health"}, {"metrics", "health"},
+      {"openapi", "page"}, {"me", "keys"},       {"preview", "images"}};
   const std::string first = route.name.substr(0, route.name.find('.'));
   const auto tag = tags.find(first);
   return tag == tags.end() ? first : tag->second;

@@ -23,6 +23,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddExportRoutes(service, routes);
   AddSearchRoutes(service, routes);
   AddCompareRoutes(service, routes);
+  AddPreviewRoute(service, routes);
   AddVocabularyRoutes(service, routes);
   AddDemoRoutes(service, routes);
   AddJobRoutes(service, routes);

@@ -30,6 +30,7 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes);
 void AddExportRoutes(Service& service, std::vector<Route>& routes);
 void AddSearchRoutes(Service& service, std::vector<Route>& routes);
 void AddCompareRoutes(Service& service, std::vector<Route>& routes);
+void AddPreviewRoute(Service& service, std::vector<Route>& routes);
 void AddVocabularyRoutes(Service& service, std::vector<Route>& routes);
 void AddDemoRoutes(Service& service, std::vector<Route>& routes);
 // Last: it describes all others.

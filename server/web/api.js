@@ -98,6 +98,13 @@ export async function pictureBlob(path) {
   return answer.blob();
 }
 
+// What a picture elsewhere looks like, small, which the server fetches for that.
+export async function previewBlob(url) {
+  const answer = await patiently(() => answerOf("/v1/preview", {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ image_url: url }) }));
+  return answer.blob();
+}
+
 // A long answer as it comes; onProgress gets the bytes so far.
 export async function pieces(path, signal, onProgress) {
   const reader = (await patiently(() => answerOf(path, { signal }))).body.getReader();

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One picture in the list of those to add: what it looks like, what it will be called, how far it is.
+import { previewBlob } from "./api.js";
 import { byId, fileSize, make, say, shorten } from "./dom.js";
 import { kLongestName } from "./names.js";
 
@@ -9,20 +10,29 @@ export const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed
 const kThumbPx = 128;
 
 // One after the other, and only what can be seen: photographs of twelve megapixels take their time.
-let painting = Promise.resolve();
+// Those from the web, for which the server waits, do not keep the others.
+const painting = { here: Promise.resolve(), elsewhere: Promise.resolve() };
 const watcher = new IntersectionObserver((entries) => {
   for (const { target, isIntersecting } of entries) {
     if (!isIntersecting) continue;
     watcher.unobserve(target);
-    painting = painting.then(() => target.paint()).catch(() => target.classList.add("blank"));
+    const { place } = target;
+    painting[place] = painting[place].then(() => target.isConnected && target.paint()).catch((error) => {
+      target.classList.add("blank");
+      target.unseen(error);
+    });
   }
 });
 
-function thumbnailOf(file) {
+// unseen(error) is called for what cannot be shown: it stays empty.
+function thumbnailOf(file, unseen) {
   const canvas = make("canvas", { class: "upload-thumb", width: 1, height: 1, role: "img",
                                   "aria-label": `Preview of ${file.name}` });
-  canvas.paint = async () => {  // throws for what this browser cannot show: it stays empty
-    const picture = await createImageBitmap(file, { resizeHeight: kThumbPx, resizeQuality: "medium" });
+  canvas.place = file.address ? "elsewhere" : "here";
+  canvas.unseen = unseen;
+  canvas.paint = async () => {
+    const bytes = file.address ? await previewBlob(file.address) : file;
+    const picture = await createImageBitmap(bytes, { resizeHeight: kThumbPx, resizeQuality: "medium" });
     canvas.width = picture.width;
     canvas.height = picture.height;
     canvas.getContext("2d").drawImage(picture, 0, 0);
@@ -42,7 +52,10 @@ export function makeItem(file, name, onRemove) {
   const note = make("span", { class: "note", text: file.address ? "from the web" : fileSize(file.size) });
   const remove = make("button", { type: "button", class: "small", text: "Remove",
                                   "aria-label": `Remove ${file.name} from the list` });
-  const row = make("li", {}, thumbnailOf(file), input,
+  const unseen = ({ message }) => {  // that of a file says nothing to people
+    if (file.address && item.state === kWaiting) note.textContent = `from the web; no preview: ${message}`;
+  };
+  const row = make("li", {}, thumbnailOf(file, unseen), input,
                    make("span", { class: "file-name quiet", text: shorten(file.name), title: file.name }),
                    note, bar, remove);
   const item = { file, input, bar, note, remove, row, state: kWaiting, proposed: name, typed: false };

@@ -67,6 +67,24 @@ TEST_F(FetchTest, PicturesAreFetchedWhereverJsonTakesThem) {
   EXPECT_THAT(server_->Log(), Not(HasSubstr("secret")));
 }
 
+TEST_F(FetchTest, PreviewsAreMadeAnewAndStoreNothing) {
+  StartFetching();
+  const auto preview =
+      client_->Post("/v1/preview", Json{{"image_url", other_.url("/1.png")}}.dump(), kJson);
+  ASSERT_EQ(preview->status, 200) << preview->body;
+  EXPECT_EQ(preview->get_header_value("Content-Type"), "image/jpeg");
+  EXPECT_EQ(preview->body.substr(0, 3), "\xFF\xD8\xFF");
+  EXPECT_EQ(preview->get_header_value("Cache-Control"), "no-store");
+  const auto sent = client_->Post("/v1/preview", TestPicture(1), "image/png");
+  EXPECT_EQ(sent->body, preview->body);
+  Refused("/v1/preview", {{"image_url", "http://evil.test/"}}, 422, "fetch_host_not_allowed",
+          "image_url");
+  Refused("/v1/preview", {{"image_url", other_.url("/page.html")}}, 415, "image_type_unknown", "");
+  Refused("/v1/preview", Json::object(), 400, "missing_parameter", "image");
+  EXPECT_EQ(client_->Post("/v1/preview", TestPicture(1).substr(0, 500), "image/png")->status, 422);
+  EXPECT_EQ(Json::parse(client_->Get("/v1/collections/default")->body)["images"], 0);
+}
+
 TEST_F(FetchTest, ImportsFetchEachLine) {
   StartFetching();
   const auto line = [](const Json& json) { return json.dump() + "\n"; };

@@ -35,11 +35,11 @@ const prepare = () => (ready ??= (async () => {
   }
 })());
 
-const drop = (page, url) => page.evaluate((one) => {
+const drop = (page, url, place = "#search-drop") => page.evaluate(([one, where]) => {
   const transfer = new DataTransfer();
   transfer.setData("text/uri-list", one);
-  document.querySelector("#search-drop").dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
-}, url);
+  document.querySelector(where).dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+}, [url, place]);
 
 const sizeOf = (page) => page.locator("#stage-canvas").evaluate(({ width, height }) => [width, height]);
 
@@ -125,6 +125,41 @@ test("a part of a fetched picture is searched in; one that cannot be fetched lea
   await house.shoot(page, "fetched-none");
   await house.closePage(page);
 });
+
+for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844, hasTouch: true, isMobile: true, colorScheme: "dark" }]]) {
+  test(`a picture that is to be added by its address is shown before it is stored, ${size}`, async () => {
+    await prepare();
+    const page = await house.openPage(`${server.address}/#/add`, options);
+    const before = requests;
+    await page.waitForFunction(() => document.documentElement.dataset.scope);  // known what the server does
+    await drop(page, address, "#add-drop");
+    const seen = (row) => page.locator(`#add-list li:nth-child(${row})`).scrollIntoViewIfNeeded();  // only these are fetched
+    await seen(1);
+    const canvas = page.locator("#add-list canvas").first();
+    await house.eventually(async () => {
+      assert.deepEqual(await canvas.evaluate(({ width, height }) => [width, height]), [171, 128]);
+      assert.ok((await canvasShares(page, "#add-list canvas")).opaque > 0.99);
+    });
+    assert.equal(requests, before + 1);
+    assert.equal(await page.locator("#add-list .note").first().innerText(), "from the web");
+    // What cannot be fetched says so at once; the file beside it does not wait for either.
+    await drop(page, `http://${host}/none.png`, "#add-drop");
+    await page.locator("#add-files").setInputFiles([{ name: "mug.png", mimeType: "image/png", buffer: thing(704) }]);
+    await seen(2);
+    await house.waitForText(page, "#add-list li:nth-child(2) .note", /^from the web; no preview: The host of this address answered 404\.$/);
+    await seen(3);
+    await house.eventually(async () => assert.ok((await canvasShares(page, "#add-list li:nth-child(3) canvas")).opaque > 0.99));
+    assert.equal(await page.locator("#add-list li:nth-child(2) input").inputValue(), "none");
+    await house.checkAccessibility(page, `rows from the web, ${size}`);
+    await house.checkWidth(page, `rows from the web, ${size}`);
+    await house.checkOverlaps(page, `rows from the web, ${size}`);
+    await house.shoot(page, `add-fetched-${size}`);
+    await drop(page, "http://elsewhere.example/x.png", "#add-drop");
+    await seen(4);
+    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*lets no pictures be fetched from this host/);
+    await house.closePage(page);
+  });
+}
 
 test("a TIFF, which the browser cannot read, is shown as the server reads it", async () => {
   await prepare();
