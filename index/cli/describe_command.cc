@@ -76,9 +76,9 @@ ExitStatus DescribeAll(const Options& options) {
 }
 
 ExitStatus Run(const Options& options) {
-  CheckFeaturesName(options.out);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
+  CheckFeaturesName(options.out);
   const PictureInput picture =
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =

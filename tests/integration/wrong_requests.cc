@@ -140,11 +140,12 @@ void WrongRequests::AddMissingFields() {
   Add("missing field", "body", path_, "", image_ ? "" : kForm, 400, "missing_parameter");
   const bool limit = operation_.path.ends_with("/search");
   const bool compare = operation_.path.ends_with("/compare");
-  const bool locate = operation_.path.ends_with("/locate");  // it has no other fields
+  // These have no other fields.
+  const bool alone = operation_.path.ends_with("/locate") || operation_.path.ends_with("/preview");
   const auto others =
       compare ? Form({{"explain", "true"}}) : Form({{limit ? "limit" : "object", "1"}});
-  Add("missing field", "image", path_, locate ? Form({}) : others, kForm, 400,
-      locate ? "bad_request" : "missing_parameter");
+  Add("missing field", "image", path_, alone ? Form({}) : others, kForm, 400,
+      alone ? "bad_request" : "missing_parameter");
   if (json_)
     Add("missing field", "image_id", path_, "{}", "application/json", 400, "missing_parameter");
 }
