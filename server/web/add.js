@@ -71,6 +71,7 @@ function showTotal() {
   byId("add-stop").hidden = !stopper;
   byId("add-retry").hidden = Boolean(stopper) || of(kFailed) === 0;
   byId("add-clear").hidden = Boolean(stopper);
+  byId("add-next").hidden = Boolean(stopper) || of(kDone) === 0 || of(kWaiting) > 0;
   if (!items.length) byId("add-form").hidden = true;
 }
 

@@ -77,7 +77,7 @@ export async function received(transfer, isPaste = false) {
   const data = addresses.map(fileOfData).find(Boolean);
   if (data) return { ...nothing, files: [{ file: data, folder: "" }] };
   const elsewhere = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
-  if (elsewhere && mayFetch()) return { ...nothing, address: elsewhere };
+  if (elsewhere && await mayFetch()) return { ...nothing, address: elsewhere };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
   return { ...nothing, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
 }

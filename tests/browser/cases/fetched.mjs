@@ -131,7 +131,6 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await prepare();
     const page = await house.openPage(`${server.address}/#/add`, options);
     const before = requests;
-    await page.waitForFunction(() => document.documentElement.dataset.scope);  // known what the server does
     await drop(page, address, "#add-drop");
     const seen = (row) => page.locator(`#add-list li:nth-child(${row})`).scrollIntoViewIfNeeded();  // only these are fetched
     await seen(1);

@@ -22,6 +22,8 @@ test("a first visit by telephone: 24 files without typing, one renamed, then ask
   await house.checkWidth(page, "24 files");
   await page.getByRole("button", { name: "Add 24 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 24 pictures added\./);
+  await page.getByRole("link", { name: "Search with a photo" }).click();  // what comes next
+  await house.waitForText(page, "#search-status", /24 pictures of 24 objects to find/);
 
   await page.getByRole("link", { name: "Browse" }).click();
   await page.getByRole("button", { name: "Rename thing 03" }).click();
