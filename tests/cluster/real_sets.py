@@ -1,0 +1,144 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""Asks the same of a file and of a cluster, sets of photographs as `pliant eval retrieval` reads them, and prints a Markdown table:
+
+    bash tests/cluster/on_cluster.sh python3 tests/cluster/real_sets.py --bin build/release/bin REAL/packages:labels REAL/deforming:objects
+
+Each set is indexed into a file, `pliant db copy` brings it into the cluster, and a server of each answers every query. A set in which the
+queries are searched too has its mean average precision, the others their top-1. Exit status 1 when a figure differs by more than half a point.
+"""
+import argparse
+import collections
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "chaos"))
+from service.server import Connection, Server  # noqa: E402  (needs the path above)
+
+MOST_APART = 0.005
+SEARCH = "/v1/collections/default/search"
+
+
+def run(*command):
+    # 3: done, but pictures were refused
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode not in (0, 3):
+        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}")
+    return done.stdout
+
+
+def fill(options, folder, layout, home):
+    """Pictures as `pliant eval retrieval --list` names them; the database in home/db."""
+    pictures = json.loads(run(options.pliant, "eval", "retrieval", folder, "--layout", layout, "--list", "--json"))["pictures"]
+    for number, picture in enumerate(pictures):
+        if picture["searched"]:
+            file = pathlib.Path(picture["file"])
+            (home / "gallery" / picture["object"]).mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, home / "gallery" / picture["object"] / f"{number}{file.suffix}")
+    run(options.pliant, "index", home / "gallery", "--db", home / "db", "--descriptor", options.descriptor)
+    return pictures
+
+
+def fresh_database(name):
+    """The URL of the cluster with another database."""
+    before, after = os.environ["PLIANT_TEST_CLUSTER"].split("?", 1)
+    return f"{before.rsplit('/', 1)[0]}/{name}?{after}"
+
+
+def precision(relevant, ranked):
+    """Average precision of the objects of a ranking."""
+    found = total = 0
+    for rank, right in enumerate(ranked, 1):
+        if right:
+            found += 1
+            total += found / rank
+    return total / relevant if relevant else 0
+
+
+class Asked:
+    """One database and the server on it: the hits of each query, and the sum of its figures."""
+
+    def __init__(self, options, database, home, name):
+        self.server = Server([options.server, "--db", str(database), "--listen", "127.0.0.1:0"], home / f"{name}.log")
+        try:
+            self.server.wait_ready()
+            self.connection = Connection(self.server.address, keep_alive=False)  # asked in turns, so each waits long
+            self.ids = {pathlib.Path(row["source"]).name: row["id"] for row in self.records()}
+        except BaseException:
+            self.server.kill()
+            raise
+        self.answers, self.figure = [], 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.server.kill()
+
+    def records(self):
+        after = ""
+        while after is not None:
+            page = self.connection.get(f"/v1/collections/default/images?limit=500{after}")
+            yield from page["images"]
+            after = f"&cursor={page['next']}" if page.get("next") else None
+
+    def ask(self, number, picture, of_object):
+        file = pathlib.Path(picture["file"])
+        if picture["searched"]:
+            question = {"image_id": self.ids[f"{number}{file.suffix}"], "group_by": "image", "limit": 100}
+            status, said = self.connection.json("POST", SEARCH, question)
+        else:
+            status, data = self.connection.ask("POST", f"{SEARCH}?group_by=object&limit=20", file.read_bytes())
+            said = json.loads(data)
+        hits = said["hits"] if status == 200 else []
+        right = [hit["object"] == picture["object"] for hit in hits]
+        self.figure += precision(of_object - 1, right) if picture["searched"] else bool(right[:1] and right[0])
+        self.answers.append((status, [(hit["image_id"], hit["score"]) for hit in hits]))
+
+
+def measure(options, given):
+    folder, layout = given.rsplit(":", 1)
+    name = pathlib.Path(folder).name
+    with tempfile.TemporaryDirectory(prefix="pliant-real-") as temporary:
+        home = pathlib.Path(temporary)
+        pictures = fill(options, folder, layout, home)
+        cluster = fresh_database(name.replace("-", "_"))
+        run(options.pliant, "cluster", "init", "--db", cluster)
+        run(options.pliant, "db", "copy", cluster, "--db", home / "db", "--compare", "0")
+        sizes = collections.Counter(picture["object"] for picture in pictures if picture["searched"])
+        queries = [(number, picture) for number, picture in enumerate(pictures) if picture["query"]]
+        with Asked(options, home / "db", home, "file") as file, Asked(options, cluster, home, "cluster") as shards:
+            both = file, shards
+            for number, picture in queries:
+                for asked in both:
+                    asked.ask(number, picture, sizes[picture["object"]])
+        equal = sum(a == b for a, b in zip(file.answers, shards.answers))
+        refused = sum(status != 200 for status, _ in file.answers)
+        figures = [asked.figure / len(queries) for asked in both]
+        title = "mAP" if queries[0][1]["searched"] else "top-1"
+        print(f"| {name} | {title} | {figures[0]:.4f} | {figures[1]:.4f} | {equal} of {len(queries)} | {refused} |", flush=True)
+        return abs(figures[0] - figures[1]) <= MOST_APART
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--bin", required=True, type=pathlib.Path)
+    parser.add_argument("--descriptor", default="deal")
+    parser.add_argument("sets", nargs="+", metavar="DIR:LAYOUT")
+    options = parser.parse_args()
+    options.pliant, options.server = options.bin / "pliant", options.bin / "pliant-server"
+    if "PLIANT_TEST_CLUSTER" not in os.environ:
+        sys.exit("start this by tests/cluster/on_cluster.sh")
+    print("| set | figure | file | cluster | equal answers | refused |\n|---|---|---|---|---|---|", flush=True)
+    good = [measure(options, given) for given in options.sets]
+    sys.exit(0 if all(good) else 1)
+
+
+if __name__ == "__main__":
+    main()
