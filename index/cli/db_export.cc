@@ -3,6 +3,7 @@
 #include "index/cli/db_export.h"
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -44,30 +45,32 @@ std::int64_t ExportHdf5(Engine& engine, PictureListing list, const std::filesyst
 
 std::int64_t ExportRecords(Engine& engine, PictureListing list, const std::filesystem::path& out) {
   list.limit = kRecordsAtOnce;
-  NewFile file(out);
+  std::optional<NewFile> file;
+  if (out != kStandardOutput) file.emplace(out);
   std::uint64_t written = 0;
   std::int64_t images = 0;
   engine.ForEachPage(list, [&](const PicturePage& page) {
     std::string lines;
     for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
-    file.Write(written, lines);
+    file ? file->Write(written, lines) : WriteFile(out, lines);
     written += lines.size();
     images += static_cast<std::int64_t>(page.records.size());
   });
-  file.Publish();
+  if (file) file->Publish();
   return images;
 }
 
 }  // namespace
 
 void CheckExportName(const std::filesystem::path& out) {
+  if (out == kStandardOutput) return;
   for (const char* known : {".npz", ".h5", ".hdf5", ".ndjson"}) {
     if (out.extension() == known) return;
   }
   throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
               ToDisplayText(out.string()) +
                   ": features are exported as .npz (NumPy) or .h5 (HDF5), records as .ndjson; the "
-                  "name must say which");
+                  "name must say which (- is standard output, records)");
 }
 
 ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
@@ -75,10 +78,16 @@ ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
   list.which.collection = options.collection;
   list.which.object = options.object;
   if (!options.filter.empty()) list.which.filter = ParseFilter(options.filter);
-  const auto write = options.out.extension() == ".npz"      ? ExportNpz
-                     : options.out.extension() == ".ndjson" ? ExportRecords
-                                                            : ExportHdf5;
+  const auto write = options.out.extension() == ".npz" ? ExportNpz
+                     : options.out.extension() == ".ndjson" || options.out == kStandardOutput
+                         ? ExportRecords
+                         : ExportHdf5;
+  if (options.out == kStandardOutput) ClaimStandardOutput("FILE", options.json);
   const std::int64_t images = write(engine, list, options.out);
+  if (options.out == kStandardOutput) {
+    Message("wrote " + std::to_string(images) + " records");
+    return ExitStatus::kDone;
+  }
   const std::string file = ToDisplayText(options.out.string());
   const std::uintmax_t bytes = std::filesystem::file_size(options.out);
   if (options.json) {

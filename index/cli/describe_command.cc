@@ -9,6 +9,7 @@
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
+#include "index/cli/write_file.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {
@@ -76,6 +77,7 @@ ExitStatus DescribeAll(const Options& options) {
 }
 
 ExitStatus Run(const Options& options) {
+  if (options.out == kStandardOutput) ClaimStandardOutput("--out", options.json);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
   CheckFeaturesName(options.out);
@@ -103,9 +105,9 @@ ExitStatus Run(const Options& options) {
                  {"detect_ms", timings.detect_ms},
                  {"describe_ms", timings.describe_ms}}}});
   } else {
-    Print("wrote " + options.out.string() + ": " + std::to_string(features.keypoints.size()) +
-          " key points, " + features.model_id + ", described in " +
-          FormatFixed(timings.describe_ms, 0) + " ms");
+    Print("wrote " + ToDisplayText(options.out.string()) + ": " +
+          std::to_string(features.keypoints.size()) + " key points, " + features.model_id +
+          ", described in " + FormatFixed(timings.describe_ms, 0) + " ms");
   }
   return ExitStatus::kDone;
 }
@@ -122,8 +124,10 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
                   "the picture; - = standard input; or a folder, of which all pictures are "
                   "described")
       ->required();
-  app->add_option("--out,-o", options->out,
-                  "the file to write: .npz (NumPy), .h5 (HDF5, as hloc reads it) or .safetensors")
+  app->add_option(
+         "--out,-o", options->out,
+         "the file to write: .npz (NumPy), .h5 (HDF5, as hloc reads it) or .safetensors; - = "
+         "standard output, as .npz")
       ->required()
       ->type_name("FILE");
   AddExtractionFlags(*app, options->engine);

@@ -11,15 +11,19 @@
 namespace pliant::cli {
 
 struct EvalFiles {
-  std::filesystem::path csv;   // empty = none
-  std::filesystem::path plot;  // PNG or JPEG, by file name; empty = none
+  std::filesystem::path csv;   // empty = none; - = standard output
+  std::filesystem::path plot;  // PNG or JPEG, by file name; empty, - as above
 };
 
 // --csv and --plot, with their help texts.
 void AddEvalFileFlags(CLI::App& app, EvalFiles& files, const std::string& csv_help,
                       const std::string& plot_help);
 
-// To be called before the evaluation. Throws what CheckPictureName and CheckWritable throw.
-void CheckEvalFiles(const EvalFiles& files);
+// A row of a table: [LABEL:]NAME[=WEIGHTS]. The error names the descriptor that was probably meant.
+CLI::Validator KnownDescriptorChoice();
+
+// To be called before the evaluation. `json`: a document is printed, too. Throws what
+// CheckPictureName, CheckWritable and ClaimStandardOutput throw.
+void CheckEvalFiles(const EvalFiles& files, bool json);
 
 }  // namespace pliant::cli

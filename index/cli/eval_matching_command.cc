@@ -33,7 +33,7 @@ std::string SetName(const std::filesystem::path& folder) {
 }
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files);
+  CheckEvalFiles(options.files, options.json);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
   const evaluation::Dataset dataset =
@@ -77,12 +77,15 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
   app.add_option(
          "--layout", options.layout,
          "tensors or folders (pliant simulate), hpatches, nonrigid; auto: detect from the files")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(OneOf({"auto", "tensors", "folders", "hpatches", "nonrigid"}))
+      ->type_name("NAME");
   app.add_option(
          "--descriptor", options.descriptors,
          "rows of the table, [LABEL:]NAME[=WEIGHTS], separated by commas; default: all of " +
              KnownDescriptors())
       ->delimiter(',')
+      ->check(KnownDescriptorChoice())
       ->type_name("NAME,...");
   app.add_option("--model", matching.model, "weight file for deal and its variants")
       ->type_name("FILE");

@@ -50,7 +50,7 @@ class Steps {
 };
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files);
+  CheckEvalFiles(options.files, options.json);
   const RetrievalSet set =
       ReadRetrievalSet(options.folder, options.layout, options.distractors, options.absent);
   if (options.list) {

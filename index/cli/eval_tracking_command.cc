@@ -24,7 +24,7 @@ struct Options {
 };
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files);
+  CheckEvalFiles(options.files, options.json);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
   TrackingReport report;
@@ -59,6 +59,7 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
                   "rows of the table, separated by commas (default: deal, deal-fixed, rootsift, "
                   "sift, orb)")
       ->delimiter(',')
+      ->check(OneOf(DescriptorNames()))
       ->type_name("NAME,...");
   app->add_option("--model", benchmark.model, "weight file for deal and its variants")
       ->type_name("FILE");

@@ -48,7 +48,9 @@ void WriteTensors(const std::filesystem::path& path, const std::vector<Tensor>& 
   }
 }
 
-bool IsNpz(const std::filesystem::path& path) { return path.extension() == ".npz"; }
+bool IsNpz(const std::filesystem::path& path) {
+  return path.extension() == ".npz" || path == kStandardOutput;
+}
 
 bool IsHdf5(const std::filesystem::path& path) {
   return path.extension() == ".h5" || path.extension() == ".hdf5";
@@ -102,13 +104,23 @@ void WriteArchiveOf(const std::filesystem::path& path, const std::vector<FolderP
     totals.dim = features.descriptors.dim;
     totals.model_id = features.model_id;
   }
-  NewFile file(path);
-  FeaturesArchive archive(
-      totals, [&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
-  for (const FolderPicture& picture : pictures) {
-    archive.Add(ToDisplayText(picture.name), "", picture.features);
+  const auto write = [&](const auto& put) {
+    FeaturesArchive archive(totals, put);
+    for (const FolderPicture& picture : pictures) {
+      archive.Add(ToDisplayText(picture.name), "", picture.features);
+    }
+    archive.Finish();
+  };
+  if (path == kStandardOutput) {  // where nothing can be written twice
+    std::string whole;
+    write([&whole](std::uint64_t offset, std::string_view bytes) {
+      if (whole.size() < offset + bytes.size()) whole.resize(offset + bytes.size());
+      bytes.copy(whole.data() + offset, bytes.size());
+    });
+    return WriteFile(path, whole);
   }
-  archive.Finish();
+  NewFile file(path);
+  write([&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
   file.Publish();
 }
 
@@ -147,7 +159,7 @@ void CheckFeaturesName(const std::filesystem::path& path) {
     throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
                 ToDisplayText(path.string()) +
                     ": features are written as .npz (NumPy), .h5 (HDF5) or .safetensors; the name "
-                    "must say which");
+                    "must say which (- is standard output, as .npz)");
   }
   CheckWritable(path);
 }

@@ -6,6 +6,7 @@
 //                 `height` (int64) and `model_id` (text). numpy.load(file)["keypoints"]
 //   .safetensors  tensors `keypoints` and `descriptors` as above; metadata model_id, width, height
 //                 (descriptor/base/safetensors.h)
+//   -             standard output: as .npz
 //   .h5, .hdf5    HDF5, as hloc has it: a group for each picture (index/cli/hdf5_file.h)
 // Of a folder, but in HDF5: the rows of all pictures one after the other; `starts` int64 P + 1,
 // where picture i has the rows starts[i] .. starts[i + 1]; `width` and `height` int64 P; `names`

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <csignal>
 #include <iostream>
+#include <memory>
 #include <new>
 
 #include "descriptor/image/quiet_decoders.h"
@@ -10,6 +11,7 @@
 #include "index/cli/output.h"
 #include "index/store/cluster_scheme.h"
 #include "index/usage/completion.h"
+#include "index/usage/help_format.h"
 #include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
 
@@ -36,6 +38,7 @@ ExitStatus Run(int argc, char** argv) {
   CLI::App program("Find the same object again, however it is bent, folded or crumpled.", "pliant");
   program.set_version_flag("--version", std::string("pliant ") + PLIANT_VERSION);
   program.footer(kFooter);
+  program.formatter(std::make_shared<pliant::cli::HelpFormat>());
   program.failure_message(pliant::cli::UsageError);
   std::string shell;
   program.add_option("--completion", shell, "print a completion script for this shell, and exit")

@@ -13,6 +13,7 @@
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
+#include "index/cli/write_file.h"
 #include "index/cli/write_picture.h"
 #include "index/files/picture_files.h"
 #include "index/verify/verification.h"
@@ -72,19 +73,31 @@ void Judge(TruthScene& truth, const Options& options, Result& result) {
   }
 }
 
-Result MatchPictures(const Options& options) {
+// Both are read once: standard input is there once.
+struct Pictures {
+  PictureInput first, second;
+};
+
+Pictures ReadPictures(const Options& options) {
+  if (options.first == "-" && options.second == "-") {
+    throw Error(ErrorCode::kInvalidArgument, "bad_arguments",
+                "only one of both pictures can be standard input");
+  }
+  const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
+  return {ReadPicture(options.first, max_bytes), ReadPicture(options.second, max_bytes)};
+}
+
+Result MatchPictures(const Options& options, const Pictures& pictures) {
   const std::string name =
       options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
                                    options.engine.extraction);
-  const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
   Result result;
-  const auto extract = [&](const std::filesystem::path& file) {
-    const PictureInput picture = ReadPicture(file, max_bytes);
+  const auto extract = [&](const PictureInput& picture) {
     return Naming(picture, [&] { return extractor.Extract(picture.bytes, options.match.threads); });
   };
-  result.first = extract(options.first);
-  result.second = extract(options.second);
+  result.first = extract(pictures.first);
+  result.second = extract(pictures.second);
   CheckDescriptors(result.first.descriptors, "the first picture's descriptors");
   CheckDescriptors(result.second.descriptors, "the second picture's descriptors");
   result.matches = MatchDescriptors(PackedDescriptors(result.second.descriptors),
@@ -147,9 +160,9 @@ std::string Summary(const Result& result) {
   return text;
 }
 
-Image DecodeForDrawing(const std::filesystem::path& file, DecodeOptions decode, double& scale) {
+Image DecodeForDrawing(const PictureInput& picture, DecodeOptions decode, double& scale) {
   decode.colour = true;
-  DecodedImage decoded = DecodeImage(ReadPicture(file, decode.max_bytes).bytes, decode);
+  DecodedImage decoded = DecodeImage(picture.bytes, decode);
   scale = decoded.scale;
   return std::move(decoded.image);
 }
@@ -159,11 +172,11 @@ Vec2 Scaled(double x, double y, double scale) {
 }
 
 // All mutual matches, or those that agree with the warp where that was asked for.
-void Draw(const Options& options, const Result& result) {
+void Draw(const Options& options, const Pictures& pictures, const Result& result) {
   double first_scale = 1, second_scale = 1;
   const DecodeOptions& decode = options.engine.extraction.decode;
-  const Image first = DecodeForDrawing(options.first, decode, first_scale);
-  const Image second = DecodeForDrawing(options.second, decode, second_scale);
+  const Image first = DecodeForDrawing(pictures.first, decode, first_scale);
+  const Image second = DecodeForDrawing(pictures.second, decode, second_scale);
   std::vector<evaluation::DrawnMatch> drawn;
   std::vector<Vec2> outline;
   for (std::size_t m = 0; m < result.matches.size(); ++m) {
@@ -203,8 +216,10 @@ ExitStatus Run(Options& options) {
   if (!options.colmap.database.empty()) return Export(options);
   if (options.second.empty()) throw CLI::RequiredError("B");
   if (!options.draw.empty()) CheckPictureName(options.draw);
-  const Result result = MatchPictures(options);
-  if (!options.draw.empty()) Draw(options, result);
+  if (options.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
+  const Pictures pictures = ReadPictures(options);
+  const Result result = MatchPictures(options, pictures);
+  if (!options.draw.empty()) Draw(options, pictures, result);
   if (options.json) {
     PrintJson(ToJson(result));
   } else {
@@ -218,7 +233,8 @@ ExitStatus Run(Options& options) {
 void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("match", "Match the key points of two pictures");
-  app->add_option("A", options->first, "a picture; with --colmap also a folder")->required();
+  app->add_option("A", options->first, "a picture; - = standard input; with --colmap also a folder")
+      ->required();
   app->add_option("B", options->second, "another picture of the same object");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
@@ -238,8 +254,10 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
       ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
   CLI::Option* draw =
-      app->add_option("--draw", options->draw,
-                      "draw both pictures with the matches: green correct, red wrong, blue unknown")
+      app->add_option(
+             "--draw", options->draw,
+             "draw both pictures with the matches: green correct, red wrong, blue unknown; "
+             "- = standard output")
           ->type_name("PNG");
   CLI::Option* colmap =
       app->add_option("--colmap", options->colmap.database,

@@ -8,6 +8,8 @@
 #include <ctime>
 #include <iostream>
 
+#include <unistd.h>
+
 #include "index/cli/flag_names.h"
 #include "index/files/text.h"
 #include "index/json/record_json.h"
@@ -25,9 +27,25 @@ bool IsNumber(const std::string& text) {
   return !text.empty() && text.find_first_not_of("0123456789.-") == std::string::npos;
 }
 
+bool standard_output_is_file = false;  // set once, before any output
+
 }  // namespace
 
-void Print(std::string_view text) { std::cout << text << '\n'; }
+void Print(std::string_view text) {
+  (standard_output_is_file ? std::cerr : std::cout) << text << '\n';
+}
+
+void ClaimStandardOutput(std::string_view flag, bool json) {
+  const auto refuse = [flag](const std::string& why) {
+    throw Error(ErrorCode::kInvalidArgument, "output_taken", std::string(flag) + " - " + why);
+  };
+  if (json) refuse("and --json would both write to standard output");
+  if (standard_output_is_file) refuse("and another option would both write to standard output");
+  if (::isatty(STDOUT_FILENO) != 0) {
+    refuse("writes to standard output, which is a terminal: send it to a file or a program");
+  }
+  standard_output_is_file = true;
+}
 
 void PrintJson(const Json& document) { Print(ToText(document)); }
 

@@ -17,7 +17,12 @@ namespace pliant::cli {
 void Print(std::string_view text);     // a line on standard output
 void PrintJson(const Json& document);  // the same
 void Message(std::string_view text);   // a line on standard error
-void FlushOutput();                    // throws kNoSpace when standard output cannot be written
+// The place of a file that is called "-". To be called before the work whose result is written:
+// from then on Print writes to standard error. `flag` is for the message. Throws kInvalidArgument
+// "output_taken" where another file or a JSON document (`json`) goes there too, or it is a
+// terminal.
+void ClaimStandardOutput(std::string_view flag, bool json);
+void FlushOutput();  // throws kNoSpace when standard output cannot be written
 // "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard
 // output.
 void ReportError(const Error& error, bool json);

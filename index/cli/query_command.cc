@@ -10,6 +10,7 @@
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
 #include "index/cli/query_pictures.h"
+#include "index/cli/write_file.h"
 #include "index/cli/write_picture.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
@@ -80,6 +81,8 @@ ExitStatus Run(Options& options) {
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
   if (!options.pictures.draw.empty()) CheckPictureName(options.pictures.draw);
+  if (options.pictures.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
+  if (options.pictures.unwarp == kStandardOutput) ClaimStandardOutput("--unwarp", options.json);
   const PictureInput picture =
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
@@ -168,11 +171,13 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matched points and the warp of its surface");
   app->add_option("--draw", options->pictures.draw,
-                  "draw the query and its hits with outlines and matching points to this PNG file")
+                  "draw the query and its hits with outlines and matching points to this PNG file; "
+                  "- = standard output")
       ->type_name("FILE");
-  app->add_option("--unwarp", options->pictures.unwarp,
-                  "draw the flattened object beside the hit: the best verified hit to a PNG file, "
-                  "or all of them into a folder")
+  app->add_option(
+         "--unwarp", options->pictures.unwarp,
+         "draw the flattened object beside the hit: the best verified hit to a PNG file (- = "
+         "standard output), or all of them into a folder")
       ->type_name("FILE|DIR");
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer(

@@ -9,6 +9,7 @@
 #include "descriptor/base/error.h"
 #include "index/cli/output.h"
 #include "index/cli/query_drawing.h"
+#include "index/cli/write_file.h"
 #include "index/cli/write_picture.h"
 #include "index/files/text.h"
 
@@ -48,7 +49,7 @@ std::string FileName(const Hit& hit) {
 
 bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult& result,
                    const QueryPictureOptions& options) {
-  const bool one_file = options.unwarp.extension() == ".png";
+  const bool one_file = options.unwarp.extension() == ".png" || options.unwarp == kStandardOutput;
   bool any = false;
   for (const Hit& hit : result.hits) {
     if (!hit.explanation || !hit.explanation->mesh) continue;

@@ -76,11 +76,15 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("DIR");
   app->add_option("--out,-o", simulate.out, "folder for the scenes")->required()->type_name("DIR");
   app->add_option("--preset", simulate.preset,
-                  "pairs, objects, sequence, rotation, scale or planar")
-      ->capture_default_str();
+                  "pairs, objects, sequence, rotation, scale, planar or street")
+      ->capture_default_str()
+      ->check(OneOf({"pairs", "objects", "sequence", "rotation", "scale", "planar", "street"}))
+      ->type_name("NAME");
   app->add_option("--format", simulate.format,
                   "tensors (for training) or folders; auto: tensors for pairs, else folders")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(OneOf({"auto", "tensors", "folders"}))
+      ->type_name("NAME");
   app->add_option("--scenes", simulate.scenes, "number of scenes, or objects")
       ->capture_default_str();
   app->add_option("--first", simulate.first, "number of the first scene")->capture_default_str();

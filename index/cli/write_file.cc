@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <fstream>
+#include <iostream>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -24,6 +25,10 @@ std::filesystem::path TemporaryBeside(const std::filesystem::path& path) {
 }  // namespace
 
 void WriteFile(const std::filesystem::path& path, std::string_view content) {
+  if (path == kStandardOutput) {
+    std::cout.write(content.data(), static_cast<std::streamsize>(content.size()));
+    return;  // FlushOutput says whether it was possible
+  }
   if (const std::error_code error = ReplaceFile(path, {&content, 1})) {
     throw Error(ErrorCode::kNoSpace, "write_failed",
                 path.string() + " could not be written: " + error.message());
@@ -31,6 +36,7 @@ void WriteFile(const std::filesystem::path& path, std::string_view content) {
 }
 
 void CheckWritable(const std::filesystem::path& path) {
+  if (path == kStandardOutput) return;
   std::error_code ignored;
   bool writable = false;
   if (!std::filesystem::is_directory(path, ignored)) {

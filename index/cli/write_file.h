@@ -9,8 +9,11 @@
 
 namespace pliant::cli {
 
-// Replaces the file in one step (ReplaceFile). Throws kNoSpace "write_failed".
+// Replaces the file in one step (ReplaceFile); "-" is standard output (ClaimStandardOutput). Throws
+// kNoSpace "write_failed".
 void WriteFile(const std::filesystem::path& path, std::string_view content);
+
+constexpr const char* kStandardOutput = "-";
 
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
 // the path is a folder. To be called before the work whose result is written.

@@ -19,9 +19,9 @@ bool IsJpeg(const std::filesystem::path& file) {
 }  // namespace
 
 void CheckPictureName(const std::filesystem::path& file) {
-  if (file.extension() == ".png" || IsJpeg(file)) return;
+  if (file.extension() == ".png" || IsJpeg(file) || file == kStandardOutput) return;
   throw Error(ErrorCode::kInvalidArgument, "bad_picture_name",
-              file.string() + " must end in .png or .jpg");
+              file.string() + " must end in .png or .jpg, or be - for standard output");
 }
 
 void WritePicture(const std::filesystem::path& file, const Image& picture) {

@@ -8,8 +8,8 @@
 
 namespace pliant::cli {
 
-// PNG or JPEG, by file name. Throws kInvalidArgument "bad_picture_name" for another extension; to
-// be called before the work whose result is written.
+// PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument
+// "bad_picture_name" for another extension; to be called before the work whose result is written.
 void CheckPictureName(const std::filesystem::path& file);
 
 // Atomically replaces the file. Throws what CheckPictureName and WriteFile throw.

@@ -49,7 +49,7 @@ CLI::Validator Between(long long lowest, long long highest) {
         if (value && *value >= lowest && *value <= highest) return std::string();
         return "must be a whole number from " + from + " to " + to + ", not " + text;
       },
-      "INT in [" + from + " - " + to + "]");
+      from + " to " + to);
 }
 
 CLI::Validator AtLeast(double lowest) {

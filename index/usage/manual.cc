@@ -33,14 +33,6 @@ std::string Upper(std::string text) {
   return text;
 }
 
-// What stands behind an option's name: "INT [1024]" becomes "INT", and its default a sentence.
-std::string ValueName(const CLI::Option& option) {
-  if (!option.get_option_text().empty()) return option.get_option_text();
-  if (!TakesValue(option)) return "";
-  const std::string type = option.get_type_name();
-  return type.substr(0, type.find_first_of(" :"));
-}
-
 std::string OptionEntry(const CLI::Option& option) {
   std::string names;
   for (const std::string& name : NamesOf(option)) {
@@ -50,6 +42,7 @@ std::string OptionEntry(const CLI::Option& option) {
   const std::string value = option.nonpositional() ? ValueName(option) : "";
   if (!value.empty()) names += " \\fI" + Escaped(value) + "\\fR";
   std::string text = option.get_description();
+  if (!ValueRange(option).empty()) text += " (" + ValueRange(option) + ")";
   if (!option.get_default_str().empty()) text += " (default: " + option.get_default_str() + ")";
   if (option.get_required() && option.nonpositional()) text += " (required)";
   return ".TP\n" + names + "\n" + Escaped(text) + "\n";

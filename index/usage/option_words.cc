@@ -52,6 +52,21 @@ std::vector<std::string> ValueWords(const CLI::Option& option) {
 
 bool TakesValue(const CLI::Option& option) { return option.get_expected_max() > 0; }
 
+std::string ValueName(const CLI::Option& option) {
+  if (!option.get_option_text().empty()) return option.get_option_text();
+  if (!TakesValue(option)) return "";
+  const std::string type = option.get_type_name();
+  const std::string name = type.substr(0, type.find_first_of(" :"));
+  return name == "INT" || name == "UINT" || name == "FLOAT" ? "N" : name;
+}
+
+std::string ValueRange(const CLI::Option& option) {
+  if (!option.get_option_text().empty() || !TakesValue(option)) return "";
+  const std::string type = option.get_type_name();
+  const std::size_t colon = type.find(':');
+  return colon == std::string::npos ? "" : type.substr(colon + 1);
+}
+
 std::vector<const CLI::Option*> DashedOptions(const CLI::App& app) {
   std::vector<const CLI::Option*> options = app.get_options([](const CLI::Option* option) {
     return option->nonpositional() && !option->get_group().empty();

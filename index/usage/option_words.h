@@ -24,6 +24,10 @@ std::vector<std::string> CommandNames(const CLI::App& app);
 std::vector<std::string> ValueWords(const CLI::Option& option);
 
 bool TakesValue(const CLI::Option& option);
+// What stands behind an option's name in help texts: FILE, object|image, N for numbers; empty where
+// it takes no value. And "1 to 1024", or empty.
+std::string ValueName(const CLI::Option& option);
+std::string ValueRange(const CLI::Option& option);
 // Options that begin with a dash, in the order of --help; behind them those of the command above,
 // if they may stand here, too.
 std::vector<const CLI::Option*> DashedOptions(const CLI::App& app);

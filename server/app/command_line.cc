@@ -13,7 +13,9 @@
 
 #include "descriptor/base/error.h"
 #include "index/usage/checks.h"
+#include "index/usage/closest_name.h"
 #include "index/usage/completion.h"
+#include "index/usage/help_format.h"
 #include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
 
@@ -136,7 +138,7 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
       app, "--decoder", options.decoder,
       "Where pictures are decoded: process (processes of their own, which may do nothing else), "
       "or inside the server");
-  app.get_option("--decoder")->check(CLI::IsMember({"process", "inside"}));
+  app.get_option("--decoder")->check(cli::OneOf({"process", "inside"}));
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(cli::OneOf({"debug", "info", "warn", "error"}));
   AddText(app, "--log-format", options.log_format, "text, or json: one object per line");
@@ -162,6 +164,7 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
 }
 
 void Define(CLI::App& app, ServerOptions& options) {
+  app.formatter(std::make_shared<cli::HelpFormat>());
   DefineBasics(app, options);
   DefineDoors(app, options);
   for (const NumberFlag& number : kNumbers) AddNumber(app, number, options);
@@ -240,6 +243,15 @@ bool PrintsAboutItself(const CLI::App& app, int argc, const char* const* argv) {
 
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   ParsedCommandLine parsed;
+  if (argc > 1 && argv[1][0] != '-' && argv[1][0] != '\0') {
+    std::fprintf(
+        stderr,
+        "pliant-server has no command %s%s\nRun pliant-server --help for more information.\n",
+        argv[1], cli::DidYouMean(argv[1], {"keys"}).c_str());
+    parsed.finished = true;
+    parsed.exit_status = 2;
+    return parsed;
+  }
   CLI::App app("Pliant's HTTP server: find the same object again, however it is bent.",
                "pliant-server");
   Define(app, parsed.options);

@@ -56,6 +56,15 @@ function giveCommonName() {
 }
 byId("add-object").addEventListener("input", giveCommonName);
 
+// "24 pictures added", "1 of 4 pictures added, 2 were there already, 1 failed"
+function countWords(beginning = () => "") {
+  const of = (state) => items.filter((item) => item.state === state).length;
+  const known = items.filter((item) => item.known).length;
+  const added = beginning(of(kDone) - known) || `${count(of(kDone) - known, "picture")} added`;
+  return [added, known ? `${known} ${known === 1 ? "was" : "were"} there already` : "",
+          of(kFailed) ? `${of(kFailed)} failed` : ""].filter(Boolean).join(", ");
+}
+
 function showTotal() {
   const of = (state) => items.filter((item) => item.state === state).length;
   const over = of(kDone) + of(kFailed);
@@ -63,9 +72,7 @@ function showTotal() {
     .reduce((sum, item) => sum + (item.bar.position > 0 ? item.bar.position / 2 : 0), 0);
   byId("add-bar").max = items.length || 1;
   byId("add-bar").value = over + partly;
-  const failed = of(kFailed) ? `, ${of(kFailed)} failed` : "";
-  byId("add-summary").textContent =
-    `${of(kDone)} of ${count(items.length, "picture")} added${failed}`;
+  byId("add-summary").textContent = countWords((added) => `${added} of ${count(items.length, "picture")} added`);
   byId("add-start").hidden = Boolean(stopper) || of(kWaiting) === 0;
   byId("add-start").textContent = `Add ${count(of(kWaiting), "picture")}`;
   byId("add-stop").hidden = !stopper;
@@ -83,6 +90,7 @@ function offerRename(item, id, labels, collection) {
   const offer = renameOffer({
     id, collection, object, metadata: labels,
     done() {
+      item.known = true;
       setState(item, kDone, object ? `is called ${object} now` : "has these labels now");
       showTotal();
       offerObjectNames();
@@ -128,10 +136,12 @@ async function send(item, labels, collection) {
         },
         onWait: (seconds) => { item.note.textContent = `the server is busy; again in ${seconds} s`; },
       });
+    item.known = !created;
     setState(item, kDone, created ? `added: ${count(image.keypoints, "key point")}` : "was there already");
   } catch (error) {
     if (error.name === "AbortError") setState(item, kWaiting, "stopped");
     else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
+      item.known = true;
       setState(item, kDone, "was there already, by another name");
     } else {
       setState(item, kFailed, error.message);
@@ -166,9 +176,8 @@ async function sendAll() {
   stopper = null;
   showTotal();
   const failed = items.filter((item) => item.state === kFailed);
-  const done = items.filter((item) => item.state === kDone).length;
-  say(byId("add-status"), `${stopped ? "Stopped" : "Finished"}: ${count(done, "picture")} added` +
-    (failed.length ? `, ${failed.length} failed. The reasons stand beside them.` : "."), failed.length > 0);
+  say(byId("add-status"), `${stopped ? "Stopped" : "Finished"}: ${countWords()}.` +
+    (failed.length ? " The reasons stand beside them." : ""), failed.length > 0);
   (byId("add-stop").contains(document.activeElement) || document.activeElement === document.body) &&
     byId(failed.length ? "add-retry" : "add-clear").focus();
   refreshHeader();

@@ -3,7 +3,7 @@
 // Objects and pictures, to look through.
 import * as api from "./api.js";
 import { objectCard, pictureCard } from "./cards.js";
-import { byId } from "./dom.js";
+import { byId, make } from "./dom.js";
 import { makeFinder, noneFound } from "./finder.js";
 import { makeList } from "./list.js";
 import { link, showCurrent } from "./router.js";
@@ -21,6 +21,10 @@ async function pictureWithoutName() {
   const { images } = await api.ask(api.address("/images?object=&limit=1"));
   return images.map(({ id }) => ({ object: "", image_id: id }));
 }
+
+// Where one begins.
+const nothingYet = (what) => make("span", { class: "nothing" }, `There are no ${what} yet.`,
+  make("a", { class: "button primary", href: link("add"), text: "Add pictures", "data-needs": "write" }));
 
 const objectFinder = makeFinder({
   view: "objects", bar: byId("objects-bar"), word: "object",
@@ -40,7 +44,7 @@ const objects = makeList({
     return { items: [...unnamed, ...some], next };
   },
   card: objectCard,
-  none: ({ q }) => (q ? noneFound(q) : "There are no objects yet. Add pictures with the name of what they show."),
+  none: ({ q }) => (q ? noneFound(q) : nothingYet("objects")),
 });
 
 // onTotal(n) is told how many there are.
@@ -55,7 +59,7 @@ const pictures = makeList({
   place: "pictures",
   fetchPage: (wanted, cursor, limit) => picturesPage(wanted, cursor, limit, pictureFinder.say),
   card: pictureCard,
-  none: ({ object, q }) => (q ? noneFound(q) : object === undefined ? "There are no pictures yet." : "No picture without a name is left."),
+  none: ({ object, q }) => (q ? noneFound(q) : object === undefined ? nothingYet("pictures") : "No picture without a name is left."),
 });
 
 const objectSelection = makeSelection({

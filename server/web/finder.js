@@ -39,7 +39,11 @@ export function makeFinder({ view, bar, sorts, word }) {
       sort.value = sorts.some(([value]) => value === parameters.get("sort")) ? parameters.get("sort") : sorts[0][0];
       return { ...(q && { q }), sort: sort.value };
     },
-    say(number) { say(total, number === undefined ? "" : count(number, word)); },
+    // Where there is nothing at all, there is nothing to find, to order or to select.
+    say(number) {
+      bar.hidden = number === 0 && !find.value;
+      say(total, number === undefined ? "" : count(number, word));
+    },
     find,
   };
 }

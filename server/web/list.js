@@ -9,7 +9,7 @@ const kNear = "600px";  // how far below the window's edge the end is near
 
 // place: the lists' elements are PLACE-list, PLACE-status and PLACE-more (a button). fetchPage(parameters, cursor,
 // limit) gives { items, next }; card(item) an element, or null for what is on its way out; none(parameters)
-// says that there is nothing.
+// says that there is nothing: words, or an element.
 export function makeList({ place, fetchPage, card, none }) {
   const list = byId(`${place}-list`);
   const status = byId(`${place}-status`);
@@ -83,6 +83,7 @@ export function makeList({ place, fetchPage, card, none }) {
 
   // Also when the last one was taken off.
   function showNone() {
-    say(status, list.children.length || next ? "" : none(parameters));
+    say(status, "");
+    if (!list.children.length && !next) status.append(none(parameters));
   }
 }

@@ -62,6 +62,7 @@ export const objectView = {
     byId("object-edit").classList.remove("editing");
     byId("object-actions").replaceChildren();  // those of another object
     byId("object-count").textContent = "";
+    byId("object-bar").hidden = false;
     setTitle(name);
     const listed = pictures.show({ object: name, in: api.collectionName() }, how);
     try {
@@ -73,6 +74,7 @@ export const objectView = {
     } catch (error) {
       if (number !== latest) return;
       await listed;
+      byId("object-bar").hidden = error.status === 404;
       say(byId("object-status"), error.status === 404 ? `There is no object called ${name}.` : error.message, true);
     }
     await listed;

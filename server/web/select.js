@@ -9,6 +9,8 @@ import { parseLabels } from "./labels.js";
 import { kLongestName } from "./names.js";
 import { deleteLater, notify, settle } from "./undo.js";
 
+const kStart = "Select several";
+
 // list: the element with the cards; each has card.item { label, path, object }. word: "picture" or "object". bar: the element for the
 // buttons. refresh(): shows the list anew.
 export function makeSelection({ list, bar, word, refresh }) {
@@ -16,7 +18,7 @@ export function makeSelection({ list, bar, word, refresh }) {
   let last = null;           // the card that was clicked last: Shift and a click choose all between
   const status = make("span", { role: "status" });
   const place = make("div", {});
-  const start = make("button", { type: "button", text: `Select several`, "aria-pressed": "false", "data-needs": "write" });
+  const start = make("button", { type: "button", text: kStart, "data-needs": "write" });
   const button = (text, onclick, more = {}) => make("button", { type: "button", class: "small", text, onclick, ...more });
   const actions = make("div", { class: "row" }, status,
     button("All shown", () => choose([...list.children])), button("None", () => choose([])), ...(word === "picture" ?
@@ -77,7 +79,7 @@ export function makeSelection({ list, bar, word, refresh }) {
 
   function turn(on) {
     list.classList.toggle("selecting", on);
-    start.setAttribute("aria-pressed", String(on));
+    start.textContent = on ? "Done" : kStart;
     panel.hidden = !on;
     place.replaceChildren();
     chosen.clear();

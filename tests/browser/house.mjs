@@ -11,6 +11,12 @@ import { join } from "node:path";
 import { after } from "node:test";
 import { chromium } from "playwright-core";
 
+// A connection of its own for each request: Node keeps them, and only finds by writing that the server has ended one
+// that was idle for long, as while a picture was made here.
+const fetchOnKeptConnections = globalThis.fetch;
+globalThis.fetch = (url, options = {}) =>
+  fetchOnKeptConnections(url, { ...options, headers: { ...options.headers, Connection: "close" } });
+
 const kBrowsers = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 const kPatienceMs = Number(process.env.PLIANT_PATIENCE_MS ?? 120_000);
 const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -135,8 +141,15 @@ export async function closePage(page) {
   await page.context().close();
 }
 
-export const shoot = (page, name) =>
-  page.screenshot({ path: join(out, `${name}.png`), fullPage: true, animations: "disabled" });
+// Of the whole page; on a telephone of the screen: what goes beyond it would take the touch screen away, from the
+// picture and from all that is checked after it (Chromium's Page.captureScreenshot with captureBeyondViewport).
+export async function shoot(page, name) {
+  const touched = await isTouched(page);
+  await page.screenshot({ path: join(out, `${name}.png`), fullPage: !touched, animations: "disabled" });
+  assert.equal(await isTouched(page), touched, `${name}: the screenshot has changed the device`);
+}
+
+const isTouched = (page) => page.evaluate(() => matchMedia("(any-pointer: coarse)").matches);
 
 // No violation of axe-core's rules (WCAG 2.2 A and AA, and its best practices).
 export async function checkAccessibility(page, where) {

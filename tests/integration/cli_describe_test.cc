@@ -44,6 +44,39 @@ TEST_F(CliTest, DescribeWritesSafetensors) {
   }
 }
 
+TEST_F(CliTest, ResultsGoToStandardOutput) {
+  WriteBytes(folder_ / "views" / "q.png", RandomPng(1));
+  WriteBytes(folder_ / "views" / "r.png", RandomPng(2));
+  const auto shell = [this](const std::string& arguments) {
+    return Program({"-c", "cd " + (folder_ / ".").string() + "; " + PliantPath().string() + " " +
+                              arguments},
+                   {}, "/bin/sh")
+        .Wait();
+  };
+  for (const std::string what : {"views/q.png", "views"}) {
+    const std::string describe = "describe " + what + " --descriptor orb --out ";
+    EXPECT_EQ(shell(describe + "named.npz").status, 0);
+    const ProgramResult piped = shell(describe + "- > piped.npz");
+    EXPECT_EQ(piped.status, 0) << piped.err;
+    EXPECT_THAT(piped.err, HasSubstr("key points"));
+    EXPECT_EQ(ReadBytes(folder_ / "piped.npz"), ReadBytes(folder_ / "named.npz"));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "-"));
+  }
+  const ProgramResult full = shell("describe views/q.png --descriptor orb --out - > /dev/full");
+  EXPECT_EQ(full.status, 1);
+  EXPECT_THAT(full.err, HasSubstr("standard output could not be written"));
+
+  ASSERT_EQ(shell("index views --db x.db --descriptor orb").status, 0);
+  EXPECT_EQ(shell("db export records.ndjson --db x.db").status, 0);
+  const ProgramResult records = shell("db export - --db x.db");
+  EXPECT_EQ(records.status, 0) << records.err;
+  const std::vector<std::uint8_t> named = ReadBytes(folder_ / "records.ndjson");
+  EXPECT_EQ(records.out, std::string(named.begin(), named.end()));
+  EXPECT_EQ(shell("query views/q.png --db x.db --draw named.png").status, 0);
+  EXPECT_EQ(shell("query - --db x.db --draw - < views/q.png > piped.png").status, 0);
+  EXPECT_EQ(ReadBytes(folder_ / "piped.png"), ReadBytes(folder_ / "named.png"));
+}
+
 // That NumPy reads it is tests/python's.
 TEST_F(CliTest, DescribeWritesWhatTheNameSays) {
   WriteBytes(folder_ / "q.png", RandomPng(1));

@@ -167,6 +167,51 @@ TEST_F(CliMatching, PpmIsReadAsPngIs) {
             0);
 }
 
+// Standard input is there once, and drawing needs it, too; "-" as a drawing is standard output.
+TEST_F(CliMatching, PicturesAndDrawingsGoThroughPipes) {
+  const std::string a = (out_ / "a.png").string(), b = (out_ / "b.png").string();
+  testing::WriteBytes(a, testing::RandomPng(5));
+  testing::WriteBytes(b, testing::OtherViewPng(5));
+  const auto shell = [this](const std::string& arguments) {
+    return testing::Program(
+               {"-c", "cd " + (out_ / ".").string() + "; " + testing::PliantPath().string() +
+                          " match " + arguments + " --descriptor rootsift"},
+               {}, "/bin/sh")
+        .Wait();
+  };
+  EXPECT_EQ(shell("a.png b.png --draw named.png").status, 0);
+  EXPECT_EQ(shell("- b.png --draw first.png < a.png").status, 0);
+  EXPECT_EQ(shell("a.png - --draw second.png < b.png").status, 0);
+  const ProgramResult piped = shell("a.png - --draw - < b.png > piped.png");
+  EXPECT_EQ(piped.status, 0) << piped.err;
+  EXPECT_THAT(piped.err, HasSubstr("mutual matches")) << "where it is not part of the picture";
+  for (const char* name : {"first.png", "second.png", "piped.png"})
+    EXPECT_EQ(testing::ReadBytes(out_ / name), testing::ReadBytes(out_ / "named.png")) << name;
+
+  const ProgramResult both = shell("- - < a.png");
+  EXPECT_EQ(both.status, 2);
+  EXPECT_THAT(both.err, HasSubstr("only one of both pictures can be standard input"));
+  const ProgramResult twice = shell("a.png b.png --draw - --json");
+  EXPECT_EQ(twice.status, 2);
+  EXPECT_THAT(twice.err, HasSubstr("--draw - and --json would both write to standard output"));
+}
+
+TEST_F(CliMatching, WhatWasMeantIsSaid) {
+  const auto says = [](std::vector<std::string> arguments) {
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.status, 2) << result.err;
+    return result.err;
+  };
+  EXPECT_THAT(says({"eval", "matching", At("pairs"), "--descriptor", "sift,mine:dael=x.bin"}),
+              HasSubstr("did you mean deal?"));
+  EXPECT_THAT(says({"eval", "matching", At("pairs"), "--layout", "folder"}),
+              HasSubstr("did you mean folders?"));
+  EXPECT_THAT(says({"eval", "tracking", At("pairs"), "--descriptor", "rotsift"}),
+              HasSubstr("did you mean rootsift?"));
+  EXPECT_THAT(says({"simulate", "--textures", "procedural", "--out", "x", "--preset", "objets"}),
+              HasSubstr("did you mean objects?"));
+}
+
 TEST_F(CliMatching, MatchJudgesByAHomography) {
   testing::WriteBytes(out_ / "a.png", testing::RandomPng(5));
   testing::WriteBytes(out_ / "b.png", testing::OtherViewPng(5));  // shifted by (5, 3)

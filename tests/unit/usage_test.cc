@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
+#include <memory>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,6 +12,7 @@
 #include "index/usage/checks.h"
 #include "index/usage/closest_name.h"
 #include "index/usage/completion.h"
+#include "index/usage/help_format.h"
 #include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
 #include "tests/unit/expect_error.h"
@@ -19,6 +21,7 @@
 namespace pliant::cli {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -28,6 +31,7 @@ struct Program {
   Program() {
     app.require_subcommand(1);
     app.failure_message(UsageError);
+    app.formatter(std::make_shared<HelpFormat>());
     CLI::App* eat = app.add_subcommand("eat", "Eat fruit, it's good");
     eat->add_option("FILE", file, "what")->required();
     AddChoice<Fruit>(*eat, "--fruit", fruit, "which",
@@ -159,12 +163,26 @@ TEST(Usage, OtherShellsHaveEveryOption) {
                                [] { CompletionScript(Program().app, "tcsh"); });
 }
 
+TEST(Usage, HelpIsForPeople) {
+  Program program;
+  CLI::App& eat = *program.app.get_subcommand("eat");
+  eat.get_option("--share")->excludes(eat.get_option("--rest"))->envname("FRUIT_SHARE");
+  eat.get_option("--rest")->needs(eat.get_option("--count"))->required();
+  const std::string help = eat.help();
+  EXPECT_THAT(help, ContainsRegex("FILE +what\n"));
+  EXPECT_THAT(help, ContainsRegex("--fruit apple\\|pear +which\n"));
+  EXPECT_THAT(help, ContainsRegex("-n,--count N +.how many \\(1 to 9; default: 3\\)\n"));
+  EXPECT_THAT(help, ContainsRegex("--share N +of it \\(not with --rest; or in FRUIT_SHARE\\)\n"));
+  EXPECT_THAT(help, ContainsRegex("--rest N +of it \\(required; only with --count"));
+  EXPECT_THAT(help, Not(ContainsRegex("INT|FLOAT|REQUIRED")));
+}
+
 TEST(Usage, TheManualHasEverything) {
   const std::string page = ManualPage(Program().app, "fruit 1.2");
   EXPECT_THAT(page, ::testing::StartsWith(".TH FRUIT 1 \"\" \"fruit 1.2\""));
   EXPECT_THAT(page, HasSubstr(".SS fruit eat\n"));
   EXPECT_THAT(page, HasSubstr("\\fB\\-\\-fruit\\fR \\fIapple|pear\\fR\nwhich\n"));
-  EXPECT_THAT(page, HasSubstr("\\&.how many (default: 3)")) << "no request of roff";
+  EXPECT_THAT(page, HasSubstr("\\&.how many (1 to 9) (default: 3)")) << "no request of roff";
   EXPECT_THAT(page, Not(HasSubstr("\n.how")));
 }
 

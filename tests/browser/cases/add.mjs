@@ -46,6 +46,8 @@ test("many at once, with names; what fails says why and can be tried again", asy
   await page.locator("#add-files").setInputFiles([file("scarf 1.png", blobs(1))]);
   await page.getByRole("button", { name: "Add 1 picture" }).click();
   await house.waitForText(page, "#add-list li:last-child", /was there already/);
+  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 1 was there already, 2 failed\. The reasons/);
+  await house.waitForText(page, "#add-summary", /^3 of 6 pictures added, 1 was there already, 2 failed$/);
   await page.getByRole("button", { name: "Clear the list" }).click();
   await house.eventually(async () => assert.equal(await page.locator("#add-form").isVisible(), false));
   await house.closePage(page);
@@ -100,6 +102,7 @@ test("pictures are called what their files are called, unless somebody says othe
   await page.locator("#add-files").setInputFiles([file("copy.png", blobs(40))]);
   await page.getByRole("button", { name: "Add 1 picture" }).click();
   await house.waitForText(page, "#add-list li:last-child", /was there already, by another name/);
+  await house.waitForText(page, "#add-status", /Finished: 4 pictures added, 1 was there already\.$/);
   await house.closePage(page);
   await own.stop();
 });

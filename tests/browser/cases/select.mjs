@@ -38,6 +38,13 @@ test("pictures are moved and labelled together; what fails is said and stays sel
   await house.checkOverlaps(page, "selecting");
   await house.shoot(page, "selecting");
 
+  await page.getByRole("button", { name: "Done", exact: true }).click();
+  await house.eventually(async () => assert.equal(await page.locator(".pick").count(), 0));
+  await page.getByRole("button", { name: "Select several" }).click();
+  await box(page, "p0").check();
+  await box(page, "p2").click({ modifiers: ["Shift"] });
+  await house.waitForText(page, "#pictures-bar + .selection", /3 pictures selected/);
+
   await page.getByRole("button", { name: "Name…" }).click();
   await page.getByLabel("They show").fill("crate");
   await page.keyboard.press("Enter");

@@ -47,6 +47,30 @@ test("an empty collection teaches what to do; the demonstration is found un-crum
   await house.closePage(page);
 });
 
+for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844, hasTouch: true, isMobile: true, colorScheme: "dark" }]]) {
+  test(`where nothing is there yet, the lists lead to what is to be done, ${size}`, async () => {
+    const empty = await house.server("empty");
+    const page = await house.openPage(`${empty.address}/#/objects`, options);
+    for (const view of ["objects", "pictures"]) {
+      await page.goto(`${empty.address}/#/${view}`);
+      await house.waitForText(page, `#${view}-status`, new RegExp(`^There are no ${view} yet`));
+      await house.eventually(async () => assert.equal(await page.locator(`#${view}-bar`).isVisible(), false));
+      await house.checkAccessibility(page, `${view}, empty`);
+      await house.checkOverlaps(page, `${view}, empty`);
+      await house.shoot(page, `${view}-empty-${size}`);
+    }
+    await page.getByRole("link", { name: "Add pictures" }).click();
+    await page.locator("#add-drop").waitFor();
+    await page.goto(`${empty.address}/#/object?name=nobody`);
+    await house.waitForText(page, "#object-status.error", /There is no object called nobody/);
+    await house.eventually(async () => assert.equal(await page.locator("#object-bar").isVisible(), false));
+    await page.goto(`${empty.address}/#/pictures?q=nobody`);
+    await house.waitForText(page, "#pictures-status", /Nothing here has "nobody"/);
+    await page.getByRole("searchbox", { name: "Find pictures" }).waitFor();
+    await house.closePage(page);
+  });
+}
+
 test("every example finds its object", async () => {
   const page = await house.openPage(server.address);
   for (const name of ["tea packet", "newspaper", "flower cloth", "poster", "team flag"]) {

@@ -1,25 +1,28 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Whole walks, as somebody takes them who has never seen the page: on a telephone, and by keyboard alone.
+// Whole walks, as somebody takes them who has never seen the page: at a desk and on a telephone, in light and dark, and
+// by keyboard alone.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
 import { photograph, thing } from "../pictures.mjs";
 
-const kPhone = { width: 390, height: 844, hasTouch: true, isMobile: true };
+const kSizes = { desk: { width: 1280, height: 800 }, phone: { width: 390, height: 844, hasTouch: true, isMobile: true } };
 const file = (name, buffer) => ({ name, mimeType: "image/png", buffer });
 const nameOf = (i) => `thing ${String(i + 1).padStart(2, "0")}`;
 const files = (n) => Array.from({ length: n }, (_, i) => file(`${nameOf(i)}.png`, thing(i + 1)));
 const photo = (...parts) => [file("image.png", photograph(parts))];
 
-test("a first visit by telephone: 24 files without typing, one renamed, then asked with photographs", async () => {
+async function firstVisit(where, options) {
   const own = await house.startServer();
-  const page = await house.openPage(own.address, kPhone);
+  const page = await house.openPage(own.address, options);
   await page.locator("#welcome").waitFor();
+  await house.shoot(page, `walk-welcome-${where}`);
   await page.getByRole("link", { name: "Add my pictures" }).click();
   await page.locator("#add-files").setInputFiles(files(24));
-  await house.checkOverlaps(page, "24 files");
-  await house.checkWidth(page, "24 files");
+  await house.checkOverlaps(page, `24 files, ${where}`);
+  await house.checkWidth(page, `24 files, ${where}`);
+  await house.shoot(page, `walk-files-${where}`);
   await page.getByRole("button", { name: "Add 24 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 24 pictures added\./);
   await page.getByRole("link", { name: "Search with a photo" }).click();  // what comes next
@@ -30,23 +33,26 @@ test("a first visit by telephone: 24 files without typing, one renamed, then ask
   await page.getByLabel("Name", { exact: true }).fill("green tin");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#objects-list", /green tin/);
+  await house.shoot(page, `walk-renamed-${where}`);
 
   const ask = async (picture, pattern) => {
     await page.getByRole("link", { name: "Search", exact: true }).click();
-    await page.locator("#search-camera").setInputFiles(picture);
+    await page.locator(options.hasTouch ? "#search-camera" : "#search-file").setInputFiles(picture);
     await house.waitForText(page, "#search-status", pattern);
   };
   await ask(photo({ seed: 3, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Found: green tin\./);
   for (const part of ["#search-status .verdict", "#stage", "#results .hit"]) {
-    const box = await page.locator(part).first().boundingBox();
-    assert.ok(box.y >= 0 && box.y + box.height <= kPhone.height, `${part}: ${box.y} to ${box.y + box.height}`);
+    await house.eventually(async () => {
+      const box = await page.locator(part).first().boundingBox();
+      assert.ok(box.y >= 0 && box.y + box.height <= options.height, `${part}: ${box.y} to ${box.y + box.height}`);
+    });
   }
-  await house.checkOverlaps(page, "found, phone");
-  await house.shoot(page, "walk-found");
+  await house.checkOverlaps(page, `found, ${where}`);
+  await house.shoot(page, `walk-found-${where}`);
 
   await ask(photo({ seed: 99, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Not in your collection\./);
   await house.eventually(async () => assert.equal(await page.locator(".tag").count(), 0));
-  await house.shoot(page, "walk-absent");
+  await house.shoot(page, `walk-absent-${where}`);
 
   await ask(photo({ seed: 1, x: 165, y: 120, scale: 0.9, angle: 8 }, { seed: 2, x: 480, y: 125, scale: 0.9, angle: -12 },
                   { seed: 5, x: 160, y: 360, scale: 0.9, angle: -5 }, { seed: 6, x: 480, y: 355, scale: 0.9, angle: 10 }),
@@ -60,11 +66,18 @@ test("a first visit by telephone: 24 files without typing, one renamed, then ask
       assert.ok(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top, "no name lies on another");
     }
   }
-  await house.checkAccessibility(page, "four objects");
-  await house.shoot(page, "walk-four");
+  await house.checkAccessibility(page, `four objects, ${where}`);
+  await house.shoot(page, `walk-four-${where}`);
   await house.closePage(page);
   await own.stop();
-});
+}
+
+for (const [size, box] of Object.entries(kSizes)) {
+  for (const colorScheme of ["light", "dark"]) {
+    test(`a first visit, ${size}, ${colorScheme}: 24 files without typing, one renamed, then asked with photographs`,
+         () => firstVisit(`${size}-${colorScheme}`, { ...box, colorScheme }));
+  }
+}
 
 test("by keyboard alone: added, looked at, deleted, brought back, found", async () => {
   const own = await house.startServer();
