@@ -8,6 +8,7 @@
 #                                               answer, and prints the URL for --db
 #   cluster_local.sh status DIR                 who runs; exit status 1 unless all answer
 #   cluster_local.sh down DIR                   stops all; the data stay, and `up` goes on with them
+#   cluster_local.sh remove DIR                 ends all at once and removes the data
 #
 # Needs Debian's packages clickhouse-server, libzookeeper-java, default-jre-headless and curl; without
 # them exit status 77. CLICKHOUSE_DIR may name a folder where the first is unpacked and not installed.
@@ -44,6 +45,11 @@ stop() {  # NODE... : ends them together, in at most 20 seconds
     [ -n "$left" ] || break
     sleep 0.2
   done
+  kill_now "$@"
+}
+
+kill_now() {  # NODE...
+  local node pid
   for node in "$@"; do pid=$(pid_of "$node") && kill -KILL "$pid" 2>/dev/null || true; rm -f "$home/$node/pid"; done
 }
 
@@ -224,10 +230,20 @@ status() {
 }
 
 exec 9>"$home/lock"
-flock -w 120 9 || fail "another cluster_local.sh works in $home"
+if [ "$action" = remove ]; then
+  flock -w 10 9 || true  # an `up` whose caller has ended may wait for a node that never answers
+else
+  flock -w 120 9 || fail "another cluster_local.sh works in $home"
+fi
 case $action in
   up) up "${@:3}" ;;
   status) status ;;
   down) stop $(nodes | cut -d' ' -f1); stop zookeeper ;;
+  remove)
+    kill_now $(nodes | cut -d' ' -f1) zookeeper
+    for name in $(nodes | cut -d' ' -f1) zookeeper; do rm -rf "${home:?}/$name"; done
+    rm -f "$home/nodes" "$home/lock"
+    rmdir "$home" 2>/dev/null || true  # unless something else is there
+    ;;
   *) usage ;;
 esac

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant cluster init | status | check | purge
+// pliant cluster init | status | check | quorum | purge
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "index/cli/cluster_output.h"
 #include "index/cli/command.h"
@@ -11,6 +12,7 @@
 #include "index/files/text.h"
 #include "index/store/clickhouse/cluster.h"
 #include "index/store/clickhouse/cluster_purge.h"
+#include "index/store/clickhouse/cluster_quorum.h"
 
 namespace pliant::cli {
 namespace {
@@ -21,6 +23,7 @@ struct Options {
   std::string database;
   std::string password_file;
   bool quick = false;
+  std::string quorum;  // empty: show it
   std::int64_t older_than = 3600;
   std::int64_t log_older_than = 604800;
   std::int64_t wait = 60;
@@ -81,6 +84,31 @@ ExitStatus Check(const Options& options) {
   return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }
 
+std::size_t ToQuorum(const std::string& text) {
+  if (text == "auto") return 0;
+  if (text.size() == 1 && text[0] >= '1' && text[0] <= '9') {
+    return static_cast<std::size_t>(text[0] - '0');
+  }
+  throw Error(ErrorCode::kInvalidArgument, "quorum_invalid",
+              "the quorum is auto or a number of replicas, 1 to 9, not " + ToDisplayText(text));
+}
+
+ExitStatus Quorum(const Options& options) {
+  RequireUrl(options.database);
+  const std::optional<std::size_t> chosen =
+      options.quorum.empty() ? std::nullopt : std::optional(ToQuorum(options.quorum));
+  clickhouse::ClusterAccess cluster(options.database, options.password_file);
+  const clickhouse::QuorumReport report =
+      chosen ? clickhouse::SetQuorum(cluster, *chosen, std::chrono::seconds(options.wait))
+             : clickhouse::ReadQuorum(cluster);
+  if (options.json) {
+    PrintJson(QuorumDocument(report));
+  } else {
+    Print(QuorumText(report));
+  }
+  return ExitStatus::kDone;
+}
+
 ExitStatus RunPurge(const Options& options) {
   RequireUrl(options.database);
   clickhouse::ClusterAccess cluster(options.database, options.password_file);
@@ -124,6 +152,21 @@ void AddClusterCommand(CLI::App& program, ExitStatus& status) {
   add("status", "List every table on every node: rows, bytes, parts, replicas, lag", Status);
   add("check", "Verify that all nodes have the same tables, settings and rows", Check)
       ->add_flag("--quick", options->quick, "without reading and comparing all rows");
+  CLI::App* quorum =
+      add("quorum",
+          "Show or choose how many replicas of a shard must have a write before it is acknowledged",
+          Quorum);
+  quorum
+      ->add_option("REPLICAS", options->quorum,
+                   "auto (two, or the one there is), or a number; 1: writes go on while one of two "
+                   "replicas is down, and are lost with the other one. Without it: shows it")
+      ->option_text("");
+  quorum
+      ->add_option("--wait", options->wait,
+                   "seconds at most, where more are to acknowledge than before, until all have "
+                   "what fewer have acknowledged")
+      ->check(CLI::Range(std::int64_t{0}, kMostSeconds))
+      ->capture_default_str();
   CLI::App* purge =
       add("purge",
           "Remove what nobody can read any more: old states of pictures, features and "

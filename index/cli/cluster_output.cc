@@ -89,6 +89,33 @@ Json StatusDocument(const clickhouse::ClusterState& state) {
   return {{"nodes", std::move(nodes)}};
 }
 
+std::string QuorumText(const clickhouse::QuorumReport& report) {
+  std::string text = report.chosen == 0 ? "auto: " : "";
+  text += std::to_string(report.acknowledge) + " of " + std::to_string(report.replicas) +
+          (report.replicas == 1 ? " replica" : " replicas") + " of each shard must have a write";
+  for (const ShardRecord& shard : report.shards) {
+    const std::uint64_t active = shard.state ? shard.state->active_replicas : 0;
+    text += "\nshard " + std::to_string(shard.number) + ": " + std::to_string(active) + " at work" +
+            (active < report.acknowledge ? ": writes are refused" : "");
+  }
+  return text;
+}
+
+Json QuorumDocument(const clickhouse::QuorumReport& report) {
+  Json shards = Json::array();
+  for (const ShardRecord& shard : report.shards) {
+    shards.push_back(
+        {{"shard", shard.number},
+         {"replicas", shard.replicas},
+         {"answering", shard.answering},
+         {"active", shard.state ? Json(shard.state->active_replicas) : Json(nullptr)}});
+  }
+  return {{"quorum", report.chosen == 0 ? Json("auto") : Json(report.chosen)},
+          {"acknowledge", report.acknowledge},
+          {"replicas", report.replicas},
+          {"shards", std::move(shards)}};
+}
+
 std::string PurgeText(const clickhouse::PurgeReport& report) {
   if (report.readers > 0) {
     return "removed nothing: " + std::to_string(report.readers) +

@@ -8,6 +8,7 @@
 #include "index/json/json.h"
 #include "index/store/clickhouse/cluster.h"
 #include "index/store/clickhouse/cluster_purge.h"
+#include "index/store/clickhouse/cluster_quorum.h"
 
 namespace pliant::cli {
 
@@ -17,6 +18,8 @@ Json InitDocument(const clickhouse::InitReport& report);
 std::string StatusText(const clickhouse::ClusterState& state);
 Json StatusDocument(const clickhouse::ClusterState& state);
 
+std::string QuorumText(const clickhouse::QuorumReport& report);
+Json QuorumDocument(const clickhouse::QuorumReport& report);
 std::string PurgeText(const clickhouse::PurgeReport& report);
 Json PurgeDocument(const clickhouse::PurgeReport& report);
 

@@ -28,19 +28,13 @@ struct Options {
   bool json = false;
 };
 
-void PrintText(Engine& engine, const Options& options, const SearchResult& result, double took_ms) {
+void PrintText(const SearchResult& result, double took_ms) {
   std::vector<std::vector<std::string>> rows;
   for (const Hit& hit : result.hits) {
-    std::string source;
-    try {
-      source = engine.Get(options.search.collection, hit.image_id).source;
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kNotFound) throw;  // removed by another process just now
-    }
     rows.push_back({std::to_string(hit.rank), FormatFixed(hit.score, 4),
                     hit.probability ? FormatFixed(*hit.probability, 3) : "-",
                     std::to_string(hit.inliers), hit.object.empty() ? "-" : hit.object,
-                    hit.image_id, source});
+                    hit.image_id, hit.source});
   }
   if (rows.empty()) {
     Print("nothing found");
@@ -51,6 +45,11 @@ void PrintText(Engine& engine, const Options& options, const SearchResult& resul
     }
     Print(
         FormatTable({"rank", "score", "probability", "inliers", "object", "image", "file"}, rows));
+  }
+  if (result.coverage && !result.coverage->complete()) {
+    const Coverage& part = *result.coverage;
+    Message("of " + std::to_string(part.shards) + " shards " + std::to_string(part.answered) +
+            " answered: only their " + std::to_string(part.pictures) + " pictures were searched");
   }
   Message(std::to_string(result.hits.size()) + " of " + std::to_string(result.total) + " hits, " +
           std::to_string(result.keypoints) + " key points, vocabulary " +
@@ -87,6 +86,7 @@ ExitStatus Run(Options& options) {
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
+  options.engine.partial = options.search.partial;
   Engine engine(options.engine);
   const auto start = std::chrono::steady_clock::now();
   const bool explain = options.search.explain;
@@ -105,7 +105,7 @@ ExitStatus Run(Options& options) {
   if (options.json) {
     PrintJson(SearchResultJson(result, took_ms));
   } else {
-    PrintText(engine, options, result, took_ms);
+    PrintText(result, took_ms);
     PrintExplanations(result);
   }
   return drawn ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
@@ -168,6 +168,9 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
       ->capture_default_str();
   AddExtractionFlags(*app, options->engine);
+  app->add_flag("--partial", search.partial,
+                "of a cluster: where shards do not answer, search the others and say so, in place "
+                "of failing");
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matched points and the warp of its surface");
   app->add_option("--draw", options->pictures.draw,

@@ -41,6 +41,7 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   opening.read_only = options_.read_only;
   opening.busy_timeout_ms = options_.busy_timeout_ms;
   opening.reserve_bytes = options_.reserve_bytes;
+  opening.partial = options_.partial && options_.read_only;
   opening.model_of_new = [this] {
     options_.custom_descriptor = MakeDescriptorFor(options_, "deal");
     return options_.custom_descriptor->info();
@@ -56,8 +57,7 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
     CheckModel(options_.custom_descriptor->info());
   }
   if (options_.load_descriptor) extractor();
-  ranker_ =
-      std::make_unique<MemoryRanker>(store_->OpenFeed(), &store_->catalogue(), options_.loading);
+  ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), options_.loading);
   if (options_.load_index) ranker_->Load();
   if (!options_.read_only) store_->BeginWriting([this] { ranker_->Follow(); });
 }
@@ -270,6 +270,8 @@ std::uint64_t Engine::CountUnquantized(const std::string& collection, std::int64
 }
 
 EngineStats Engine::Stats() { return impl_->Stats(); }
+
+std::vector<ShardRecord> Engine::Shards() { return impl_->catalogue().ReadShards(); }
 
 std::vector<std::string> Engine::Check() { return impl_->Check(); }
 

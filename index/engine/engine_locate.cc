@@ -45,7 +45,7 @@ std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
   RankOptions options;
   options.keep = kMostCompared;
   options.threads = threads;
-  options.admission = ranker_->Admit(view, object, {}, {});
+  options.admission = catalogue().Admit(view.collection, object, {}, {});
   const Ranking ranking = ranker_->Rank(view, {bow, query}, options);
   if (ranking.best.empty()) return some;
   some.clear();

@@ -36,7 +36,9 @@ void CheckQuery(const Features& features, bool has_region) {
 
 SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
-  CheckVocabulary(View(options.collection), options);  // before any work
+  Reading(options.partial, [&](const Source& source) {
+    CheckVocabulary(ViewOf(source, options.collection), options);  // before any work
+  });
   ExtractionTimings timings;
   Features features = query_extractor().Extract(encoded, options.threads, &timings);
   return Answer(InStoredPrecision(std::move(features)), options, timings);
@@ -44,7 +46,11 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
   Validate(options);
-  return Answer(GetFeatures(options.collection, image_id), options, {});
+  SearchResult result;
+  Reading(options.partial, [&](const Source& source) {
+    result = Answer(source, FeaturesOf(source, options.collection, image_id), options, {});
+  });
+  return result;
 }
 
 SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options) {
@@ -57,15 +63,24 @@ SearchResult Engine::Impl::SearchFeatures(const Features& features, const Search
   return Answer(InStoredPrecision(features), options, {});
 }
 
-SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
+SearchResult Engine::Impl::Answer(const Features& features, const SearchOptions& options,
                                   const ExtractionTimings& timings) {
-  const CollectionView view = View(options.collection);
+  SearchResult result;
+  Reading(options.partial,
+          [&](const Source& source) { result = Answer(source, features, options, timings); });
+  return result;
+}
+
+SearchResult Engine::Impl::Answer(const Source& source, Features features,
+                                  const SearchOptions& options, const ExtractionTimings& timings) {
+  const CollectionView view = ViewOf(source, options.collection);
   CheckVocabulary(view, options);
   if (options.region) {
     features = Subset(features, [&](const Keypoint& k) { return Contains(*options.region, k); });
   }
   CheckQuery(features, options.region.has_value());
-  SearchResult result = SearchRun(ranker_.get(), &catalogue(), view, features, options).Run();
+  SearchResult result = SearchRun(ranker_.get(), &source.reads, view, features, options).Run();
+  if (options.partial) result.coverage = CoverageOf(source, view);
   result.timings.extraction = timings;
   result.vocabulary = view.vocabulary;
   result.words = view.quantizer->vocabulary().size();

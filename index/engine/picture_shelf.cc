@@ -28,7 +28,7 @@ void PictureShelf::Fetch(std::span<const RankedPicture> pictures, Load what) {
     if (!enough) wanted.push_back(picture.ref);
   }
   if (wanted.empty()) return;
-  std::vector<std::optional<StoredPicture>> loaded = catalogue_.LoadPictures(wanted, what);
+  std::vector<std::optional<StoredPicture>> loaded = source_.LoadPictures(wanted, what);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const bool other = loaded[i] && loaded[i]->version != wanted[i].version;
     if (other && !IsAdmitted(admission_, loaded[i]->record)) loaded[i].reset();

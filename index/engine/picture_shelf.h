@@ -21,8 +21,8 @@ namespace pliant {
 class PictureShelf {
  public:
   // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
-  PictureShelf(Catalogue* catalogue, const Admission* admission, std::string model_id)
-      : catalogue_(*catalogue), admission_(*admission), model_id_(std::move(model_id)) {}
+  PictureShelf(SearchSource* source, const Admission* admission, std::string model_id)
+      : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
 
   // Reads those that are not there yet, all at once.
   void Fetch(std::span<const RankedPicture> pictures, Load what);
@@ -33,7 +33,7 @@ class PictureShelf {
   std::optional<Features> LoadFeatures(std::int64_t version) const;
 
  private:
-  Catalogue& catalogue_;
+  SearchSource& source_;
   const Admission& admission_;
   std::string model_id_;
   std::unordered_map<std::int64_t, std::optional<StoredPicture>> pictures_;  // by ranked version

@@ -61,9 +61,10 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 
 }  // namespace
 
-SearchRun::SearchRun(Ranker* ranker, Catalogue* catalogue, const CollectionView& view,
+SearchRun::SearchRun(Ranker* ranker, SearchSource* source, const CollectionView& view,
                      const Features& query, const SearchOptions& options)
     : ranker_(*ranker),
+      source_(*source),
       view_(view),
       query_(query),
       options_(options),
@@ -75,7 +76,7 @@ SearchRun::SearchRun(Ranker* ranker, Catalogue* catalogue, const CollectionView&
         const Stopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
-      shelf_(catalogue, &rank_.admission, query.model_id) {}
+      shelf_(source, &rank_.admission, query.model_id) {}
 
 SearchResult SearchRun::Run() {
   Ranking ranking;
@@ -135,7 +136,8 @@ RankOptions SearchRun::ToRankOptions() const {
   rank.min_score = options_.min_score;
   rank.threads = options_.threads;
   rank.signatures = options_.tuning.signatures;
-  rank.admission = ranker_.Admit(view_, options_.object, options_.filter, options_.without);
+  rank.admission =
+      source_.Admit(view_.collection, options_.object, options_.filter, options_.without);
   if (Verifies(options_)) {
     // Does not depend on the page, so that pages fit together.
     rank.candidates = options_.verify_depth != 0 ? options_.verify_depth

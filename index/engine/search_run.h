@@ -20,7 +20,7 @@ void Validate(const SearchOptions& options);
 class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary.
-  SearchRun(Ranker* ranker, Catalogue* catalogue, const CollectionView& view, const Features& query,
+  SearchRun(Ranker* ranker, SearchSource* source, const CollectionView& view, const Features& query,
             const SearchOptions& options);
 
   SearchResult Run();
@@ -36,6 +36,7 @@ class SearchRun {
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
   Ranker& ranker_;
+  SearchSource& source_;
   const CollectionView& view_;
   const Features& query_;
   const SearchOptions& options_;

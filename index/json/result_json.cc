@@ -62,6 +62,14 @@ Json NumberOrNull(const std::optional<Number>& number) {
   return number ? Json(*number) : Json(nullptr);
 }
 
+Json CoverageJson(const Coverage& coverage) {
+  return {{"complete", coverage.complete()},
+          {"shards", coverage.shards},
+          {"answered", coverage.answered},
+          {"pictures", coverage.pictures},
+          {"total_pictures", NumberOrNull(coverage.total_pictures)}};
+}
+
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
@@ -111,6 +119,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                  {"verify_ms", t.verify_ms},
                  {"database_ms", t.database_ms}}}};
   if (!examples.empty()) json["examples"] = std::move(examples);
+  if (result.coverage) json["coverage"] = CoverageJson(*result.coverage);
   return json;
 }
 

@@ -74,6 +74,7 @@ class InvertedIndex {
   // Adds pictures that the next Apply publishes together with its own: a change of any size is one
   // snapshot without being in memory as one list.
   void Stage(std::vector<IndexedPicture> added);
+  bool is_staged() const { return staged_ != nullptr; }  // something is not published yet
   // For loading: adds without merges and statistics. Refresh() must follow before any search.
   void Append(std::vector<IndexedPicture> added);
   void Refresh();

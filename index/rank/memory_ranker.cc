@@ -23,9 +23,8 @@ const IndexSnapshot& SnapshotOf(const CollectionView& view) {
 
 }  // namespace
 
-MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
-                           std::function<void(double)> loading)
-    : feed_(std::move(feed)), catalogue_(catalogue), loading_(std::move(loading)) {}
+MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading)
+    : feed_(std::move(feed)), loading_(std::move(loading)) {}
 
 CollectionView MemoryRanker::View(const std::string& collection) {
   Lock lock(mutex_);
@@ -37,11 +36,7 @@ CollectionView MemoryRanker::View(const std::string& collection) {
       throw refusals::NoCollection(collection);
     }
     const Entry& entry = found->second;
-    if (entry.is_current() || (entry.shown && entry.loading)) {
-      const Loaded& shown = *entry.shown;
-      return {shown.collection, shown.vocabulary, shown.quantizer,
-              shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
-    }
+    if (entry.is_current() || (entry.shown && entry.loading)) return ViewOf(entry);
     if (entry.loading) {
       changed_.wait(lock);
     } else {
@@ -50,13 +45,35 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   }
 }
 
-std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.state ? SnapshotOf(view).pictures : 0;
+CollectionView MemoryRanker::ViewOf(const Entry& entry) {
+  const Loaded& shown = *entry.shown;
+  return {shown.collection, shown.vocabulary, shown.quantizer,
+          shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
 }
 
-Admission MemoryRanker::Admit(const CollectionView& view, const std::optional<std::string>& object,
-                              const Filter& filter, const std::vector<std::string>& without) const {
-  return catalogue_->Admit(view.collection, object, filter, without);
+std::optional<CollectionView> MemoryRanker::LastView(const std::string& collection) const {
+  const std::lock_guard lock(views_mutex_);
+  const auto found = views_.find(collection);
+  if (found == views_.end()) return std::nullopt;
+  return found->second;
+}
+
+void MemoryRanker::KeepViews() {
+  const std::lock_guard lock(views_mutex_);
+  std::map<std::string, CollectionView> views;
+  for (const auto& [name, entry] : entries_) {
+    if (entry.shown) {
+      views.emplace(name, ViewOf(entry));
+    } else if (const auto last = views_.find(name);
+               last != views_.end() && last->second.collection == entry.collection) {
+      views.insert(*last);
+    }
+  }
+  views_ = std::move(views);
+}
+
+std::size_t MemoryRanker::Size(const CollectionView& view) const {
+  return view.state ? SnapshotOf(view).pictures : 0;
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
@@ -122,7 +139,15 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
     Entry entry;
     entry.collection = state.key;
     if (same) entry = known->second;
-    next.emplace(state.name, Updated(std::move(entry), state, view));
+    try {
+      next.emplace(state.name, Updated(std::move(entry), state, view));
+    } catch (...) {
+      // Those before it are as they should be.
+      if (!entries_.empty()) {
+        for (auto& [name, updated] : next) entries_.insert_or_assign(name, std::move(updated));
+      }
+      throw;
+    }
     if (entries_.empty() && state.vocabulary != 0) to_load += view.CountPictures(state.key);
   }
   if (entries_.empty()) {
@@ -130,6 +155,7 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
     to_load_ = to_load;
   }
   entries_ = std::move(next);
+  KeepViews();
   std::erase_if(prepared_, [](const auto& prepared) { return prepared.expired(); });
 }
 
@@ -140,10 +166,17 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
     // An index that an exception left half changed must not be shown: it goes first, and comes back
     // when it is whole.
     Loaded shown = *std::exchange(entry.shown, std::nullopt);
-    if (const auto known = entries_.find(state.name); known != entries_.end()) {
-      known->second.shown.reset();
+    const auto known = entries_.find(state.name);
+    if (known != entries_.end()) known->second.shown.reset();
+    try {
+      if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
+    } catch (...) {
+      // Where nothing was read yet, it is as it was.
+      if (known != entries_.end() && !shown.index->is_staged()) {
+        known->second.shown = std::move(shown);
+      }
+      throw;
     }
-    if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
   }
   if (entry.is_current()) return entry;
   if (state.vocabulary == 0) {
@@ -200,6 +233,7 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
   if (entry != entries_.end() && entry->second.collection == collection) {
     entry->second.loading = false;
     if (loaded) entry->second.shown = std::move(loaded);
+    KeepViews();
   }
   version_.reset();  // what has changed while it was loaded is followed before it is shown
   changed_.notify_all();

@@ -29,15 +29,12 @@ namespace pliant {
 class MemoryRanker : public Ranker {
  public:
   // `loading` hears which share of the pictures is in memory while everything is loaded for the
-  // first time; may be empty. `catalogue` must outlive the ranker; only Admit() asks it,
-  // and without one there is no Admit().
-  MemoryRanker(std::unique_ptr<ChangeFeed> feed, Catalogue* catalogue,
-               std::function<void(double)> loading = {});
+  // first time; may be empty.
+  explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
   CollectionView View(const std::string& collection) override;
+  std::optional<CollectionView> LastView(const std::string& collection) const override;
   std::size_t Size(const CollectionView& view) const override;
-  Admission Admit(const CollectionView& view, const std::optional<std::string>& object,
-                  const Filter& filter, const std::vector<std::string>& without) const override;
   Ranking Rank(const CollectionView& view, const RankQuery& query,
                const RankOptions& options) const override;
   void Load() override;
@@ -74,13 +71,14 @@ class MemoryRanker : public Ranker {
   std::optional<Loaded> TakePrepared(Key collection, Key vocabulary);
   void LoadEntry(const std::string& name, Lock& lock);  // gives the lock back while it loads
   void LoadAll(Lock& lock);
+  static CollectionView ViewOf(const Entry& entry);
+  void KeepViews();
 
   // Without it.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
   void Progress(std::size_t pictures);
 
   const std::unique_ptr<ChangeFeed> feed_;
-  Catalogue* catalogue_;
 
   mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are followed
   std::condition_variable changed_;  // an entry is no longer loading
@@ -88,6 +86,10 @@ class MemoryRanker : public Ranker {
   std::optional<std::int64_t> version_;  // of the feed that entries_ follow; absent: unknown
   bool in_use_ = false;                  // after the first load or view
   std::vector<std::weak_ptr<const Loaded>> prepared_;
+
+  // Of the last look that succeeded: for who must not wait for the next one.
+  mutable std::mutex views_mutex_;  // guards the following; never held while others are waited for
+  std::map<std::string, CollectionView> views_;
 
   std::mutex progress_mutex_;            // guards the rest
   std::function<void(double)> loading_;  // only until the first load is complete

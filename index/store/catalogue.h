@@ -18,6 +18,8 @@
 #include "index/records/listing.h"
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
+#include "index/records/search.h"
+#include "index/records/shard_record.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -59,15 +61,38 @@ struct DescriptorSample {
 
 enum class Load { kRecords, kRecordsAndFeatures };
 
-class Catalogue {
+// What a search reads. As Catalogue.
+class SearchSource {
  public:
-  virtual ~Catalogue() = default;
+  virtual ~SearchSource() = default;
 
+  virtual CollectionState RequireCollection(const std::string& name) = 0;
+  // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
+  // where there is none.
+  virtual std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
+                                                                 Load what) = 0;
+  // Fills in what `object`, `filter` and `without` come to; ids of no picture leave nothing out.
+  // Reads the metadata of the whole collection when there is a filter.
+  virtual Admission Admit(Key collection, const std::optional<std::string>& object,
+                          const Filter& filter, const std::vector<std::string>& without) = 0;
+};
+
+// The same of the part of a store that answers, at one state of it. For one search. Throws
+// kUnavailable "shard_unavailable" for pictures elsewhere, and when a further part does not answer:
+// then another one must be made.
+class PartialSource : public SearchSource {
+ public:
+  // False: nobody says what has changed since; rankers stay where they are.
+  virtual bool follows() const = 0;
+  virtual Coverage Cover(Key collection) = 0;  // without total_pictures
+};
+
+class Catalogue : public SearchSource {
+ public:
   // Collections and objects.
   virtual std::vector<std::string> ListCollections() = 0;
   virtual std::vector<CollectionLabel> ListLabels() = 0;  // as ListCollections, with other names
   virtual std::vector<AliasRecord> ListAliases() = 0;     // in order of their names
-  virtual CollectionState RequireCollection(const std::string& name) = 0;
   virtual CollectionRecord DescribeCollection(const std::string& name) = 0;
   virtual std::optional<ObjectRecord> FindObject(const std::string& collection,
                                                  const std::string& object) = 0;
@@ -98,18 +123,10 @@ class Catalogue {
                                                    const std::string& sha256) = 0;
   // A picture of any collection with these bytes, with its features.
   virtual std::optional<StoredPicture> FindDescribed(const std::string& sha256) = 0;
-  // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
-  // where there is none.
-  virtual std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
-                                                                 Load what) = 0;
   // The uploaded bytes. kNotFound "image_not_found", "content_not_kept"; kCorrupt
   // "original_missing", "original_corrupt".
   virtual std::vector<std::uint8_t> ReadContent(const std::string& collection,
                                                 const std::string& id) = 0;
-  // Fills in what `object`, `filter` and `without` come to; ids of no picture leave nothing out.
-  // Reads the metadata of the whole collection when there is a filter.
-  virtual Admission Admit(Key collection, const std::optional<std::string>& object,
-                          const Filter& filter, const std::vector<std::string>& without) = 0;
 
   // Vocabularies: those that are ready, oldest first.
   virtual std::vector<VocabularyRecord> ListVocabularies(const std::string& collection) = 0;
@@ -132,6 +149,13 @@ class Catalogue {
   virtual std::vector<std::string> Check() = 0;
   virtual void Backup(const std::filesystem::path& target) = 0;
   virtual std::optional<OriginalsRecord> DescribeOriginals() = 0;
+
+  // Shards, of stores that have several machines; else one, which nobody can lose apart.
+  virtual std::size_t CountShards() { return 1; }
+  // How each does, within seconds; none where there is but one.
+  virtual std::vector<ShardRecord> ReadShards() { return {}; }
+  // Null: as far as is known, all of the store answers.
+  virtual std::unique_ptr<PartialSource> Partial() { return nullptr; }
 };
 
 }  // namespace pliant

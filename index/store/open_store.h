@@ -21,6 +21,8 @@ struct StoreOptions {
   std::function<DescriptorInfo()> model_of_new;  // asked only when it is made
   int busy_timeout_ms = 10'000;                  // wait for another process's write lock
   std::uint64_t reserve_bytes = 0;               // of the disk, which pictures may not take
+  // With read_only: of a database on several shards, what those have that answer is all there is.
+  bool partial = false;
 };
 
 // Throws kNotFound, kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict

@@ -75,7 +75,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"unsupported_transfer_encoding", 501, "only chunked transfer encoding is taken"},
     {"busy", 503, "too much to do at the moment; Retry-After says when to come again"},
     {"shard_unavailable", 503,
-     "no server of a part of the cluster answers; nothing is answered from the rest"},
+     "no server of a part of the cluster answers; with partial=true searches go on with the rest"},
     {"keeper_unavailable", 503, "the cluster's Keeper does not answer: nothing can be changed now"},
     {"database_outcome_unknown", 503,
      "the cluster did not say whether it is done: look before trying again"},

@@ -79,7 +79,7 @@ class BulkImport {
     const BulkItems items(body, job_.parameters.at("type").get<std::string>(),
                           DefaultsOf(job_.parameters, files_.max_item_bytes()));
     context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
-    const auto at_once = static_cast<std::size_t>(std::max(1, pool_.cores() / 2));
+    const auto at_once = static_cast<std::size_t>(ImportsAtOnce(pool_));
     while (done < items.size()) {
       if (context_.stop().stop_requested()) ThrowCancelled();
       const std::size_t count = std::min(at_once, items.size() - done);

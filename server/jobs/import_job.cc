@@ -35,7 +35,7 @@ std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& option
       FindPictures({folder}, ObjectFromName(job.parameters.at("object_from").get<std::string>()));
   FolderImportOptions how;
   how.collection = job.collection;
-  how.threads = std::max(1, pool.cores() / 2);
+  how.threads = ImportsAtOnce(pool);
   how.max_bytes = options.max_bytes;
   how.root = fs::canonical(options.directory);
   how.stop = context.stop();
@@ -86,6 +86,11 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
 JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
                        const std::string& object_from) {
   return jobs.Add("import", collection, {{"folder", folder}, {"object_from", object_from}});
+}
+
+int ImportsAtOnce(const WorkerPool& pool) {
+  constexpr int kEnoughToWait = 4;
+  return std::max(kEnoughToWait, pool.cores() / 2);
 }
 
 AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,

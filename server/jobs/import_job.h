@@ -31,12 +31,17 @@ std::filesystem::path ResolveImportFolder(const std::filesystem::path& directory
 JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
                        const std::string& object_from);
 
-// Kind "import". Stored pictures are skipped, so it can be resumed after a restart. Pictures are
-// described in the background lane of `pool`. All must outlive the queue.
+// How many pictures an import has under way: the pool gives cores to a part of them, and the others
+// wait for the store meanwhile, which commits them together. What was under way when a server was
+// killed is looked at once more.
+int ImportsAtOnce(const WorkerPool& pool);
+
 // Adds in the background lane. Waits while another process holds the database.
 AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
                        const std::stop_token& stop);
 
+// Kind "import". Stored pictures are skipped, so it can be resumed after a restart. Pictures are
+// described in the background lane of `pool`. All must outlive the queue.
 void RegisterImportJob(JobQueue& jobs, Engine& engine, WorkerPool& pool, ImportOptions options);
 
 }  // namespace pliant::server

@@ -16,11 +16,13 @@ namespace pliant::server {
 namespace {
 
 Response MetricsText(Service& service) {
-  std::optional<EngineStats> stats;
-  if (service.ready()) stats = service.engine().Stats();
+  Figures figures;
+  if (service.ready()) figures = service.figures().Get();
   Response response;
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
-  MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
+  MetricsNow now{service.pool.load(), figures.stats ? &*figures.stats : nullptr};
+  now.shards = std::move(figures.shards);
+  now.shards_age_s = figures.age_s;
   if (service.ready()) {
     now.jobs = service.jobs->Counts();
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();

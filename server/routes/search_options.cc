@@ -57,6 +57,7 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
       static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
   options.explain = parameters.Flag("explain").value_or(options.explain);
+  options.partial = parameters.Flag("partial").value_or(options.partial);
   if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
   return options;
 }
@@ -160,7 +161,12 @@ std::vector<Parameter> SearchParameters() {
       Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
       {"object", "only pictures of this object"},
       FilterParameter(),
-      Parameter("explain", "explain every hit").Boolean().Default("false")};
+      Parameter("explain", "explain every hit").Boolean().Default("false"),
+      Parameter("partial",
+                "of a cluster: where shards do not answer, search the others, and say so in "
+                "coverage, in place of 503 shard_unavailable")
+          .Boolean()
+          .Default("false")};
 }
 
 }  // namespace pliant::server

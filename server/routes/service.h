@@ -19,6 +19,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
 #include "server/routes/metrics.h"
+#include "server/routes/store_figures.h"
 #include "server/routes/thumbnails.h"
 
 namespace pliant::server {
@@ -49,6 +50,7 @@ class Service {
   bool ready() const { return ready_; }
   ServiceStore& store() { return *store_; }                    // API keys; not before Open()
   double loaded() const { return loaded_; }                    // which share of the index, 0..1
+  StoreFigures& figures() { return *figures_; }                // not before Open()
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
 
   const ServiceOptions options;
@@ -68,6 +70,7 @@ class Service {
   std::unique_ptr<DecoderPool> decoders_;
   ImageDecoder decode_ = DecodeImage;
   std::unique_ptr<Engine> engine_;
+  std::unique_ptr<StoreFigures> figures_;  // asks the engine, so it ends before it
   std::unique_ptr<ServiceStore> store_;
   std::unique_ptr<AutoTrainer> auto_trainer_;
   std::atomic<bool> ready_{false};

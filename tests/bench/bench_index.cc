@@ -162,7 +162,7 @@ void BM_Load(benchmark::State& state) {
   for (auto _ : state) {
     const std::unique_ptr<Store> store =
         OpenStore({.database = path, .create = false, .read_only = true, .model_of_new = {}});
-    MemoryRanker ranker(store->OpenFeed(), &store->catalogue());
+    MemoryRanker ranker(store->OpenFeed());
     ranker.Load();
     benchmark::DoNotOptimize(ranker.memory_bytes());
   }

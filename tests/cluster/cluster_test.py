@@ -212,6 +212,40 @@ class ClusterTest(unittest.TestCase):
         done = self.copy(first, last)
         self.assertEqual((done["copied"], done["unchanged"], done["extra"]), (0, pictures, 0))
 
+    def quorum(self, *more, status=0):
+        url = self.url.replace("/pliant?", "/quorum?")
+        return json.loads(self.pliant("cluster", "quorum", *more, "--db", url, "--json", status=status).stdout)
+
+    def test_3d_one_replica_acknowledges_while_the_other_is_down(self):
+        folder = pathlib.Path(self.folder.name) / "quorum"
+        url = self.url.replace("/pliant?", "/quorum?")
+        self.cluster("init", url=url)
+        shown = self.quorum()
+        self.assertEqual((shown["quorum"], shown["acknowledge"], shown["replicas"]), ("auto", 2, 2))
+        self.assertEqual([shard["active"] for shard in shown["shards"]], [2, 2])
+        for wrong, code in (("3", "quorum_too_large"), ("0", "quorum_invalid"), ("many", "quorum_invalid")):
+            self.assertEqual(self.quorum(wrong, status=2)["error"]["code"], code)
+
+        def add(name, status=0):
+            write_folder(folder / name, name, 2, 2)
+            return self.pliant("index", str(folder / name), "--db", url, "--descriptor", "rootsift", "--json", status=status)
+
+        add("before")
+        os.kill(self.process("s1r2"), signal.SIGKILL)
+        self.assertIn("error", json.loads(add("refused", status=1).stdout))
+        self.assertEqual(self.quorum("1")["acknowledge"], 1)
+        self.assertEqual(json.loads(add("meanwhile").stdout)["indexed"], 4)
+        self.assertIn("one replica alone", "\n".join(self.cluster("check", status=1, url=url)["problems"]))
+        self.assertEqual(self.quorum("auto", "--wait", "1", status=1)["error"]["code"], "replica_behind")
+        self.assertEqual(self.quorum()["quorum"], 1)
+        self.assertEqual(local("up", self.folder.name).returncode, 0)
+        self.assertEqual(self.quorum("auto")["quorum"], "auto")
+        for pair in (("s1r1", "s1r2"), ("s2r1", "s2r2")):
+            counts = {self.on_node(node, "SELECT count() FROM quorum.pictures") for node in pair}
+            self.assertEqual(len(counts), 1, counts)
+        self.assertEqual(self.cluster("check", url=url), {"ok": True, "problems": []})
+        self.assertEqual(json.loads(add("after").stdout)["indexed"], 4)
+
     def test_4_a_table_that_one_node_lost(self):
         self.on_node("s2r1", "DROP TABLE pliant.features")
         self.assertRegex(self.problems(), r"s2r1.*features|features.*s2r1")

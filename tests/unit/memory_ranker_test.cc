@@ -26,6 +26,7 @@ struct Content {
   FeedPosition position;
   std::vector<std::pair<std::int64_t, std::int64_t>> removals;  // number, version
   std::int64_t forgotten = 0;                                   // removals up to this number
+  Key unreadable = 0;                                           // a vocabulary
 };
 
 // Loading a vocabulary that is held waits until it is released.
@@ -83,6 +84,9 @@ class FakeView : public FeedView {
   std::uint64_t CountPictures(Key) override { return 0; }
   void ForEachPicture(Key vocabulary, std::size_t, std::int64_t after, std::size_t,
                       const std::function<void(std::vector<IndexedPicture>)>& work) override {
+    if (vocabulary == content_.unreadable) {
+      throw Error(ErrorCode::kUnavailable, "shard_unavailable", "it is gone");
+    }
     for (const IndexedPicture& picture : content_.pictures[vocabulary]) {
       if (picture.key > after) work({picture});  // each a chunk
     }
@@ -139,7 +143,7 @@ class MemoryRankerTest : public ::testing::Test {
       c.pictures[20] = {Picture(3, "q")};
       c.position = {3, 0};
     });
-    ranker_ = std::make_unique<MemoryRanker>(std::move(feed), nullptr);
+    ranker_ = std::make_unique<MemoryRanker>(std::move(feed));
   }
   // Of a collection's pictures, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
@@ -178,6 +182,29 @@ TEST_F(MemoryRankerTest, FollowsWhatIsCommitted) {
     c.forgotten = c.position.removal = 9;
   });
   EXPECT_EQ(Versions("a"), (Found{4})) << "what was forgotten is loaded anew";
+}
+
+TEST_F(MemoryRankerTest, WhatCannotBeFollowedLeavesTheLastView) {
+  EXPECT_FALSE(ranker_->LastView("a"));
+  EXPECT_EQ(Versions("a"), (Found{1, 2}));
+  EXPECT_EQ(Versions("b"), (Found{3}));
+  feed_->Commit([](Content& c) {
+    for (const Key v : {10, 20}) c.pictures[v].push_back(Picture(4 + v, "z"));
+    c.position = {24, 0};
+    c.unreadable = 20;
+  });
+  for (int i = 0; i < 2; ++i) {
+    testing::ExpectError(ErrorCode::kUnavailable, "shard_unavailable", [&] { ranker_->View("b"); });
+    EXPECT_EQ(Versions(ranker_->LastView("a").value()), (Found{1, 2}));
+    EXPECT_EQ(Versions(ranker_->LastView("b").value()), (Found{3}));
+  }
+  EXPECT_FALSE(ranker_->LastView("c"));
+  gate_.Hold(20);  // would be waited for if it had to be loaded anew
+  feed_->Commit([](Content& c) { c.unreadable = 0; });
+  EXPECT_EQ(Versions("b"), (Found{3, 24}));
+  EXPECT_EQ(Versions("a"), (Found{1, 2, 14}));
+  EXPECT_EQ(Versions(ranker_->LastView("b").value()), (Found{3, 24}));
+  gate_.Release();
 }
 
 TEST_F(MemoryRankerTest, SearchesGoOnWhileAVocabularyIsLoaded) {

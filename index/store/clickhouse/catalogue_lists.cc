@@ -203,10 +203,10 @@ void ClickhouseCatalogue::ForEachPictureFeatures(
     std::vector<std::string> ids;
     for (const ImageRecord& record : page.records) ids.push_back(record.id);
     std::map<std::string, std::uint32_t> numbers;
-    std::vector<std::uint64_t> wanted;
+    NumbersByShard wanted;
     for (const PictureState& state : states_.ByIds(collection, ids, now.log)) {
       numbers.emplace(state.record.id, state.picture);
-      wanted.push_back(state.picture);
+      wanted[state.shard].push_back(state.picture);
     }
     const auto features = states_.Features(wanted);
     for (const ImageRecord& record : page.records) {

@@ -67,7 +67,7 @@ std::optional<StoredPicture> ClickhouseCatalogue::FindDescribed(const std::strin
   const Snapshot now = snapshots_.Now();
   for (const PictureState& state : states_.BySha256({sha256}, now.log)) {
     const CollectionEntry* collection = now.registry->Find(state.collection);
-    auto features = states_.Features({state.picture});
+    auto features = states_.Features(NumbersByShard{{state.shard, {state.picture}}});
     if (features.empty()) continue;
     return StoredPicture{static_cast<std::int64_t>(state.version),
                          RecordOf(state, collection == nullptr ? "" : collection->name),
@@ -78,37 +78,9 @@ std::optional<StoredPicture> ClickhouseCatalogue::FindDescribed(const std::strin
 
 std::vector<std::optional<StoredPicture>> ClickhouseCatalogue::LoadPictures(
     std::span<const PictureRef> refs, Load what) {
-  std::vector<std::optional<StoredPicture>> pictures(refs.size());
-  if (refs.empty()) return pictures;
+  if (refs.empty()) return {};
   const Snapshot now = snapshots_.Now();
-  std::vector<std::pair<std::uint32_t, std::string>> wanted;
-  for (const PictureRef& ref : refs) {
-    wanted.emplace_back(static_cast<std::uint32_t>(ref.collection), ref.id);
-  }
-  std::map<std::pair<std::uint32_t, std::string>, PictureState> found;
-  std::vector<std::uint64_t> numbers;
-  for (PictureState& state : states_.ByRefs(wanted, now.log)) {
-    numbers.push_back(state.picture);
-    std::pair key(state.collection, state.record.id);
-    found.emplace(std::move(key), std::move(state));
-  }
-  const auto features = what == Load::kRecordsAndFeatures
-                            ? states_.Features(numbers)
-                            : std::map<std::uint32_t, std::vector<std::uint8_t>>{};
-  for (std::size_t i = 0; i < refs.size(); ++i) {
-    const auto state = found.find(wanted[i]);
-    if (state == found.end()) continue;
-    const CollectionEntry* collection = now.registry->Find(wanted[i].first);
-    if (collection == nullptr) continue;
-    pictures[i] = StoredPicture{static_cast<std::int64_t>(state->second.version),
-                                RecordOf(state->second, collection->name),
-                                {}};
-    if (what == Load::kRecords) continue;
-    const auto blob = features.find(state->second.picture);
-    if (blob == features.end()) throw refusals::FeaturesMissing();
-    pictures[i]->features = blob->second;
-  }
-  return pictures;
+  return LoadPicturesAt(states_, *now.registry, {now.log, now.log}, refs, what);
 }
 
 std::vector<std::uint8_t> ClickhouseCatalogue::ReadContent(const std::string& collection,
@@ -141,35 +113,20 @@ std::vector<std::uint8_t> ClickhouseCatalogue::ReadContent(const std::string& co
 Admission ClickhouseCatalogue::Admit(Key collection, const std::optional<std::string>& object,
                                      const Filter& filter,
                                      const std::vector<std::string>& without) {
-  Admission admission;
-  admission.object = object;
-  admission.filter = filter;
-  admission.without = without;
-  if (!object && filter.empty() && without.empty()) return admission;
+  if (!object && filter.empty() && without.empty()) return {};
   const Snapshot now = snapshots_.Now();
-  const auto in = static_cast<std::uint32_t>(collection);
-  if (object) {
-    admission.object_key = ObjectKey(*object);
-    admission.nothing =
-        !object->empty() &&
-        states_.Outlines({.collection = in, .log = now.log, .object = object, .end = " LIMIT 1"})
-            .empty();
+  return AdmitAt(states_, {now.log, now.log}, static_cast<std::uint32_t>(collection), object,
+                 filter, without);
+}
+
+std::unique_ptr<PartialSource> ClickhouseCatalogue::Partial() {
+  std::vector<std::size_t> gone = link_.Gone();
+  if (gone.empty()) return nullptr;
+  if (gone.size() == link_.shards()) {
+    throw Error(ErrorCode::kUnavailable, "shard_unavailable", "no shard of the cluster answers");
   }
-  for (const PictureState& state : states_.ByIds(in, without, now.log)) {
-    admission.without_versions.push_back(static_cast<std::int64_t>(state.version));
-  }
-  std::sort(admission.without_versions.begin(), admission.without_versions.end());
-  if (filter.empty() || admission.nothing) return admission;
-  std::vector<std::int64_t> passing;
-  for (const PictureOutline& outline :
-       states_.Outlines({.collection = in, .log = now.log, .metadata = true})) {
-    if (Passes(filter, outline.metadata)) {
-      passing.push_back(static_cast<std::int64_t>(outline.version));
-    }
-  }
-  std::sort(passing.begin(), passing.end());
-  admission.versions = std::make_shared<const std::vector<std::int64_t>>(std::move(passing));
-  return admission;
+  Snapshot now = gone.front() == ClusterLink::kHome ? snapshots_.LastKnown() : snapshots_.Now();
+  return std::make_unique<ShardsThatAnswer>(&link_, &readable_, std::move(now), std::move(gone));
 }
 
 std::vector<VocabularyRecord> ClickhouseCatalogue::ListVocabularies(const std::string& collection) {
@@ -257,15 +214,15 @@ DescriptorSample ClickhouseCatalogue::SampleDescriptors(Key collection, std::siz
   for (const PictureOutline& outline : outlines) {
     pictures.push_back({outline.picture, outline.keypoints});
   }
-  return DrawDescriptors(now.registry->model.value().info, pictures, count, seed,
-                         [&](std::span<const Key> keys) {
-                           auto blobs = states_.Features({keys.begin(), keys.end()});
-                           std::vector<std::vector<std::uint8_t>> encoded;
-                           for (const Key key : keys) {
-                             encoded.push_back(std::move(blobs[static_cast<std::uint32_t>(key)]));
-                           }
-                           return encoded;
-                         });
+  return DrawDescriptors(
+      now.registry->model.value().info, pictures, count, seed, [&](std::span<const Key> keys) {
+        auto blobs = states_.Features(std::vector<std::uint64_t>(keys.begin(), keys.end()));
+        std::vector<std::vector<std::uint8_t>> encoded;
+        for (const Key key : keys) {
+          encoded.push_back(std::move(blobs[static_cast<std::uint32_t>(key)]));
+        }
+        return encoded;
+      });
 }
 
 }  // namespace pliant::clickhouse

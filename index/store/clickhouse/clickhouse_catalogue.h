@@ -12,6 +12,8 @@
 
 #include "index/store/catalogue.h"
 #include "index/store/clickhouse/picture_states.h"
+#include "index/store/clickhouse/search_reads.h"
+#include "index/store/clickhouse/shard_states.h"
 #include "index/store/clickhouse/snapshot.h"
 
 namespace pliant::clickhouse {
@@ -75,6 +77,9 @@ class ClickhouseCatalogue : public Catalogue {
   std::vector<std::string> Check() override;
   void Backup(const std::filesystem::path& target) override;
   std::optional<OriginalsRecord> DescribeOriginals() override { return std::nullopt; }
+  std::size_t CountShards() override { return link_.shards(); }
+  std::vector<ShardRecord> ReadShards() override { return ReadShardRecords(link_); }
+  std::unique_ptr<PartialSource> Partial() override;
 
   CollectionRecord Describe(const Snapshot& now, const CollectionEntry& collection);
   // As of `now`.
@@ -96,6 +101,7 @@ class ClickhouseCatalogue : public Catalogue {
   Snapshots& snapshots_;
   PictureStates states_;
   const std::string password_;
+  ReadablePictures readable_;
   std::mutex mutex_;  // guards the rest
   std::uint64_t counted_at_ = 0;
   std::shared_ptr<const Counts> counts_;

@@ -31,7 +31,11 @@ struct Wanted {
 class ClickhouseFeedView : public FeedView {
  public:
   ClickhouseFeedView(ClusterLink* link, Snapshots* snapshots, Snapshot snapshot)
-      : link_(*link), snapshots_(*snapshots), states_(link), snapshot_(std::move(snapshot)) {}
+      : link_(*link),
+        snapshots_(*snapshots),
+        answering_(link->partial() ? std::optional(link->Answering()) : std::nullopt),
+        states_(link, answering_),
+        snapshot_(std::move(snapshot)) {}
 
   FeedPosition Position() override {
     const auto log = static_cast<std::int64_t>(snapshot_.log);
@@ -73,6 +77,7 @@ class ClickhouseFeedView : public FeedView {
     if (entry == snapshot_.registry->vocabularies.end()) return;
     const std::uint32_t collection = entry->second.collection;
     const std::vector<Wanted> wanted = after == 0 ? All(collection) : Since(collection, after);
+    RequireShards(collection, wanted);
     for (std::size_t from = 0; from < wanted.size(); from += kTogether) {
       const std::size_t count = std::min(kTogether, wanted.size() - from);
       Load(vocabulary, words, std::span(wanted).subspan(from, count));
@@ -83,6 +88,18 @@ class ClickhouseFeedView : public FeedView {
   }
 
  private:
+  // Before anything is given away: who follows keeps what it has.
+  void RequireShards(std::uint32_t collection, const std::vector<Wanted>& wanted) {
+    const std::vector<std::size_t> gone = answering_ ? std::vector<std::size_t>() : link_.Gone();
+    if (gone.empty()) return;
+    for (const Wanted& one : wanted) {
+      const std::size_t shard = link_.ShardOf(collection, one.id);
+      if (std::find(gone.begin(), gone.end(), shard) == gone.end()) continue;
+      throw Error(ErrorCode::kUnavailable, "shard_unavailable",
+                  "shard " + std::to_string(shard + 1) + " has changes, and does not answer");
+    }
+  }
+
   static constexpr std::size_t kTogether = 256;  // pictures whose words are read by one statement
 
   std::string After(std::int64_t version) const {
@@ -153,6 +170,7 @@ class ClickhouseFeedView : public FeedView {
 
   ClusterLink& link_;
   Snapshots& snapshots_;
+  const std::optional<std::vector<std::size_t>> answering_;  // absent: all must
   PictureStates states_;
   const Snapshot snapshot_;
   std::vector<IndexedPicture> loaded_;

@@ -22,6 +22,9 @@ using Json = nlohmann::json;
 constexpr const char* kKey = "api_key";
 constexpr const char* kRequest = "request";
 constexpr std::chrono::milliseconds kVersionHolds{300};
+// While the shard of the keys is gone, nobody can change or revoke one; unless it is gone for this
+// server alone, and so not for long.
+constexpr std::chrono::minutes kVersionHoldsWhileGone{10};
 constexpr std::int64_t kRememberedMs = std::int64_t{24} * 60 * 60 * 1000;
 
 ApiKeyRecord ToKey(const std::string& body) {
@@ -90,15 +93,30 @@ void ClickhouseServiceStore::Write(const std::function<void(Change& change)>& wo
   version_at_ = {};  // what this server has changed, it sees at once
 }
 
+// With mutex_ held.
+bool ClickhouseServiceStore::HoldsWhileGone() const {
+  return version_ != 0 && Clock::now() - read_at_ < kVersionHoldsWhileGone;
+}
+
 // Every request asks: what another server has changed is seen after this time at the latest.
 std::int64_t ClickhouseServiceStore::Version() {
   {
     const std::lock_guard lock(mutex_);
     if (Clock::now() - version_at_ < kVersionHolds) return version_;
+    const std::vector<std::size_t> gone = access_.link.Gone();
+    if (!gone.empty() && gone.front() == ClusterLink::kHome && HoldsWhileGone()) return version_;
   }
-  const NativeBlock rows = access_.link.Read(
-      ClusterLink::kHome, "SELECT max(version) AS newest FROM registry", {{"newest", "UInt64"}});
+  NativeBlock rows;
+  try {
+    rows = access_.link.Read(ClusterLink::kHome, "SELECT max(version) AS newest FROM registry",
+                             {{"newest", "UInt64"}});
+  } catch (const Error& error) {
+    const std::lock_guard lock(mutex_);
+    if (error.code() != ErrorCode::kUnavailable || !HoldsWhileGone()) throw;
+    return version_;
+  }
   const std::lock_guard lock(mutex_);
+  read_at_ = Clock::now();
   version_ = rows.rows == 0 ? 0 : Row(rows, 0).Signed(0);
   version_at_ = Clock::now();
   return version_;

@@ -57,6 +57,7 @@ class ClickhouseServiceStore : public ServiceStore {
   // Under the cluster's lock for writing, so that what `work` reads is still so when it is written.
   void Write(const std::function<void(Change& change)>& work);
   bool Save(Change& change, const JobRecord& job);
+  bool HoldsWhileGone() const;
 
   ClusterAccess access_;
   std::mutex mutex_;  // guards the rest
@@ -64,6 +65,7 @@ class ClickhouseServiceStore : public ServiceStore {
   std::unique_ptr<KeeperLease> lease_;
   std::int64_t version_ = 0;
   Clock::time_point version_at_;
+  Clock::time_point read_at_;  // when the cluster last said which version it is
 };
 
 }  // namespace pliant::clickhouse

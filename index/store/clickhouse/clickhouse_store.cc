@@ -31,7 +31,7 @@ KeeperOptions KeeperOf(const DatabaseUrl& url) {
 class ClickhouseStore : public Store {
  public:
   explicit ClickhouseStore(const StoreOptions& options)
-      : access_(options.database.string()),
+      : access_(options.database.string(), {}, options.partial),
         catalogue_(&access_.link, &access_.snapshots, access_.password),
         writer_(&access_.link, &access_.commits, &catalogue_) {
     auto model = access_.snapshots.Now().registry->model;
@@ -107,9 +107,9 @@ class ClickhouseStore : public Store {
 
 }  // namespace
 
-ClusterAccess::ClusterAccess(const std::string& url, const std::string& password_file)
+ClusterAccess::ClusterAccess(const std::string& url, const std::string& password_file, bool partial)
     : password(ReadDatabasePassword(password_file)),
-      link(RequireKeepers(ParseDatabaseUrl(url)), password),
+      link(RequireKeepers(ParseDatabaseUrl(url)), password, partial),
       snapshots(&link),
       keeper(std::make_shared<Keeper>(KeeperOf(link.url()))),
       commits(&link, &snapshots, keeper),

@@ -16,7 +16,8 @@ namespace pliant::clickhouse {
 struct ClusterAccess {
   // Throws kInvalidArgument "database_url_invalid". The password is read from `password_file`, or
   // from the environment when that is empty.
-  explicit ClusterAccess(const std::string& url, const std::string& password_file = {});
+  explicit ClusterAccess(const std::string& url, const std::string& password_file = {},
+                         bool partial = false);
 
   std::string password;
   ClusterLink link;

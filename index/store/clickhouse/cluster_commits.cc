@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::chrono::seconds kWaitForTurn{30};
 constexpr std::uint64_t kNumbersTogether = 1000;
-constexpr const char* kLock = "locks/write";
 constexpr const char* kUnfinished = "unfinished";  // rows may be written that are not committed
 constexpr const char* kPictureNumbers = "numbers/picture";
 constexpr const char* kKeyNumbers = "numbers/key";
@@ -75,7 +74,8 @@ void ClusterCommits::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
 // False: there was nothing to write.
 bool ClusterCommits::Commit(std::span<GroupQueue::Job* const> batch) {
   const std::unique_ptr<KeeperLease> lease =
-      keeper_->Lock(kLock, std::chrono::steady_clock::now() + kWaitForTurn);
+      keeper_->Lock(kWriteLock, std::chrono::steady_clock::now() + kWaitForTurn);
+  link_.FollowQuorum();
   if (keeper_->Read(kUnfinished)) Recover();
   const Snapshot now = snapshots_.NowForWriting();
   WriteBatch changes(&link_, now, {[this] { return NextPicture(); }, [this] { return NextKey(); }},

@@ -21,6 +21,8 @@
 
 namespace pliant::clickhouse {
 
+inline constexpr const char* kWriteLock = "locks/write";  // of the Keeper
+
 class ClusterCommits {
  public:
   using Work = std::function<void(Change& change)>;

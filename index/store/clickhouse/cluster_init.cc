@@ -7,6 +7,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/store/clickhouse/cluster.h"
+#include "index/store/clickhouse/rows.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -33,8 +34,9 @@ void RequireAllNodes(const ClusterState& state) {
 }
 
 bool AllHaveSettings(const ClusterState& state) {
-  return std::all_of(state.nodes.begin(), state.nodes.end(),
-                     [](const NodeState& node) { return !node.settings.empty(); });
+  return std::all_of(state.nodes.begin(), state.nodes.end(), [](const NodeState& node) {
+    return !node.settings.empty() && !node.shard_names.empty();
+  });
 }
 
 // Whether they are written on a node; other ones than these are kConflict "cluster_differs".
@@ -64,20 +66,18 @@ void Cluster::Command(const std::string& statement) {
 
 // False: they are there.
 bool Cluster::WriteSettings(const ClusterState& state) {
-  const std::string wanted = FixedSettingsText(state.Shards(), state.Replicas());
-  if (HaveSettings(state, wanted)) return false;
-  NativeBlock row{.rows = 1, .columns = {}};
-  const NativeType text{.kind = NativeKind::kString};
-  const auto add = [&row](const std::string& name, const NativeType& type, NativeValues values) {
-    row.columns.push_back({{name, type}, std::move(values), {}});
-  };
-  add("name", text, std::vector<std::string>{"fixed"});
-  add("version", {.kind = NativeKind::kUInt64}, std::vector<std::uint64_t>{1});
-  add("body", text, std::vector<std::string>{wanted});
+  const std::string fixed = FixedSettingsText(state.Shards(), state.Replicas());
+  const std::string names = ShardNamesText(state.ShardNames());
+  RowWriter rows(Table("settings").columns);
+  if (!HaveSettings(state, fixed)) rows.Add(std::string_view(kFixedSettings), 1, fixed);
+  const bool named = std::any_of(state.nodes.begin(), state.nodes.end(),
+                                 [&](const auto& node) { return node.shard_names == names; });
+  if (!named) rows.Add(std::string_view(kShardNames), 1, names);
+  if (rows.empty()) return false;
   DatabaseRequest request;
   request.statement =
       "INSERT INTO " + url_.database + ".settings (name, version, body) FORMAT Native";
-  request.rows = EncodeNative(row);
+  request.rows = EncodeNative(rows.block());
   request.repeatable = true;  // the same row again is the same row
   pool_.Fetch(request);
   return true;

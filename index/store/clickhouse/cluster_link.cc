@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/clickhouse/cluster_link.h"
 
+#include <algorithm>
 #include <future>
-#include <set>
+#include <numeric>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -14,164 +15,99 @@
 namespace pliant::clickhouse {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-constexpr std::chrono::seconds kAskAgainAfter{10};  // servers that did not answer
-constexpr std::chrono::milliseconds kProbeTimeout{5000};
-
-// What a server says of itself, and the cluster's settings as it knows them.
-struct Probe {
-  bool answered = false;
-  std::exception_ptr failure;
-  std::string shard;  // the macro
-  std::uint64_t shards = 0;
-  std::uint64_t fewest_replicas = 0;
-  std::string settings;
-  bool has_tables = false;
-};
-
-NativeBlock Ask(HttpPool& pool, const std::string& statement,
-                const std::vector<TableColumn>& columns) {
-  DatabaseRequest request;
-  request.statement = statement;
-  request.repeatable = true;
-  request.timeout = kProbeTimeout;
-  return ReadRows(pool, request, columns);
-}
-
-Probe ProbeServer(HttpPoolOptions options, const DatabaseUrl& url) {
-  Probe probe;
-  try {
-    HttpPool pool(std::move(options));
-    const std::string cluster = "FROM system.clusters WHERE cluster = " + Literal(url.cluster);
-    const NativeBlock self = Ask(
-        pool,
-        "SELECT (SELECT any(substitution) FROM system.macros WHERE macro = 'shard') AS shard, "
-        "toUInt64((SELECT count() FROM (SELECT DISTINCT shard_num " +
-            cluster + "))) AS shards, toUInt64((SELECT min(n) FROM (SELECT count() AS n " +
-            cluster +
-            " GROUP BY shard_num))) AS replicas, toUInt64((SELECT count() FROM system.tables WHERE "
-            "database = " +
-            Literal(url.database) + " AND name = 'settings')) AS tables",
-        {{"shard", "String"}, {"shards", "UInt64"}, {"replicas", "UInt64"}, {"tables", "UInt64"}});
-    const auto number = [&self](std::size_t column) {
-      return self.columns[column].Of<std::uint64_t>().at(0);
-    };
-    probe.shard = self.columns[0].Of<std::string>().at(0);
-    probe.shards = number(1);
-    probe.fewest_replicas = number(2);
-    probe.has_tables = number(3) > 0;
-    if (probe.has_tables) {
-      const NativeBlock settings =
-          Ask(pool,
-              "SELECT body FROM " + url.database +
-                  ".settings WHERE name = 'fixed' ORDER BY version DESC LIMIT 1",
-              {{"body", "String"}});
-      if (settings.rows > 0) probe.settings = settings.columns[0].Of<std::string>().at(0);
-    }
-    probe.answered = true;
-  } catch (...) {
-    probe.failure = std::current_exception();
-  }
-  return probe;
-}
-
-[[noreturn]] void ThrowNoTables(const DatabaseUrl& url) {
-  throw Error(ErrorCode::kNotFound, "database_not_found",
-              "the cluster has no database " + url.database +
-                  " yet; make its tables with pliant cluster init");
-}
-
-void CheckProbe(const Probe& probe, const DatabaseUrl& url) {
-  if (probe.shards == 0) {
-    throw Error(ErrorCode::kNotFound, "cluster_unknown",
-                "ClickHouse's configuration has no cluster " + url.cluster);
-  }
-  if (!probe.has_tables || probe.settings.empty()) ThrowNoTables(url);
-  const std::string wanted = FixedSettingsText(probe.shards, probe.fewest_replicas);
-  if (probe.settings == wanted) return;
-  throw Error(ErrorCode::kConflict, "cluster_differs",
-              "the cluster was made with the settings " + probe.settings +
-                  ", and now has, or this Pliant needs, " + wanted);
-}
+// Until servers that did not answer are asked again: while a whole shard is gone, and else.
+constexpr std::chrono::seconds kWhileGone{1};
+constexpr std::chrono::seconds kWhileIncomplete{10};
+constexpr std::chrono::milliseconds kTimeoutWhileGone{5000};
 
 }  // namespace
 
-struct ClusterLink::Shape {
-  Settings settings;
-  std::vector<std::unique_ptr<HttpPool>> shards;
-  std::vector<std::vector<HostPort>> hosts;  // of each
-  bool complete = true;                      // every server of the URL answered
-  Clock::time_point found = Clock::now();
+struct ClusterLink::Place {
+  Place(FoundShard found, HttpPoolOptions options)
+      : shard(std::move(found)), pool(std::move(options)) {}
+
+  const FoundShard shard;
+  HttpPool pool;
+  std::atomic<bool> gone{false};
 };
 
-ClusterLink::ClusterLink(DatabaseUrl url, std::string password)
-    : url_(std::move(url)), password_(std::move(password)) {}
+struct ClusterLink::Shape {
+  std::size_t replicas = 0;
+  Settings settings;
+  std::vector<std::shared_ptr<Place>> shards;
+  bool complete = true;  // every server of the URL answered
+
+  bool some_gone() const {
+    return std::any_of(shards.begin(), shards.end(),
+                       [](const auto& place) { return place->gone.load(); });
+  }
+};
+
+ClusterLink::ClusterLink(DatabaseUrl url, std::string password, bool partial)
+    : url_(std::move(url)), partial_(partial), finder_(url_, std::move(password), partial) {}
 
 ClusterLink::~ClusterLink() = default;
 
-HttpPoolOptions ClusterLink::Options(std::vector<HostPort> hosts) const {
-  return {.hosts = std::move(hosts),
-          .tls = url_.tls,
-          .ca_file = url_.ca_file,
-          .user = url_.user,
-          .password = password_};
-}
-
-std::shared_ptr<ClusterLink::Shape> ClusterLink::Find() const {
-  std::vector<std::future<Probe>> probes;
-  for (const HostPort& host : url_.hosts) {
-    probes.push_back(std::async(std::launch::async,
-                                [this, host] { return ProbeServer(Options({host}), url_); }));
-  }
-  auto shape = std::make_shared<Shape>();
-  std::map<std::string, std::vector<HostPort>> hosts;  // by shard, in the order of their names
-  std::exception_ptr failure;
-  std::uint64_t shards = 0;
-  for (std::size_t i = 0; i < probes.size(); ++i) {
-    const Probe probe = probes[i].get();
-    if (!probe.answered) {
-      shape->complete = false;
-      failure = probe.failure;
-      continue;
-    }
-    CheckProbe(probe, url_);
-    shards = probe.shards;
-    shape->settings = FixedSettings(probe.fewest_replicas);
-    hosts[probe.shard].push_back(url_.hosts[i]);
-  }
-  if (hosts.empty()) std::rethrow_exception(failure);
-  if (hosts.size() != shards) {
-    throw Error(ErrorCode::kUnavailable, "shard_unavailable",
-                "of the cluster's " + std::to_string(shards) + " shards, servers of " +
-                    std::to_string(hosts.size()) +
-                    " answer; the URL must name at least one of each shard");
-  }
-  for (auto& [name, of_shard] : hosts) {
-    shape->shards.push_back(std::make_unique<HttpPool>(Options(of_shard)));
-    shape->hosts.push_back(std::move(of_shard));
-  }
-  return shape;
-}
-
-std::shared_ptr<ClusterLink::Shape> ClusterLink::Current() {
+std::shared_ptr<const ClusterLink::Shape> ClusterLink::Current() {
   const std::lock_guard lock(mutex_);
-  const bool again =
-      !shape_ || (!shape_->complete && Clock::now() - shape_->found > kAskAgainAfter);
-  if (again) {
-    try {
-      shape_ = Find();
-    } catch (const Error&) {
-      if (!shape_) throw;
-      shape_->found = Clock::now();  // what was known goes on being used
-    }
+  if (!shape_) {
+    shape_ = ToShape(finder_.Find({}));
+    if (!shape_->complete) LookAgain();
   }
   return shape_;
 }
 
-void ClusterLink::Forget(const std::shared_ptr<Shape>& shape) {
-  const std::lock_guard lock(mutex_);
-  if (shape_ == shape) shape_.reset();
+// Keeps the connections to shards whose servers are the same as before.
+std::shared_ptr<const ClusterLink::Shape> ClusterLink::ToShape(const FoundShards& found) {
+  auto shape = std::make_shared<Shape>();
+  shape->replicas = found.replicas;
+  shape->settings = FixedSettings(found.replicas);
+  shape->complete = found.complete;
+  for (const FoundShard& shard : found.shards) {
+    const std::size_t number = shape->shards.size();
+    std::shared_ptr<Place> place;
+    if (shape_ && number < shape_->shards.size() &&
+        shape_->shards[number]->shard.hosts == shard.hosts) {
+      place = shape_->shards[number];
+    } else {
+      place = std::make_shared<Place>(shard, finder_.Options(shard.hosts));
+    }
+    place->gone = shard.answering == 0;
+    shape->shards.push_back(std::move(place));
+  }
+  return shape;
+}
+
+// With mutex_ held.
+void ClusterLink::LookAgain() {
+  look_again_ = true;
+  changed_.notify_all();
+  if (!watch_.joinable()) {
+    watch_ = std::jthread([this](const std::stop_token& stop) { Watch(stop); });
+  }
+}
+
+void ClusterLink::Watch(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (changed_.wait(lock, stop, [this] { return look_again_; })) {
+    look_again_ = false;
+    // Not at once: who has just failed is given a moment, and so are all the others that fail.
+    const auto pause = shape_->some_gone() ? kWhileGone : kWhileIncomplete;
+    changed_.wait_for(lock, stop, pause, [this, pause] {
+      return pause != kWhileGone && look_again_ && shape_->some_gone();
+    });
+    if (stop.stop_requested()) return;
+    lock.unlock();
+    std::optional<FoundShards> found;
+    try {
+      found = finder_.Find(stop);
+    } catch (const Error&) {
+      // What was known goes on being used; statements that fail say why.
+    }
+    lock.lock();
+    if (found) shape_ = ToShape(*found);
+    if (!found || !found->complete || shape_->some_gone()) look_again_ = true;
+  }
 }
 
 DatabaseRequest ClusterLink::Request(const Shape& shape, std::string statement) const {
@@ -187,23 +123,41 @@ DatabaseRequest ClusterLink::Request(const Shape& shape, std::string statement) 
 }
 
 template <typename Work>
-auto ClusterLink::On(std::size_t shard, const Work& work) {
-  const std::shared_ptr<Shape> shape = Current();
+auto ClusterLink::On(std::size_t shard, bool reads, const Work& work) {
+  const std::shared_ptr<const Shape> shape = Current();
+  Place& place = *shape->shards.at(shard);
+  const auto refuse = [&](const std::string& why) {
+    return Error(ErrorCode::kUnavailable, "shard_unavailable",
+                 "shard " + std::to_string(shard + 1) + ": " + why);
+  };
+  if (place.shard.hosts.empty()) throw refuse("none of its servers has answered");
   try {
-    return work(*shape, *shape->shards.at(shard));
+    auto result = work(*shape, place);
+    if (reads) place.gone = false;
+    return result;
   } catch (const Error& error) {
-    if (error.reason() == "database_unavailable" || error.reason() == "database_timeout") {
-      Forget(shape);
-      if (error.reason() == "database_unavailable") {
-        throw Error(ErrorCode::kUnavailable, "shard_unavailable",
-                    "shard " + std::to_string(shard + 1) + ": " + error.what());
-      }
+    if (error.reason() != "database_unavailable" && error.reason() != "database_timeout") throw;
+    const bool was_gone = place.gone;
+    // What refuses to be written may well be read.
+    if (reads) place.gone = true;
+    {
+      const std::lock_guard lock(mutex_);
+      LookAgain();
     }
+    if (error.reason() == "database_unavailable" || was_gone) throw refuse(error.what());
     throw;
   }
 }
 
 std::size_t ClusterLink::shards() { return Current()->shards.size(); }
+
+std::size_t ClusterLink::replicas() { return Current()->replicas; }
+
+std::vector<std::vector<HostPort>> ClusterLink::Hosts() {
+  std::vector<std::vector<HostPort>> hosts;
+  for (const auto& place : Current()->shards) hosts.push_back(place->shard.hosts);
+  return hosts;
+}
 
 std::size_t ClusterLink::ShardOf(std::uint32_t collection, std::string_view id) {
   const std::string name = std::to_string(collection) + "/" + std::string(id);
@@ -212,25 +166,58 @@ std::size_t ClusterLink::ShardOf(std::uint32_t collection, std::string_view id) 
   return FromHex(hash.substr(0, 2)).value().at(0) % shards();
 }
 
+std::vector<std::size_t> ClusterLink::Gone() {
+  const std::shared_ptr<const Shape> shape = Current();
+  std::vector<std::size_t> gone;
+  for (std::size_t i = 0; i < shape->shards.size(); ++i) {
+    if (shape->shards[i]->gone) gone.push_back(i);
+  }
+  return gone;
+}
+
+std::vector<std::size_t> ClusterLink::Answering() {
+  const std::shared_ptr<const Shape> shape = Current();
+  std::vector<std::size_t> answering;
+  for (std::size_t i = 0; i < shape->shards.size(); ++i) {
+    if (!shape->shards[i]->gone) answering.push_back(i);
+  }
+  return answering;
+}
+
+void ClusterLink::IsGone(std::size_t shard) {
+  Current()->shards.at(shard)->gone = true;
+  const std::lock_guard lock(mutex_);
+  LookAgain();
+}
+
 NativeBlock ClusterLink::Read(std::size_t shard, const std::string& statement,
                               const std::vector<TableColumn>& columns) {
-  return On(shard, [&](const Shape& shape, HttpPool& pool) {
+  return On(shard, /*reads=*/true, [&](const Shape& shape, Place& place) {
     DatabaseRequest request = Request(shape, statement);
     request.repeatable = true;
-    return ReadRows(pool, std::move(request), columns);
+    if (place.gone) request.timeout = kTimeoutWhileGone;
+    return ReadRows(place.pool, std::move(request), columns);
   });
 }
 
 std::vector<NativeBlock> ClusterLink::ReadEach(const std::string& statement,
                                                const std::vector<TableColumn>& columns) {
-  const std::size_t count = shards();
+  std::vector<std::size_t> all(shards());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return ReadEach(all, statement, columns);
+}
+
+std::vector<NativeBlock> ClusterLink::ReadEach(const std::vector<std::size_t>& which,
+                                               const std::string& statement,
+                                               const std::vector<TableColumn>& columns) {
+  if (which.empty()) return {};
   std::vector<std::future<NativeBlock>> others;
-  for (std::size_t shard = 1; shard < count; ++shard) {
-    others.push_back(
-        std::async(std::launch::async, [&, shard] { return Read(shard, statement, columns); }));
+  for (std::size_t i = 1; i < which.size(); ++i) {
+    others.push_back(std::async(std::launch::async,
+                                [&, shard = which[i]] { return Read(shard, statement, columns); }));
   }
   std::vector<NativeBlock> blocks;
-  blocks.push_back(Read(0, statement, columns));
+  blocks.push_back(Read(which[0], statement, columns));
   for (auto& other : others) blocks.push_back(other.get());
   return blocks;
 }
@@ -243,18 +230,15 @@ std::optional<std::vector<NativeBlock>> ClusterLink::ReadReplicas(
            "= " +
                Literal(url_.database),
            {{"replicas", "UInt64"}});
-  const std::shared_ptr<Shape> shape = Current();
-  const std::vector<HostPort>& hosts = shape->hosts.at(shard);
+  const std::shared_ptr<const Shape> shape = Current();
+  const std::vector<HostPort>& hosts = shape->shards.at(shard)->shard.hosts;
   if (counted.rows == 0 || counted.columns[0].Of<std::uint64_t>()[0] != hosts.size()) {
     return std::nullopt;
   }
   std::vector<NativeBlock> blocks;
   try {
     for (const HostPort& host : hosts) {
-      HttpPool pool(Options({host}));
-      DatabaseRequest request = Request(*shape, statement);
-      request.repeatable = true;
-      blocks.push_back(ReadRows(pool, std::move(request), columns));
+      blocks.push_back(ReadServer(host, statement, columns, std::chrono::milliseconds(0), {}));
     }
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kUnavailable) throw;
@@ -263,9 +247,39 @@ std::optional<std::vector<NativeBlock>> ClusterLink::ReadReplicas(
   return blocks;
 }
 
+NativeBlock ClusterLink::ReadServer(const HostPort& host, const std::string& statement,
+                                    const std::vector<TableColumn>& columns,
+                                    std::chrono::milliseconds timeout,
+                                    const std::stop_token& stop) {
+  HttpPool pool(finder_.Options({host}));
+  DatabaseRequest request = Request(*Current(), statement);
+  request.repeatable = true;
+  request.timeout = timeout;
+  request.stop = stop;
+  return ReadRows(pool, std::move(request), columns);
+}
+
+void ClusterLink::FollowQuorum() {
+  const NativeBlock rows =
+      Read(kHome,
+           "SELECT body FROM settings WHERE name = " + Literal(kQuorumSettings) +
+               " ORDER BY version DESC LIMIT 1",
+           {{"body", "String"}});
+  quorum_ = rows.rows == 0 ? 0 : ReadQuorumText(rows.columns[0].Of<std::string>().at(0));
+}
+
 void ClusterLink::Insert(std::size_t shard, const TableSpec& table, const NativeBlock& rows) {
   if (rows.rows == 0) return;
-  On(shard, [&](const Shape& shape, HttpPool& pool) {
+  InsertInto(shard, table, rows, InsertQuorum(WriteQuorum(replicas(), quorum_)));
+}
+
+void ClusterLink::InsertSetting(const NativeBlock& row) {
+  InsertInto(kHome, Table("settings"), row, InsertQuorum(1));
+}
+
+void ClusterLink::InsertInto(std::size_t shard, const TableSpec& table, const NativeBlock& rows,
+                             const std::string& quorum) {
+  On(shard, /*reads=*/false, [&](const Shape& shape, Place& place) {
     std::string columns;
     for (const TableColumn& column : table.columns) {
       columns += (columns.empty() ? "" : ", ") + column.name;
@@ -273,14 +287,17 @@ void ClusterLink::Insert(std::size_t shard, const TableSpec& table, const Native
     DatabaseRequest request =
         Request(shape, "INSERT INTO " + table.name + " (" + columns + ") FORMAT Native");
     request.rows = EncodeNative(rows);
-    pool.Fetch(request);
+    for (auto& [name, value] : request.settings) {
+      if (name == "insert_quorum") value = quorum;
+    }
+    place.pool.Fetch(request);
     return 0;
   });
 }
 
 void ClusterLink::Command(std::size_t shard, const std::string& statement) {
-  On(shard, [&](const Shape& shape, HttpPool& pool) {
-    pool.Fetch(Request(shape, statement));
+  On(shard, /*reads=*/false, [&](const Shape& shape, Place& place) {
+    place.pool.Fetch(Request(shape, statement));
     return 0;
   });
 }

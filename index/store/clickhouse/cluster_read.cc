@@ -187,9 +187,13 @@ void Cluster::ReadReplication(NodeState& node) {
 void Cluster::ReadSettings(NodeState& node) {
   if (node.tables.count("settings") == 0) return;
   const NativeBlock rows =
-      Rows(node, "body", url_.database, "settings",
-           "WHERE name = 'fixed' ORDER BY version DESC LIMIT 1", {{"body", "String"}});
-  if (rows.rows > 0) node.settings = TextAt(rows, 0, 0);
+      Rows(node, "name, argMax(body, version) AS text", url_.database, "settings", "GROUP BY name",
+           {{"name", "String"}, {"text", "String"}});
+  for (std::size_t i = 0; i < rows.rows; ++i) {
+    if (TextAt(rows, 0, i) == kFixedSettings) node.settings = TextAt(rows, 1, i);
+    if (TextAt(rows, 0, i) == kQuorumSettings) node.quorum = ReadQuorumText(TextAt(rows, 1, i));
+    if (TextAt(rows, 0, i) == kShardNames) node.shard_names = TextAt(rows, 1, i);
+  }
 }
 
 void Cluster::ReadNode(NodeState& node) {

@@ -84,7 +84,8 @@ void CheckTables(const NodeState& node, Problems& problems) {
   }
 }
 
-void CheckNode(const NodeState& node, const std::string& settings, Problems& problems) {
+void CheckNode(const NodeState& node, const std::string& settings, const std::string& shard_names,
+               Problems& problems) {
   if (!node.error.empty()) {
     problems.push_back(node.Text() + " does not answer: " + node.error);
     return;
@@ -104,6 +105,10 @@ void CheckNode(const NodeState& node, const std::string& settings, Problems& pro
   } else if (node.settings != settings) {
     problems.push_back(node.Text() + " has the settings " + ToDisplayText(node.settings) +
                        ", and this Pliant sends " + settings);
+  } else if (node.shard_names != shard_names) {
+    problems.push_back(node.Text() +
+                       " does not have the names of the shards, or other ones: "
+                       "write them with cluster init");
   }
 }
 
@@ -124,6 +129,20 @@ void CheckNames(const ClusterState& state, Problems& problems) {
       problems.push_back("the macro shard is " + ToDisplayText(node.shard_name) + " on " +
                          node.Text() + ", as on nodes of shard " + std::to_string(shard->second));
     }
+  }
+}
+
+void CheckQuorum(const ClusterState& state, Problems& problems) {
+  std::set<std::size_t> chosen;
+  for (const NodeState& node : state.nodes) {
+    if (node.error.empty()) chosen.insert(node.quorum);
+  }
+  if (chosen.size() > 1) {
+    problems.push_back("not all nodes know the same quorum yet: see cluster quorum");
+  } else if (chosen.count(1) != 0 && state.Replicas() > 1) {
+    problems.push_back(
+        "one replica alone acknowledges a write (cluster quorum 1): what it has "
+        "not passed on yet is lost with it; go back with cluster quorum auto");
   }
 }
 
@@ -172,11 +191,25 @@ std::size_t ClusterState::Replicas() const {
   return least;
 }
 
+std::vector<std::string> ClusterState::ShardNames() const {
+  std::set<std::string> names;
+  for (const NodeState& node : nodes) {
+    if (!node.shard_name.empty()) names.insert(node.shard_name);
+  }
+  return {names.begin(), names.end()};
+}
+
 std::vector<std::string> FindProblems(const ClusterState& state) {
   Problems problems;
   const std::string settings = FixedSettingsText(state.Shards(), state.Replicas());
-  for (const NodeState& node : state.nodes) CheckNode(node, settings, problems);
+  const std::string names = ShardNamesText(state.ShardNames());
+  // While all of a shard's nodes are silent, nobody says what it is called.
+  const bool all_named = state.ShardNames().size() == state.Shards();
+  for (const NodeState& node : state.nodes) {
+    CheckNode(node, settings, all_named ? names : node.shard_names, problems);
+  }
   CheckNames(state, problems);
+  CheckQuorum(state, problems);
   for (const TableSpec& spec : Tables()) CheckContents(state, spec, problems);
   return problems;
 }

@@ -42,7 +42,9 @@ struct NodeState {
   std::string shard_name;          // the macro {shard}
   std::int64_t clock_ahead_s = 0;  // of this machine's; 0 when it cannot be told from the answer
   std::map<std::string, TableState> tables;
-  std::string settings;  // the fixed ones; empty: none
+  std::string settings;     // the fixed ones; empty: none
+  std::size_t quorum = 0;   // as chosen; 0 = nothing was
+  std::string shard_names;  // of all shards, as the settings say; empty: they do not
 
   std::string Text() const;  // "s1r2 (10.0.0.2:9000)"
 };
@@ -51,7 +53,8 @@ struct ClusterState {
   std::vector<NodeState> nodes;
 
   std::size_t Shards() const;
-  std::size_t Replicas() const;  // of the shard with the fewest
+  std::size_t Replicas() const;                 // of the shard with the fewest
+  std::vector<std::string> ShardNames() const;  // the macro {shard} of each, sorted
 };
 
 // Every problem a sentence; none = sound. Looks at nothing but `state`.

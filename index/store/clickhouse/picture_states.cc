@@ -3,6 +3,9 @@
 #include "index/store/clickhouse/picture_states.h"
 
 #include <algorithm>
+#include <future>
+#include <numeric>
+#include <set>
 #include <utility>
 
 #include "descriptor/base/hex.h"
@@ -74,7 +77,15 @@ void AddRow(RowWriter& rows, const PictureState& state) {
            record.source, record.added_ms, record.updated_ms);
 }
 
-std::vector<PictureState> PictureStates::Select(const std::string& where, std::uint64_t log,
+std::vector<std::size_t> PictureStates::Shards() {
+  if (only_) return *only_;
+  std::vector<std::size_t> all(link_.shards());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return all;
+}
+
+std::vector<PictureState> PictureStates::Select(const std::vector<std::size_t>& shards,
+                                                const std::string& where, std::uint64_t log,
                                                 const std::string& then) {
   static const std::string columns = [] {
     std::string list;
@@ -89,10 +100,21 @@ std::vector<PictureState> PictureStates::Select(const std::string& where, std::u
                                 " ORDER BY version DESC LIMIT 1 BY collection, id) WHERE "
                                 "deleted = 0" +
                                 then;
-  for (const NativeBlock& block : link_.ReadEach(statement, Table("pictures").columns)) {
-    for (std::size_t i = 0; i < block.rows; ++i) states.push_back(ToState(Row(block, i)));
+  const auto blocks = link_.ReadEach(shards, statement, Table("pictures").columns);
+  for (std::size_t of = 0; of < blocks.size(); ++of) {
+    for (std::size_t i = 0; i < blocks[of].rows; ++i) {
+      states.push_back(ToState(Row(blocks[of], i)));
+      states.back().shard = shards[of];
+    }
   }
   return states;
+}
+
+std::vector<std::size_t> PictureStates::ShardsOf(std::uint32_t collection,
+                                                 const std::vector<std::string>& ids) {
+  std::set<std::size_t> shards;
+  for (const std::string& id : ids) shards.insert(link_.ShardOf(collection, id));
+  return {shards.begin(), shards.end()};
 }
 
 std::vector<PictureState> PictureStates::ByIds(std::uint32_t collection,
@@ -100,18 +122,29 @@ std::vector<PictureState> PictureStates::ByIds(std::uint32_t collection,
                                                std::uint64_t log) {
   if (ids.empty()) return {};
   return Select(
+      ShardsOf(collection, ids),
       "collection = " + std::to_string(collection) + " AND id IN (" + LiteralList(ids) + ")", log,
       "");
 }
 
 std::vector<PictureState> PictureStates::ByRefs(
     const std::vector<std::pair<std::uint32_t, std::string>>& refs, std::uint64_t log) {
-  if (refs.empty()) return {};
-  std::string list;
+  std::map<std::size_t, std::string> lists;  // by shard
   for (const auto& [collection, id] : refs) {
+    std::string& list = lists[link_.ShardOf(collection, id)];
     list += (list.empty() ? "(" : ",(") + std::to_string(collection) + "," + Literal(id) + ")";
   }
-  return Select("(collection, id) IN (" + list + ")", log, "");
+  std::vector<std::future<std::vector<PictureState>>> parts;
+  for (const auto& [shard, list] : lists) {
+    parts.push_back(std::async(std::launch::async, [this, log, of = shard, &refs = list] {
+      return Select({of}, "(collection, id) IN (" + refs + ")", log, "");
+    }));
+  }
+  std::vector<PictureState> states;
+  for (auto& part : parts) {
+    for (PictureState& state : part.get()) states.push_back(std::move(state));
+  }
+  return states;
 }
 
 std::optional<PictureState> PictureStates::ById(std::uint32_t collection, const std::string& id,
@@ -130,6 +163,7 @@ std::vector<PictureState> PictureStates::BySha256(const std::vector<std::string>
   if (usable.empty()) return {};
   const std::string list = HashList(usable);
   std::vector<PictureState> states = Select(
+      Shards(),
       "(collection, id) IN (SELECT collection, id FROM by_sha256 WHERE sha256 IN (" + list + "))",
       log, " AND sha256 IN (" + list + ")");
   std::sort(states.begin(), states.end(), [](const PictureState& a, const PictureState& b) {
@@ -163,7 +197,7 @@ std::vector<PictureOutline> PictureStates::Outlines(const OutlineQuery& query) {
       {"of_object", "String"}, {"of_source", "String"}, {"of_metadata", "String"},
       {"points", "UInt32"},    {"added", "Int64"},      {"updated", "Int64"}};
   std::vector<PictureOutline> outlines;
-  for (const NativeBlock& block : link_.ReadEach(statement, columns)) {
+  for (const NativeBlock& block : link_.ReadEach(Shards(), statement, columns)) {
     for (std::size_t i = 0; i < block.rows; ++i) {
       const Row row(block, i);
       outlines.push_back({row.Number(1), static_cast<std::uint32_t>(row.Number(2)), row.Text(0),
@@ -175,10 +209,10 @@ std::vector<PictureOutline> PictureStates::Outlines(const OutlineQuery& query) {
 }
 
 std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Blobs(
-    const std::string& statement) {
+    const std::vector<std::size_t>& shards, const std::string& statement) {
   std::map<std::uint32_t, std::vector<std::uint8_t>> blobs;
   for (const NativeBlock& block :
-       link_.ReadEach(statement, {{"picture", "UInt32"}, {"data", "String"}})) {
+       link_.ReadEach(shards, statement, {{"picture", "UInt32"}, {"data", "String"}})) {
     for (std::size_t i = 0; i < block.rows; ++i) {
       const Row row(block, i);
       const std::string& data = row.Text(1);
@@ -188,24 +222,44 @@ std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Blobs(
   return blobs;
 }
 
-std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Features(
-    const std::vector<std::uint64_t>& pictures) {
+std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::FeaturesOn(
+    const std::vector<std::size_t>& shards, const std::vector<std::uint64_t>& pictures) {
   std::map<std::uint32_t, std::vector<std::uint8_t>> all;
   for (std::size_t from = 0; from < pictures.size(); from += kBlobsTogether) {
     const std::size_t to = std::min(pictures.size(), from + kBlobsTogether);
     const std::vector<std::uint64_t> some(pictures.begin() + static_cast<std::ptrdiff_t>(from),
                                           pictures.begin() + static_cast<std::ptrdiff_t>(to));
-    all.merge(
-        Blobs("SELECT picture, data FROM features WHERE picture IN (" + LiteralList(some) + ")"));
+    all.merge(Blobs(
+        shards, "SELECT picture, data FROM features WHERE picture IN (" + LiteralList(some) + ")"));
   }
+  return all;
+}
+
+std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Features(
+    const std::vector<std::uint64_t>& pictures) {
+  return FeaturesOn(Shards(), pictures);
+}
+
+std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Features(
+    const NumbersByShard& pictures) {
+  using Part = std::map<std::uint32_t, std::vector<std::uint8_t>>;
+  std::vector<std::future<Part>> parts;
+  for (const auto& [shard, numbers] : pictures) {
+    parts.push_back(std::async(std::launch::async, [this, of = shard, &some = numbers] {
+      return FeaturesOn({of}, some);
+    }));
+  }
+  Part all;
+  for (auto& part : parts) all.merge(part.get());
   return all;
 }
 
 std::map<std::uint32_t, std::vector<std::uint8_t>> PictureStates::Words(
     Key vocabulary, const std::vector<std::uint64_t>& pictures) {
   if (pictures.empty()) return {};
-  return Blobs("SELECT picture, data FROM words WHERE vocabulary = " + std::to_string(vocabulary) +
-               " AND picture IN (" + LiteralList(pictures) + ")");
+  return Blobs(Shards(),
+               "SELECT picture, data FROM words WHERE vocabulary = " + std::to_string(vocabulary) +
+                   " AND picture IN (" + LiteralList(pictures) + ")");
 }
 
 }  // namespace pliant::clickhouse

@@ -18,6 +18,7 @@ namespace pliant::clickhouse {
 
 // A row of `pictures`.
 struct PictureState {
+  std::size_t shard = 0;  // where it was read
   std::uint64_t version = 0;
   std::uint32_t collection = 0;
   std::uint32_t picture = 0;  // the number of its description
@@ -53,10 +54,17 @@ Key ObjectKey(const std::string& object);
 
 void AddRow(RowWriter& rows, const PictureState& state);
 
-// Thread-safe. Pictures that are gone are left out. Throws what ClusterLink throws.
+// Picture numbers by the shard that has them, which is that of the picture's id.
+using NumbersByShard = std::map<std::size_t, std::vector<std::uint64_t>>;
+
+// Thread-safe. Pictures that are gone are left out. Throws what ClusterLink throws. What is asked
+// for by id is asked of the shard of the id alone.
 class PictureStates {
  public:
-  explicit PictureStates(ClusterLink* link) : link_(*link) {}
+  // `only`: these shards are read where all would be; what is elsewhere is not seen.
+  explicit PictureStates(ClusterLink* link,
+                         std::optional<std::vector<std::size_t>> only = std::nullopt)
+      : link_(*link), only_(std::move(only)) {}
 
   // In any order.
   std::vector<PictureState> ByIds(std::uint32_t collection, const std::vector<std::string>& ids,
@@ -74,16 +82,23 @@ class PictureStates {
   // The encoded features of picture numbers; what is missing is left out.
   std::map<std::uint32_t, std::vector<std::uint8_t>> Features(
       const std::vector<std::uint64_t>& pictures);
+  std::map<std::uint32_t, std::vector<std::uint8_t>> Features(const NumbersByShard& pictures);
   // The encoded words of picture numbers in a vocabulary, likewise.
   std::map<std::uint32_t, std::vector<std::uint8_t>> Words(
       Key vocabulary, const std::vector<std::uint64_t>& pictures);
 
  private:
-  std::vector<PictureState> Select(const std::string& where, std::uint64_t log,
-                                   const std::string& then);
-  std::map<std::uint32_t, std::vector<std::uint8_t>> Blobs(const std::string& statement);
+  std::vector<std::size_t> Shards();
+  std::vector<std::size_t> ShardsOf(std::uint32_t collection, const std::vector<std::string>& ids);
+  std::vector<PictureState> Select(const std::vector<std::size_t>& shards, const std::string& where,
+                                   std::uint64_t log, const std::string& then);
+  std::map<std::uint32_t, std::vector<std::uint8_t>> FeaturesOn(
+      const std::vector<std::size_t>& shards, const std::vector<std::uint64_t>& pictures);
+  std::map<std::uint32_t, std::vector<std::uint8_t>> Blobs(const std::vector<std::size_t>& shards,
+                                                           const std::string& statement);
 
   ClusterLink& link_;
+  const std::optional<std::vector<std::size_t>> only_;
 };
 
 }  // namespace pliant::clickhouse

@@ -87,6 +87,16 @@ Snapshot Snapshots::Now() { return Take(/*for_writing=*/false); }
 
 Snapshot Snapshots::NowForWriting() { return Take(/*for_writing=*/true); }
 
+Snapshot Snapshots::LastKnown() {
+  const std::lock_guard lock(mutex_);
+  if (!registry_ || registry_->version < known_common_) {
+    throw Error(ErrorCode::kUnavailable, "shard_unavailable",
+                "shard 1, which has what is common to all, does not answer, and this process has "
+                "not seen its last state");
+  }
+  return {known_log_, registry_, std::make_shared<SnapshotHold>(open_, known_log_, Guard())};
+}
+
 Snapshot Snapshots::Take(bool for_writing) {
   // Open before it is read, so that nobody misses it in between.
   const std::uint64_t guard = Guard();

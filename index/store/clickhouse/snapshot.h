@@ -63,6 +63,10 @@ class Snapshots {
   Snapshot Now();
   // Throws kUnavailable "replica_behind" in that case: what is written now must come after it.
   Snapshot NowForWriting();
+  // The last one that this process has seen, without asking anybody: for who cannot. Throws
+  // kUnavailable "shard_unavailable" where there was none, or what is common to all has changed
+  // since it was read.
+  Snapshot LastKnown();
   // The version of the newest commit, as Now() would have it. One statement.
   std::uint64_t Version();
 

@@ -2,7 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/clickhouse/statements.h"
 
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
 #include "descriptor/base/error.h"
+#include "index/store/clickhouse/registry_text.h"
 
 namespace pliant::clickhouse {
 namespace {
@@ -162,7 +167,7 @@ std::string CreateTable(const DatabaseUrl& url, const TableSpec& table, const Di
 Settings FixedSettings(std::size_t replicas) {
   Settings settings = {
       // Acknowledged is what so many replicas have: with two, both, and any may answer.
-      {"insert_quorum", replicas < 2 ? "0" : "2"},
+      {"insert_quorum", InsertQuorum(WriteQuorum(replicas, 0))},
       // A replica that lags does not answer in place of one that does not.
       {"fallback_to_stale_replicas_for_distributed_queries", "0"},
       {"max_replica_delay_for_distributed_queries", "1"},
@@ -173,11 +178,41 @@ Settings FixedSettings(std::size_t replicas) {
   return settings;
 }
 
+std::size_t WriteQuorum(std::size_t replicas, std::size_t chosen) {
+  return chosen != 0 ? chosen : std::min<std::size_t>(replicas, 2);
+}
+
+std::string InsertQuorum(std::size_t write_quorum) {
+  return std::to_string(write_quorum < 2 ? 0 : write_quorum);
+}
+
 std::string FixedSettingsText(std::size_t shards, std::size_t replicas) {
   std::string text = "{\"schema\":1,\"shards\":" + std::to_string(shards) +
                      ",\"replicas\":" + std::to_string(replicas);
   for (const auto& [name, value] : FixedSettings(replicas)) text += ",\"" + name + "\":" + value;
   return text + "}";
+}
+
+std::string ShardNamesText(const std::vector<std::string>& names) { return RegistryText(names); }
+
+std::vector<std::string> ReadShardNames(const std::string& body) {
+  try {
+    return nlohmann::json::parse(body).get<std::vector<std::string>>();
+  } catch (const nlohmann::json::exception&) {
+    throw Error(ErrorCode::kCorrupt, "settings_corrupt",
+                "the cluster's list of its shards cannot be read");
+  }
+}
+
+std::string QuorumText(std::size_t chosen) { return RegistryText({{"write_quorum", chosen}}); }
+
+std::size_t ReadQuorumText(const std::string& body) {
+  try {
+    return nlohmann::json::parse(body).at("write_quorum").get<std::size_t>();
+  } catch (const nlohmann::json::exception&) {
+    throw Error(ErrorCode::kCorrupt, "settings_corrupt",
+                "the quorum in the cluster's settings cannot be read");
+  }
 }
 
 }  // namespace pliant::clickhouse

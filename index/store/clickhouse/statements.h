@@ -57,7 +57,25 @@ std::string CreateTable(const DatabaseUrl& url, const TableSpec& table, const Di
 // request that reads or writes, by the number of replicas that each shard has.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 Settings FixedSettings(std::size_t replicas);
+
+// How many replicas acknowledge a write (cluster_quorum.h): `chosen`, or where that is 0 two, or
+// the one there is.
+std::size_t WriteQuorum(std::size_t replicas, std::size_t chosen);
+// The ClickHouse setting insert_quorum for it.
+std::string InsertQuorum(std::size_t write_quorum);
 // The same as it stands in the table `settings`, under the name "fixed".
 std::string FixedSettingsText(std::size_t shards, std::size_t replicas);
+
+// Names in the table `settings`: those fixed ones, and the names of all shards (the macro {shard}),
+// which say which shard it is of which no server answers.
+inline constexpr const char* kFixedSettings = "fixed";
+inline constexpr const char* kShardNames = "shards";
+// What was chosen with `pliant cluster quorum`; 0, or no row: nothing.
+inline constexpr const char* kQuorumSettings = "quorum";
+std::string QuorumText(std::size_t chosen);
+std::size_t ReadQuorumText(const std::string& body);  // throws as ReadShardNames
+std::string ShardNamesText(const std::vector<std::string>& names);
+// Throws kCorrupt "settings_corrupt".
+std::vector<std::string> ReadShardNames(const std::string& body);
 
 }  // namespace pliant::clickhouse
