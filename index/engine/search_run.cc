@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "index/verify/expansion.h"
+#include "index/verify/places.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
@@ -91,6 +92,7 @@ SearchResult SearchRun::Run() {
     LookDeeper(&hits, &ranking);
     SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
+    SettlePlaces(query_, &hits);
     SortByScore(&hits);
     std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
     if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
@@ -101,10 +103,13 @@ SearchResult SearchRun::Run() {
   if (KnowsProbabilities()) {
     result.found =
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {
-          return Probability(hit.picture.score) >= kFoundProbability;
+          return hit.probability >= kFoundProbability;
         }));
   }
-  for (RankedPicture& picture : ranking.best) hits.push_back({.picture = std::move(picture)});
+  for (RankedPicture& picture : ranking.best) {
+    const double probability = Probability(picture.score);
+    hits.push_back({.picture = std::move(picture), .probability = probability});
+  }
   result.hits = PageOf(std::move(hits));
   result.timings = timings_;
   return result;
@@ -274,7 +279,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
     hit.object = record->object;
     hit.image_id = record->id;
     hit.score = found.picture.score;
-    if (KnowsProbabilities()) hit.probability = Probability(hit.score);
+    if (KnowsProbabilities()) hit.probability = found.probability;
     hit.inliers = found.inliers();
     hit.instances = std::move(found.instances);
     hit.via = found.via;

@@ -70,6 +70,12 @@ Json CoverageJson(const Coverage& coverage) {
           {"total_pictures", NumberOrNull(coverage.total_pictures)}};
 }
 
+// Of a search; null where hits have no probability.
+Json VerdictJson(const std::optional<std::size_t>& found) {
+  if (!found) return nullptr;
+  return *found > 0 ? "found" : "not_found";
+}
+
 Json HitJson(const Hit& hit) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
@@ -108,6 +114,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"keypoints", result.keypoints},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
+               {"verdict", VerdictJson(result.found)},
                {"found", NumberOrNull(result.found)},
                {"hits", std::move(hits)},
                {"timings",

@@ -9,8 +9,8 @@
 
 namespace pliant {
 
-// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "found":
-// number or null, "hits": [{"rank", "object", "score", "probability": number or null, "image_id",
+// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total",
+// "verdict": "found", "not_found" or null, "found": number or null, "hits": [{"rank", "object", "score", "probability": number or null, "image_id",
 // "inliers", "polygon", "instances": [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An
 // object that is not named is null; the polygon is a list of [x, y] or null. A hit with an
 // explanation has "explain" too:

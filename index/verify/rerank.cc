@@ -85,27 +85,32 @@ std::vector<VerifiedPicture> Rerank(
   return pictures;
 }
 
-void SettleClaims(std::vector<VerifiedPicture>* pictures) {
-  // The nearest distance by key point and object.
-  std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, float>> nearest;
-  for (const VerifiedPicture& picture : *pictures) {
+NearestClaims::NearestClaims(const std::vector<VerifiedPicture>& pictures) {
+  for (const VerifiedPicture& picture : pictures) {
     if (picture.picture.object == 0) continue;
     for (const Claim& claim : picture.claims) {
       const auto [at, is_new] =
-          nearest[claim.keypoint].try_emplace(picture.picture.object, claim.distance);
+          nearest_[claim.keypoint].try_emplace(picture.picture.object, claim.distance);
       if (!is_new) at->second = std::min(at->second, claim.distance);
     }
   }
+}
+
+bool NearestClaims::Keeps(std::int64_t object, const Claim& claim) const {
+  const auto& claimants = nearest_.at(claim.keypoint);
+  const float own = claimants.at(object);
+  return std::all_of(claimants.begin(), claimants.end(),
+                     [&](const auto& other) { return own <= other.second; });
+}
+
+void SettleClaims(std::vector<VerifiedPicture>* pictures) {
+  const NearestClaims nearest(*pictures);
   for (VerifiedPicture& picture : *pictures) {
     const std::int64_t object = picture.picture.object;
     if (object == 0 || picture.claims.empty()) continue;
     const auto kept =
-        std::count_if(picture.claims.begin(), picture.claims.end(), [&](const Claim& claim) {
-          const auto& claimants = nearest[claim.keypoint];
-          const float own = claimants.at(object);
-          return std::all_of(claimants.begin(), claimants.end(),
-                             [&](const auto& other) { return own <= other.second; });
-        });
+        std::count_if(picture.claims.begin(), picture.claims.end(),
+                      [&](const Claim& claim) { return nearest.Keeps(object, claim); });
     const double share = static_cast<double>(kept) / static_cast<double>(picture.claims.size());
     picture.evidence = Evidence(picture.inliers()) * std::sqrt(share);
     picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <unordered_map>
 #include <vector>
 
 #include "descriptor/features/features.h"
@@ -29,6 +30,7 @@ struct VerifiedPicture {
   std::vector<Instance> instances = {};         // as in Hit
   std::optional<Explanation> explanation = {};  // of the pictures looked at, when asked for
   double ranking_score = 0;
+  double probability = 0;          // that it is right (SettlePlaces)
   double evidence = 0;             // of its own inliers, or through `via` where that is more
   std::vector<Claim> claims = {};  // of the inliers of all instances
   std::vector<Vec2> seen = {};     // hull of the inliers in this picture, original pixels
@@ -53,6 +55,19 @@ struct RerankOptions {
 std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
+
+// Which objects claim the key points of the query, and how near they are.
+class NearestClaims {
+ public:
+  explicit NearestClaims(const std::vector<VerifiedPicture>& pictures);
+
+  // Whether no other named object is nearer. `claim`: of one of the pictures, of this object.
+  bool Keeps(std::int64_t object, const Claim& claim) const;
+
+ private:
+  // The nearest distance by key point and object.
+  std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, float>> nearest_;
+};
 
 // What a key point of the query shows, it shows once: of the named objects whose pictures claim it,
 // the one with the nearest descriptor has it (of equally near ones each). The evidence of a picture

@@ -43,6 +43,31 @@ std::string List(const OpenIndex& index, const std::string& after,
   });
 }
 
+// The JSON text of the record as it is then. Nothing = stays as it is; `metadata` is a merge patch.
+std::string Change(const OpenIndex& index, const std::string& id,
+                   const std::optional<std::string>& object,
+                   const std::optional<std::string>& metadata,
+                   const std::optional<std::string>& source) {
+  PictureChange change;
+  change.object = object;
+  change.metadata = metadata;
+  change.source = source;
+  return index.Call([&](Engine& engine, const std::string& collection) {
+    return ToText(ImageJson(engine.Change(collection, id, change)));
+  });
+}
+
+// How many pictures the object has by its new name.
+std::uint64_t RenameObject(const OpenIndex& index, const std::string& object,
+                           const std::string& name, bool merge) {
+  ObjectChange change;
+  change.name = name;
+  change.merge = merge;
+  return index.Call([&](Engine& engine, const std::string& collection) {
+    return engine.ChangeObject(collection, object, change).images;
+  });
+}
+
 py::bytes Content(const OpenIndex& index, const std::string& id) {
   const auto bytes = index.Call([&id](Engine& engine, const std::string& collection) {
     return engine.GetContent(collection, id);
@@ -67,6 +92,8 @@ void BindPictures(py::class_<OpenIndex>& index) {
     }));
   });
   index.def("content", &Content);
+  index.def("change", &Change);
+  index.def("rename_object", &RenameObject);
   index.def("remove", [](const OpenIndex& self, const std::string& id) {
     return self.Call([&id](Engine& engine, const std::string& collection) {
       return engine.Remove(collection, id);

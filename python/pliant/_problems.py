@@ -13,7 +13,7 @@ from pliant import errors
 
 _BY_STATUS: dict[int, type[errors.Error]] = {
     400: errors.InvalidArgumentError, 401: errors.UnauthorizedError, 403: errors.ForbiddenError,
-    404: errors.NotFoundError, 409: errors.ConflictError, 413: errors.TooLargeError,
+    404: errors.NotFoundError, 409: errors.ConflictError, 412: errors.ConflictError, 413: errors.TooLargeError,
     415: errors.UnsupportedMediaTypeError, 422: errors.UnprocessableError, 429: errors.UnavailableError,
     500: errors.InternalError, 503: errors.UnavailableError, 507: errors.NoSpaceError,
 }
@@ -35,7 +35,13 @@ def retry_after(headers: Message) -> float | None:
 
 def error(status: int, headers: Message, body: bytes) -> errors.Error:
     """Of problem+json, or of whatever something between the server and here said."""
-    problem = _document(headers, body)
+    return of_problem(status, _document(headers, body), request_id=headers.get("X-Request-Id"),
+                      wait_s=retry_after(headers))
+
+
+def of_problem(status: int, problem: dict[str, Any], *, request_id: str | None = None,
+               wait_s: float | None = None) -> errors.Error:
+    """Of a problem document, as it comes or inside of an answer."""
     kind = _BY_STATUS.get(status, errors.Error)
     code = _text(problem.get("code"))
     if status == 500 and code == "read_only":
@@ -43,8 +49,7 @@ def error(status: int, headers: Message, body: bytes) -> errors.Error:
     title = _text(problem.get("title"))
     return kind(_text(problem.get("detail")) or title or f"the server answered {status}", code=code or f"http_{status}",
                 status=status, title=title, parameter=_text(problem.get("parameter")),
-                request_id=_text(problem.get("request_id")) or headers.get("X-Request-Id"),
-                retry_after=retry_after(headers), problem=problem)
+                request_id=_text(problem.get("request_id")) or request_id, retry_after=wait_s, problem=problem)
 
 
 def of_job(job: dict[str, Any]) -> errors.Error:

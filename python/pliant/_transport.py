@@ -55,10 +55,11 @@ class Transport:
         self._timeout, self._retries, self._max_wait = timeout, retries, max_wait
         self.address = f"{parts.scheme}://{parts.netloc}{self._prefix}"
 
-    def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None, body: bytes | None = None,
-             content_type: str | None = None, again: bool | None = None, patient: bool = True,
-             into: BinaryIO | None = None) -> Answer:
-        """`into`: a new file that takes the body of a success, a piece at a time. Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
+    def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None,
+             body: bytes | BinaryIO | None = None, content_type: str | None = None, again: bool | None = None,
+             patient: bool = True, into: BinaryIO | None = None, if_match: str | None = None) -> Answer:
+        """`body`: bytes, or a file, which is sent from its beginning each time. `into`: a new file that takes the body of
+        a success, a piece at a time. Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
         `again`: whether the request does the same when it is done twice; by default all methods but POST and PATCH.
         Others get an Idempotency-Key, by which the server does them once."""
         if again is None:
@@ -69,6 +70,10 @@ class Transport:
         headers = dict(self._headers)
         if content_type:
             headers["Content-Type"] = content_type
+        if if_match is not None:
+            headers["If-Match"] = if_match
+        if body is not None and not isinstance(body, bytes):
+            headers["Content-Length"] = str(os.fstat(body.fileno()).st_size)
         if not again:
             headers["Idempotency-Key"] = str(uuid.uuid4())
         retries = self._retries if patient else 0
@@ -92,16 +97,17 @@ class Transport:
             time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
             failed += 1
 
-    def _once(self, method: str, target: str, body: bytes | None, headers: dict[str, str],
+    def _once(self, method: str, target: str, body: bytes | BinaryIO | None, headers: dict[str, str],
               into: BinaryIO | None) -> Answer:
+        if body is not None and not isinstance(body, bytes):
+            body.seek(0)
         connection: http.client.HTTPConnection
         if self._tls:
             connection = http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout, context=self._tls)
         else:
             connection = http.client.HTTPConnection(self._host, self._port, timeout=self._timeout)
         try:
-            connection.request(method, target, body, {**headers, "Connection": "close"})
-            response = connection.getresponse()
+            response = _exchange(connection, method, target, body, {**headers, "Connection": "close"})
             if into is not None and response.status < 300:
                 _copy(response, into)
                 return Answer(response.status, response.headers, b"", None)
@@ -114,6 +120,19 @@ class Transport:
             raise http.client.HTTPException(f"the answer cannot be read: {error}") from error
         finally:
             connection.close()
+
+
+def _exchange(connection: http.client.HTTPConnection, method: str, target: str, body: bytes | BinaryIO | None,
+              headers: dict[str, str]) -> http.client.HTTPResponse:
+    """A server that refuses a request need not read its body to the end: what it said counts."""
+    try:
+        connection.request(method, target, body, headers)
+    except (BrokenPipeError, ConnectionResetError) as cut:
+        try:
+            return connection.getresponse()
+        except (OSError, http.client.HTTPException):
+            raise cut from None
+    return connection.getresponse()
 
 
 class _FileFailed(Exception):

@@ -5,23 +5,19 @@ library nor NumPy. The reference of routes, parameters and codes is server/READM
 """
 from __future__ import annotations
 
-import base64
 import json
 import os
 import ssl
-import time
-from typing import Any, Callable, Iterator, Mapping, Sequence, Union
+from typing import Any, Iterator, Mapping, Sequence
 
-from pliant import _problems, _transport
-from pliant._transport import Transport, png, segment
-from pliant.errors import UnavailableError
-
-#: A path, the bytes of a file, or an array of uint8, H x W or H x W x 3.
-ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
-Json = dict[str, Any]
+from pliant import _bodies, _problems, _transport
+from pliant._background import Background
+from pliant._bodies import ImageLike, Json
+from pliant._transport import Transport, segment
+from pliant.errors import Error, UnavailableError
 
 
-class Client:
+class Client(Background):
     """Talks to the server at `url` about one collection. Any number of threads may use it.
 
     key: an API key. collection: the one that methods are about; `client.collection("shelf")` gives another.
@@ -68,7 +64,7 @@ class Client:
 
     def set_display_name(self, name: str | None) -> Json:
         """What people call this client's collection; None: by its own name."""
-        return self._patch(self._base, {"display_name": name})
+        return self._patch(self._base, json.dumps({"display_name": name}).encode())
 
     def drop(self) -> None:
         """Deletes this client's collection with all it holds, and its aliases."""
@@ -80,7 +76,7 @@ class Client:
 
     def set_aliases(self, changes: Mapping[str, str | None]) -> None:
         """Makes, moves and (None) removes aliases, all at once or none."""
-        self._patch("/v1/aliases", dict(changes))
+        self._patch("/v1/aliases", json.dumps(dict(changes)).encode())
 
     # Pictures
 
@@ -88,7 +84,7 @@ class Client:
             id: str | None = None, metadata: Json | None = None, channels: str = "RGB") -> Json:
         """Adds a picture and gives its record. With an id it replaces what is there, and can be repeated safely.
         image_url, in place of image: an address that the server fetches it from (where --fetch-hosts allows it)."""
-        body, kind = _picture("add", image, image_url, channels)
+        body, kind = _bodies.picture("add", image, image_url, channels)
         parameters: Json = {"object": object} if object else {}
         if metadata:
             parameters["metadata"] = json.dumps(metadata, allow_nan=False)
@@ -98,6 +94,18 @@ class Client:
     def get(self, id: str) -> Json:
         """A picture's record. NotFoundError "image_not_found"."""
         return self._get(self._image(id))
+
+    def etag(self, id: str) -> str:
+        """Of a picture's record as it is now, for `update(..., if_match=...)`."""
+        return str(self._transport.call("GET", self._image(id)).headers["ETag"])
+
+    def update(self, id: str, *, object: str | None = None, metadata: Json | None = None, source: str | None = None,
+               if_match: str | None = None) -> Json:
+        """Changes what a picture is called or known by, without describing it anew, and gives its record. What is left
+        out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key.
+        if_match: an `etag`; ConflictError "precondition_failed" if the record was changed since."""
+        return self._patch(self._image(id), _bodies.changes({"object": object, "metadata": metadata, "source": source}),
+                           if_match=if_match)
 
     def content(self, id: str) -> bytes:
         """The bytes of a picture as it was added."""
@@ -116,7 +124,7 @@ class Client:
         """Writes the features of the whole collection (of an object, of those that pass) to an .npz file, which
         `pliant.Features.load_folder` and `numpy.load` read: by ids, all of one state. `objects` says what each shows.
         The file appears when it is complete."""
-        _transport.download(self._transport, f"{self._base}/features", _listing(object=object, filter=filter, q=q), path)
+        _transport.download(self._transport, f"{self._base}/features", _bodies.listing(object=object, filter=filter, q=q), path)
 
     def delete(self, id: str) -> None:
         """Deletes a picture for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""
@@ -126,9 +134,15 @@ class Client:
         """Deletes all pictures of an object, and says how many."""
         return int(self._ask("DELETE", f"{self._base}/objects/{segment('object', object)}")["deleted"])
 
+    def rename_object(self, object: str, name: str, *, merge: bool = False) -> Json:
+        """Gives an object another name, with all its pictures at once. Where another one has it, ConflictError
+        "object_exists", or, with merge=True, both become one."""
+        return self._patch(f"{self._base}/objects/{segment('object', object)}", _bodies.changes({"object": name}),
+                           parameters={"merge": "true"} if merge else None)
+
     def delete_where(self, filter: Json, object: str | None = None) -> int:
         """Deletes all pictures (of an object) whose metadata pass, at once or not at all, and says how many."""
-        parameters = _listing(object=object, filter=filter)
+        parameters = _bodies.listing(object=object, filter=filter)
         return int(self._ask("DELETE", f"{self._base}/images", parameters=parameters)["deleted"])
 
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
@@ -136,12 +150,12 @@ class Client:
         """All pictures (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
         those with these words in the id, the object or the file's name. sort: id, created, updated, object or
         source; with a minus downwards."""
-        return self._pages("/images", "images", page, _listing(object=object, filter=filter, q=q, sort=sort))
+        return self._pages("/images", "images", page, _bodies.listing(object=object, filter=filter, q=q, sort=sort))
 
     def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,
                 sort: str | None = None) -> Iterator[Json]:
         """All objects with their numbers of pictures. sort: object, created, updated or images."""
-        return self._pages("/objects", "objects", page, _listing(filter=filter, q=q, sort=sort))
+        return self._pages("/objects", "objects", page, _bodies.listing(filter=filter, q=q, sort=sort))
 
     # Searches
 
@@ -158,7 +172,7 @@ class Client:
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
             raise TypeError("search takes a picture, image_url, image_id or image_ids")
-        parameters: Json = {name: _plain(value) for name, value in options.items() if value is not None}
+        parameters: Json = {name: _bodies.plain(value) for name, value in options.items() if value is not None}
         parameters["limit"] = top
         if filter is not None:
             parameters["filter"] = json.dumps(filter, allow_nan=False)
@@ -166,13 +180,22 @@ class Client:
             stored: Json = {"image_id": image_id} if image_id is not None else {"image_ids": list(image_ids or ())}
             body, kind = json.dumps(stored).encode(), "application/json"
         else:
-            body, kind = _picture("search", image, image_url, channels)
+            body, kind = _bodies.picture("search", image, image_url, channels)
         return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
+
+    def search_batch(self, searches: Sequence[Mapping[str, Any]]) -> list[Json | Error]:
+        """Up to 100 searches in one request, each a dict of the server's parameters with one of image (anything that
+        `search` takes), image_id, image_ids and image_url: `{"image": "a.jpg", "limit": 3}`. In their order the
+        answers, or, in place of one that failed, its error: it is not raised, and the others are answered."""
+        body = json.dumps({"searches": [_bodies.search(one) for one in searches]}, allow_nan=False).encode()
+        answer = self._ask("POST", f"{self._base}/search:batch", body=body, content_type="application/json", again=True)
+        return [result["answer"] if "answer" in result else _problems.of_problem(result["status"], result["problem"])
+                for result in answer["results"]]
 
     def locate(self, image: ImageLike | None, object: str, *, image_url: str | None = None,
                channels: str = "RGB") -> Json:
         """Where a known object is in a picture; with None and an image_url, in one that the server fetches."""
-        body, kind = _picture("locate", image, image_url, channels)
+        body, kind = _bodies.picture("locate", image, image_url, channels)
         return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
                          body=body, content_type=kind, again=True)
 
@@ -186,52 +209,8 @@ class Client:
             if (image is None) == (url is None):
                 raise TypeError(f"compare takes {name} or {name}_url")
             body[name] = {"image_url": url} if image is None else {
-                "image": base64.b64encode(encoded(image, channels)).decode("ascii")}
+                "image": _bodies.as_base64(image, channels)}
         return self._ask("POST", "/v1/compare", body=json.dumps(body).encode(), content_type="application/json", again=True)
-
-    # Vocabularies and jobs
-
-    def train(self, *, wait: bool = True, timeout: float | None = None,
-              progress: Callable[[Json], object] | None = None, **options: Any) -> Json:
-        """Trains a vocabulary and uses it (options: words, sample, seed, activate). The job: when it is done, or, with
-        `wait=False`, as it begins."""
-        job = self._ask("POST", f"{self._base}/vocabularies", body=json.dumps(options).encode(),
-                        content_type="application/json")
-        return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
-
-    def vocabularies(self) -> list[Json]:
-        """All of the collection."""
-        return list(self._get(f"{self._base}/vocabularies")["vocabularies"])
-
-    def jobs(self) -> list[Json]:
-        """All jobs of the server, newest first."""
-        return list(self._get("/v1/jobs")["jobs"])
-
-    def job(self, id: str) -> Json:
-        """Its state (queued, running, done, failed, cancelled), done, total and failed."""
-        return self._get(f"/v1/jobs/{segment('id', id)}")
-
-    def cancel(self, id: str) -> Json:
-        """Asks a job to stop."""
-        return self._ask("DELETE", f"/v1/jobs/{segment('id', id)}")
-
-    def wait(self, id: str, *, timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
-        """The job when it is done; `progress(job)` hears how it goes on. Raises the job's error if it failed,
-        CancelledError, and UnavailableError "timeout" after `timeout` seconds (the job goes on)."""
-        end = None if timeout is None else time.monotonic() + timeout
-        pause = 0.05
-        while True:
-            job = self.job(id)
-            if progress is not None:
-                progress(job)
-            if job["state"] == "done":
-                return job
-            if job["state"] in ("failed", "cancelled"):
-                raise _problems.of_job(job)
-            if end is not None and time.monotonic() >= end:
-                raise UnavailableError(f"job {id} is still {job['state']} after {timeout} s", code="timeout", problem=job)
-            time.sleep(pause if end is None else min(pause, max(0.0, end - time.monotonic())))
-            pause = min(2.0, pause * 1.5)
 
     # About the server
 
@@ -250,9 +229,9 @@ class Client:
         document: Json = self._transport.call(method, path, **request).document
         return document
 
-    def _patch(self, path: str, changes: Json) -> Json:
-        return self._ask("PATCH", path, body=json.dumps(changes, allow_nan=False).encode(),
-                         content_type="application/merge-patch+json")
+    def _patch(self, path: str, changes: bytes, *, parameters: Json | None = None, if_match: str | None = None) -> Json:
+        return self._ask("PATCH", path, parameters=parameters, body=changes,
+                         content_type="application/merge-patch+json", if_match=if_match)
 
     def _image(self, id: str) -> str:
         return f"{self._base}/images/{segment('id', id)}"
@@ -264,39 +243,3 @@ class Client:
             if answer["next"] is None:
                 return
             parameters = {**parameters, "cursor": answer["next"]}
-
-
-def encoded(image: ImageLike, channels: str = "RGB") -> bytes:
-    """The bytes to send: of a file, as given, or an array as a PNG (RGB, unless `channels` is "BGR")."""
-    if isinstance(image, (bytes, bytearray, memoryview)):
-        return bytes(image)
-    if isinstance(image, (str, os.PathLike)):
-        with open(image, "rb") as file:
-            return file.read()
-    if hasattr(image, "dtype") and hasattr(image, "shape"):
-        return png(image, channels)
-    raise TypeError(f"image must be a path, bytes or an array of uint8, not {type(image).__name__}")
-
-
-def _picture(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> tuple[bytes, str]:
-    """The body of a request with one picture, and its type."""
-    if (image is None) == (image_url is None):
-        raise TypeError(f"{what} takes a picture or image_url")
-    if image_url is not None:
-        return json.dumps({"image_url": image_url}).encode(), "application/json"
-    return encoded(image, channels), "application/octet-stream"
-
-
-def _listing(*, filter: Json | None = None, **parameters: str | None) -> Json:
-    given: Json = {name: value for name, value in parameters.items() if value is not None}
-    if filter is not None:
-        given["filter"] = json.dumps(filter, allow_nan=False)
-    return given
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (tuple, list)):
-        return ",".join(str(item) for item in value)
-    return str(value)

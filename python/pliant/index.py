@@ -105,6 +105,22 @@ class Index:
         """The bytes of the picture as it was added."""
         return self._native.content(_checks.text("id", id))
 
+    def update(self, id: str, *, object: str | None = None, metadata: dict[str, Any] | None = None,
+               source: str | None = None) -> records.Picture:
+        """Changes what a picture is called or known by, without describing it anew, and gives its record. What is left
+        out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key."""
+        if object is None and metadata is None and source is None:
+            raise TypeError("nothing to change: give object, metadata, source")
+        return records.picture(json.loads(self._native.change(
+            _checks.text("id", id), None if object is None else _checks.text("object", object),
+            None if metadata is None else _json("metadata", metadata),
+            None if source is None else _checks.text("source", source))))
+
+    def rename_object(self, object: str, name: str, *, merge: bool = False) -> int:
+        """Gives an object another name, with all its pictures at once, and says how many it has now. Where another one
+        has the name, ConflictError "object_exists", or, with merge=True, both become one."""
+        return self._native.rename_object(_checks.text("object", object), _checks.text("name", name), bool(merge))
+
     def remove(self, id: str) -> bool:
         """Removes a picture from the file and from all searches that follow. False: it was not there."""
         return self._native.remove(_checks.text("id", id))

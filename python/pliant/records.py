@@ -72,14 +72,16 @@ class Hit:
 
 
 class SearchResult(list["Hit"]):
-    """The hits, best first, and about the search: `total` hits over all pages; `found`, how many of them have a
-    probability of 0.9 or more (None where hits have none); `document`, the whole answer as `pliant query --json`
+    """The hits, best first, and about the search: `total` hits over all pages; `verdict`, "found" or "not_found", whether
+    what the picture shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
+    hits have none); `document`, the whole answer as `pliant query --json`
     prints it (took_ms, timings, vocabulary, ...)."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         super().__init__(_hit(hit) for hit in document["hits"])
         self.document = document
         self.total: int = document["total"]
+        self.verdict: str | None = document["verdict"]
         self.found: int | None = document["found"]
 
 

@@ -179,7 +179,7 @@ async function sendAll() {
   say(byId("add-status"), `${stopped ? "Stopped" : "Finished"}: ${countWords()}.` +
     (failed.length ? " The reasons stand beside them." : ""), failed.length > 0);
   (byId("add-stop").contains(document.activeElement) || document.activeElement === document.body) &&
-    byId(failed.length ? "add-retry" : "add-clear").focus();
+    byId(failed.length ? "add-retry" : byId("add-next").hidden ? "add-clear" : "add-next").focus();
   refreshHeader();
   offerObjectNames();
 }

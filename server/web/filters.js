@@ -25,6 +25,25 @@ export function filterSettings() {
 export const isFiltered = () => ["filter-object", "filter-labels"].some((id) => byId(id).value.trim()) ||
                                 byId("filter-score").value !== "0";
 
+// The fields as they stand in a search's address, by name; each says nothing where it has its first value.
+const kFields = { object: "filter-object", labels: "filter-labels", min_score: "filter-score", group_by: "filter-group", limit: "filter-limit" };
+const firstValue = (field) => (field.options ? field.options[0].value : "");
+
+export const filterParameters = () => Object.fromEntries(Object.entries(kFields)
+  .map(([name, id]) => [name, byId(id).value.trim()]).filter(([name, value]) => value !== firstValue(byId(kFields[name]))));
+
+// As an address says. Whether they were different before.
+export function takeFilters(parameters) {
+  const before = JSON.stringify(filterParameters());
+  for (const [name, id] of Object.entries(kFields)) {
+    const field = byId(id);
+    field.value = parameters.get(name) ?? firstValue(field);
+    if (field.options && field.selectedIndex < 0) field.selectedIndex = 0;  // no such choice
+  }
+  showHowMany();
+  return JSON.stringify(filterParameters()) !== before;
+}
+
 function showHowMany() {
   const set = [byId("filter-object").value.trim(), byId("filter-labels").value.trim(),
                byId("filter-score").value !== "0"].filter(Boolean).length;

@@ -20,11 +20,21 @@ let search = () => {};
 
 export const whenRegionIsWanted = (call) => { search = call; };
 
-// For a new picture: no rectangle. null where there is none to draw on.
-export function resetRegion(width, height) {
+// For a new picture: no rectangle, or the one of `wanted`, as regionParameter() gave it. null where there is none to
+// draw on.
+export function resetRegion(width, height, wanted = "") {
   size = width ? { width, height } : null;
   startButton.hidden = !size;
-  setPart(null);
+  setPart(size && wanted ? partOf(wanted.split(",").map(Number)) : null);
+}
+
+// Inside the picture; null for numbers that are none.
+function partOf([x, y, width, height]) {
+  if (![x, y, width, height].every(Number.isFinite)) return null;
+  const left = clamp(x / size.width, 0, 1 - kLeastShare);
+  const top = clamp(y / size.height, 0, 1 - kLeastShare);
+  return { x: left, y: top, width: clamp(width / size.width, kLeastShare, 1 - left),
+           height: clamp(height / size.height, kLeastShare, 1 - top) };
 }
 
 // In pixels of the picture, as the server wants it; undefined = the whole picture.
@@ -98,11 +108,7 @@ box.addEventListener("keydown", (event) => {
 
 for (const input of numbers) {
   input.addEventListener("change", () => {
-    const [x, y, width, height] = numbers.map((one) => Number(one.value) || 0);
-    const left = clamp(x / size.width, 0, 1 - kLeastShare);
-    const top = clamp(y / size.height, 0, 1 - kLeastShare);
-    setPart({ x: left, y: top, width: clamp(width / size.width, kLeastShare, 1 - left),
-              height: clamp(height / size.height, kLeastShare, 1 - top) });
+    setPart(partOf(numbers.map((one) => Number(one.value) || 0)));
   });
 }
 

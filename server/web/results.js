@@ -3,6 +3,7 @@
 // The lists of hits: those that count, and the weak ones, folded away.
 import { imagePath, showPicture } from "./api.js";
 import { byId, count, make } from "./dom.js";
+import { filterParameters } from "./filters.js";
 import { objectName } from "./names.js";
 import { link } from "./router.js";
 import { isWeak, scoreWords } from "./words.js";
@@ -47,7 +48,7 @@ function hitCard(hit, colour, onChoose) {
          make("span", { class: "name" }, swatch(colour), `${hit.rank}. ${name}`),
          make("span", { class: "grade", text: words }), scoreBar(share, grade),
          make("span", { class: "quiet", text: facts.filter(Boolean).join(", ") }), labelList(hit.metadata)));
-  const alike = make("a", { href: link("search", { image: hit.image_id }), class: "quiet",
+  const alike = make("a", { href: link("search", { image: hit.image_id, ...filterParameters() }), class: "quiet",
                             text: "Use this", "aria-label": `Use this picture to search: ${name}` });
   const card = make("li", { class: "hit" }, button, alike);
   card.dataset.id = hit.image_id;

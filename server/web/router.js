@@ -67,7 +67,10 @@ export function pushAddress(hash) {
   history.pushState({ entry, inside: true }, "", hash);
 }
 
-// Another address for the same place in the history, and what it says.
+// Another address for the same place in the history, of what is shown already.
+export const noteAddress = (hash) => history.replaceState(history.state, "", hash);
+
+// The same, and what it says.
 export function replaceAddress(hash) {
   history.replaceState(history.state, "", hash);
   return showCurrent();

@@ -7,21 +7,21 @@ import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
 import { readable } from "./convert.js";
 import { byId, count, make, say } from "./dom.js";
 import { decode, storedPicture } from "./draw.js";
-import { filterSettings, isFiltered, whenFiltersChange } from "./filters.js";
+import { filterParameters, filterSettings, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
 import { acceptDrops, acceptPastes, fileOfData } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
 import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "./results.js";
-import { link, pushAddress } from "./router.js";
+import { link, noteAddress, pushAddress } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
 import { isWeak, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
-// What is asked with: { file }, { id } or { url }, and its decoded picture. That of an address, or of a kind that the
-// browser cannot read, comes with the first answer.
+// What is asked with: { file }, { id } or { url }, its decoded picture, and the part that the address limits it to. The
+// picture of an address, or of a kind that the browser cannot read, comes with the first answer.
 let query = null;
 let running = null;  // AbortController of the search on its way
 let asked = "";      // the collection that was asked
@@ -52,7 +52,7 @@ async function setQuery(next) {
     next.picture = picture;
     next.width = record?.width ?? picture.width;
     next.height = record?.height ?? picture.height;
-    resetRegion(next.width, next.height);
+    resetRegion(next.width, next.height, next.part);
   }
   byId("stage").hidden = !picture;
   drawStage(query, [], null);
@@ -61,16 +61,23 @@ async function setQuery(next) {
 
 // --- asking
 
+const regionWanted = () => (query.picture ? regionParameter() : query.part || undefined);
+
+// The address of what is asked, with all that limits it: Reload, Back and a link lead to the same answer.
+const searchLink = () => link("search", { photo: query.key, image: query.id, url: query.url, part: regionWanted(),
+                                          ...filterParameters() });
+
 async function run(offset = 0) {
   if (!query) return;
   running?.abort();
   const mine = running = new AbortController();
+  if (query.key || query.id || query.url) noteAddress(searchLink());
   byId("workspace").setAttribute("aria-busy", "true");
   say(status, "Searching…");
   try {
     const settings = { ...filterSettings(), offset, explain: true };
     if (!query.picture && !query.id) settings.preview = true;
-    const region = regionParameter();
+    const region = regionWanted();
     if (region) settings.region = region;
     const answer = await api.search(query, settings, mine.signal);
     if (answer.query?.preview) await showPreview(answer.query, mine);
@@ -89,7 +96,7 @@ async function showPreview({ preview, width, height }, mine) {
   const picture = await decode(fileOfData(preview));
   if (mine !== running || !picture) return;
   Object.assign(query, { picture, width, height });
-  resetRegion(width, height);
+  resetRegion(width, height, query.part);
   byId("stage").hidden = byId("query-figure").hidden = false;
 }
 
@@ -169,7 +176,7 @@ async function searchFile(given) {
     return;
   }
   const key = await keepQuery(file);
-  pushAddress(link("search", { photo: key }));
+  pushAddress(link("search", { photo: key, ...filterParameters() }));
   if (await setQuery({ file, key })) run();
 }
 
@@ -199,7 +206,7 @@ whenRegionIsWanted(() => run());
 whenFiltersChange(() => run());
 byId("results-more").addEventListener("click", () => run(received));
 byId("share").addEventListener("click", async () => {
-  const address = new URL(link("search", { image: query.id }), location.href).href;
+  const address = new URL(searchLink(), location.href).href;
   try {
     await navigator.clipboard.writeText(address);
     notify("The link is copied.");
@@ -209,13 +216,13 @@ byId("share").addEventListener("click", async () => {
 });
 
 // A search that was made in this browser before: Reload and Back lead here.
-async function showKept(key, greeted) {
+async function showKept(key, part, greeted) {
   const file = await keptQuery(key);
   if (!file) {
     forget();
     await greeted;  // its words would take the place of these
     say(status, "That picture is no longer kept in this browser. Choose it once more.", true);
-  } else if (await setQuery({ file, key })) {
+  } else if (await setQuery({ file, key, part })) {
     run();
   }
 }
@@ -227,13 +234,14 @@ export const searchView = {
     const id = parameters.get("image");
     const key = parameters.get("photo");
     const url = parameters.get("url");
-    const elsewhere = asked !== api.collectionName();
+    const part = parameters.get("part") ?? "";
+    const isOther = () => takeFilters(parameters) || asked !== api.collectionName() || part !== (regionParameter() ?? "");
     if (id) {
-      if ((elsewhere || query?.id !== id) && await setQuery({ id })) run();
+      if ((isOther() || query?.id !== id) && await setQuery({ id, part })) run();
     } else if (key) {
-      if (elsewhere || query?.key !== key) await showKept(key, greeted);
+      if (isOther() || query?.key !== key) await showKept(key, part, greeted);
     } else if (url) {
-      if ((elsewhere || query?.url !== url) && await setQuery({ url })) run();
+      if ((isOther() || query?.url !== url) && await setQuery({ url, part })) run();
     } else if (query) {
       forget();
     }

@@ -29,6 +29,9 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   const Json only = SearchFor(client, query, "?object=o3&group_by=image");
   ASSERT_EQ(only["hits"].size(), 2U);
   for (const Json& hit : only["hits"]) EXPECT_EQ(hit["object"], "o3");
+  EXPECT_EQ(objects["verdict"], "found");
+  EXPECT_GE(objects["found"], 1);
+  EXPECT_EQ(SearchFor(client, query, "?verify=none")["verdict"], nullptr);
   const double best = images["hits"][0]["score"];
   const Json good = SearchFor(client, query, "?group_by=image&min_score=0.2");
   for (const Json& hit : good["hits"]) EXPECT_GE(hit["score"], 0.2);
@@ -67,7 +70,10 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
                                   "application/json");
   ASSERT_EQ(tagged->status, 200) << tagged->body << filtered;
   EXPECT_THAT(ImageIds(Json::parse(tagged->body)["hits"]), ::testing::ElementsAre("tagged"));
-  EXPECT_EQ(SearchFor(client, query, "?filter=%7B%22year%22%3A1999%7D")["total"], 0);
+  const Json none = SearchFor(client, query, "?filter=%7B%22year%22%3A1999%7D");
+  EXPECT_EQ(none["total"], 0);
+  EXPECT_EQ(none["verdict"], "not_found");
+  EXPECT_EQ(none["found"], 0);
   for (const char* wrong :
        {"?filter=%7B%22year%22%3A%7B%22like%22%3A1%7D%7D", "?filter=year", "?verify_depth=0",
         "?expand=21", "?instances=0", "?limit=-1", "?explain=maybe"}) {

@@ -8,6 +8,7 @@ import pathlib
 import re
 import subprocess
 import tempfile
+import time
 import unittest
 
 import numpy as np
@@ -49,6 +50,18 @@ def run(*arguments):
     if done.returncode != 0:
         raise AssertionError(f"pliant {arguments} ended with {done.returncode}: {done.stderr}")
     return json.loads(done.stdout)
+
+
+def eventually(check, patience=60):
+    """Waits until `check` raises no more: for what a server does in the background."""
+    end = time.monotonic() + patience
+    while True:
+        try:
+            return check()
+        except (AssertionError, pliant.Error):
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.05)
 
 
 class FolderCase(unittest.TestCase):

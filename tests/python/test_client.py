@@ -5,10 +5,12 @@
 import base64
 import functools
 import http.server
+import json
 import pathlib
 import shutil
 import subprocess
 import sys
+import tarfile
 import threading
 import unittest
 
@@ -16,7 +18,7 @@ import cv2
 import numpy as np
 
 import pliant
-from support import BIN, FolderCase, other_view, picture, png, server
+from support import BIN, FolderCase, eventually, other_view, picture, png, server
 
 
 class Served(FolderCase):
@@ -110,6 +112,76 @@ class Served(FolderCase):
             ours = index.search(other_view(1), verify="tps").document["hits"]
         self.assertEqual(ours, theirs)
 
+    def test_names_and_metadata_change(self):
+        client = self.client
+        for seed in range(3):
+            client.add(picture(seed), id=f"p{seed}", object=f"o{seed}", metadata={"shelf": seed, "shop": "east"})
+        before = client.etag("p0")
+        record = client.update("p0", object="mug é", metadata={"shelf": 5, "shop": None}, source="mug.png")
+        self.assertEqual((record["object"], record["metadata"], record["source"]), ("mug é", {"shelf": 5}, "mug.png"))
+        self.assertEqual(client.get("p0"), record)
+        with self.fails(pliant.ConflictError, "precondition_failed") as caught:
+            client.update("p0", object="cup", if_match=before)
+        self.assertEqual(caught.exception.status, 412)
+        self.assertEqual(client.update("p0", object="", if_match=client.etag("p0"))["object"], "")
+        self.assertEqual(client.get("p0")["metadata"], {"shelf": 5})
+
+        self.assertEqual(client.rename_object("o1", "cup/é?")["object"], "cup/é?")
+        self.assertEqual([one["object"] for one in client.objects()], ["", "cup/é?", "o2"])
+        with self.fails(pliant.ConflictError, "object_exists"):
+            client.rename_object("o2", "cup/é?")
+        self.assertEqual(client.rename_object("o2", "cup/é?", merge=True)["images"], 2)
+        for work, kind, code in ((lambda: client.update("none", object="x"), pliant.NotFoundError, "image_not_found"),
+                                 (lambda: client.rename_object("none", "x"), pliant.NotFoundError, "object_not_found"),
+                                 (lambda: client.update("p0", source="a\u202eb"), ValueError, "source_invalid"),
+                                 (lambda: client.update("p0"), TypeError, None),
+                                 (lambda: client.update("p0", metadata={"x": float("nan")}), ValueError, None)):
+            with self.fails(kind, code):
+                work()
+
+    def test_batches(self):
+        client = self.client
+        for seed in range(3):
+            client.add(picture(seed), id=f"p{seed}", object=f"o{seed}")
+        client.train(words=50)
+        path = self.write("view.png", other_view(1))
+        first, second, third, fourth = client.search_batch(
+            [{"image": path, "limit": 1}, {"image_id": "none"}, {"image": other_view(2), "group_by": "image"},
+             {"image": b"no picture"}])
+        self.assertEqual([hit["object"] for hit in first["hits"]], ["o1"])
+        self.assertIsInstance(second, pliant.NotFoundError)
+        self.assertEqual((second.code, second.status), ("image_not_found", 404))
+        self.assertEqual(third["hits"][0]["object"], "o2")
+        self.assertIsInstance(fourth, pliant.UnsupportedMediaTypeError)
+        with self.fails(pliant.InvalidArgumentError):
+            client.search_batch([])
+
+    def test_an_archive(self):
+        for seed in range(3):
+            self.write(f"shop/o{seed}/a.png", picture(seed))
+        (self.folder / "shop" / "o2" / "broken.png").write_bytes(png(picture(9))[:400])
+        archive = self.folder / "shop.tar"
+        with tarfile.open(archive, "w") as tar:
+            tar.add(self.folder / "shop", "shop")
+        heard = []
+        job = self.client.import_archive(archive, metadata={"shop": "east"}, progress=heard.append)
+        self.assertEqual((job["state"], job["done"], job["failed"]), ("done", 4, 1))
+        self.assertEqual(heard[-1], job)
+        items = list(self.client.job_items(job["id"]))
+        self.assertEqual(sorted(item["status"] for item in items), [201, 201, 201, 422])
+        self.assertEqual({(one["object"], one["metadata"]["shop"]) for one in self.client.images()},
+                         {(f"o{seed}", "east") for seed in range(3)})
+        lines = self.folder / "more.ndjson"
+        lines.write_text(json.dumps({"image": base64.b64encode(png(picture(5))).decode(), "id": "five"}) + "\n")
+        self.client.import_archive(lines, object="all", wait=False)
+        eventually(lambda: self.assertEqual(self.client.get("five")["object"], "all"))
+        for work, kind, code in ((lambda: self.client.import_archive(self.folder / "x.zip"), ValueError, "archive_type"),
+                                 (lambda: self.client.import_archive(self.folder / "none.tar"), OSError, None),
+                                 (lambda: self.client.import_archive(self.folder), ValueError, "archive_type"),
+                                 (lambda: list(self.client.job_items("0")), pliant.NotFoundError, "job_not_found")):
+            with self.fails(kind, code):
+                work()
+
     def test_errors(self):
         client = self.client
         with self.fails(pliant.NotFoundError, "image_not_found") as caught:
@@ -155,6 +227,13 @@ class Served(FolderCase):
         self.assertEqual(reader.collections(), ["default"])
         with self.fails(pliant.ForbiddenError, "forbidden"):
             reader.add(picture(1))
+        with self.fails(pliant.ForbiddenError, "forbidden"):
+            reader.update("x", object="y")
+        large = self.folder / "large.tar"
+        with open(large, "wb") as file:
+            file.truncate(200 << 20)  # is refused before it has been sent
+        with self.fails(pliant.ForbiddenError, "forbidden"):
+            reader.import_archive(large)
         writer.add(picture(1))
         self.assertNotIn(keys[0], repr(reader))
         with self.fails(ValueError, "key_invalid"):

@@ -43,7 +43,7 @@ class Scripted(unittest.TestCase):
                 self.end_headers()
                 self.wfile.write(data)
 
-            do_GET = do_POST = do_PUT = do_DELETE = answer
+            do_GET = do_POST = do_PUT = do_PATCH = do_DELETE = answer
 
             def log_message(self, *_):
                 pass
@@ -179,6 +179,9 @@ class Scripted(unittest.TestCase):
         def job(state, **more):
             return (200, {"Content-Type": "application/json"}, json.dumps({"id": "7", "state": state, **more}).encode())
 
+        self.answers = [job("queued"), job("done")]
+        self.assertEqual(self.client.wait("7")["state"], "done")
+        self.assertEqual([path for _, path, *_ in self.seen], ["/v1/jobs/7?wait=0.000", "/v1/jobs/7?wait=30.000"])
         self.answers = [job("queued"), job("running"), job("done")]
         states = []
         self.assertEqual(self.client.wait("7", progress=lambda one: states.append(one["state"]))["state"], "done")
@@ -194,6 +197,27 @@ class Scripted(unittest.TestCase):
         with self.assertRaises(pliant.UnavailableError) as caught:
             self.client.wait("7", timeout=0.2)
         self.assertEqual(caught.exception.code, "timeout")
+
+    def test_a_file_is_sent_from_its_beginning_each_time(self):
+        with tempfile.TemporaryDirectory() as name:
+            lines = pathlib.Path(name) / "x.ndjson"
+            lines.write_bytes(b"0123456789" * 100000)
+            self.answers = [BUSY, CUT, (202, {"Content-Type": "application/json"}, b'{"id": "7"}')]
+            self.assertEqual(self.client.import_archive(lines, wait=False, object_from="stem")["id"], "7")
+            self.assertEqual({(path, body) for _, path, _, body in self.seen},
+                             {("/v1/collections/default/images:import?object_from=stem", lines.read_bytes())})
+            self.assertEqual(len({headers["Idempotency-Key"] for _, _, headers, _ in self.seen}), 1)
+            self.assertEqual({headers["Content-Type"] for _, _, headers, _ in self.seen}, {"application/x-ndjson"})
+
+    def test_changes(self):
+        self.answers = [CUT, RECORD, RECORD]
+        self.client.update("a b", metadata={"x": None}, if_match='"tag"')
+        self.client.rename_object("a/b", "c", merge=True)
+        method, path, headers, body = self.seen[1]
+        self.assertEqual((method, path, headers["If-Match"], body),
+                         ("PATCH", "/v1/collections/default/images/a%20b", '"tag"', b'{"metadata": {"x": null}}'))
+        self.assertEqual(self.seen[0][2]["Idempotency-Key"], headers["Idempotency-Key"])
+        self.assertEqual(self.seen[2][1], "/v1/collections/default/objects/a%2Fb?merge=true")
 
     def test_ready(self):
         self.answers = [(503, {**BUSY[1], "Retry-After": "30"}, BUSY[2]), GOOD]

@@ -57,7 +57,8 @@ class Life(IndexCase):
             self.assertEqual(hits[0].metadata, {"shop": "café", "year": 2024})
             self.assertGreater(hits[0].inliers, 10)
             self.assertEqual(hits[0].polygon.shape[1], 2)
-            self.assertEqual((hits.found, hits.total), (1, 2))
+            self.assertEqual((hits.verdict, hits.found, hits.total), ("found", 1, 2))
+            self.assertIsNone(index.search(picture(7), verify="none").verdict)
 
             self.assertEqual(len(index), 2)
             self.assertEqual([p.id for p in index], sorted(["cup-1", added.id]))
@@ -83,6 +84,29 @@ class Life(IndexCase):
             self.assertEqual(copy.search(other_view(0))[0].object, "mug")
             with self.fails(pliant.Error):
                 copy.add(picture(5))
+
+    def test_names_and_metadata_change(self):
+        index = self.filled(3)
+        absent = index.search(picture(7, 640, 480), min_score=1)
+        self.assertEqual((absent.verdict, absent.found), ("not_found", 0))
+        index.update("p0", object="mug é", metadata={"odd": None, "shelf": 5})
+        self.assertEqual((index.get("p0").object, index.get("p0").metadata), ("mug é", {"seed": 0, "shelf": 5}))
+        changed = index.update("p0", object="", source="mug.png")
+        self.assertEqual((changed, changed.object, changed.source), (index.get("p0"), "", "mug.png"))
+        self.assertEqual(index.rename_object("o1", "cup"), 1)
+        self.assertEqual(index.search(other_view(1))[0].object, "cup")
+        with self.fails(pliant.ConflictError, "object_exists"):
+            index.rename_object("o2", "cup")
+        self.assertEqual(index.rename_object("o2", "cup", merge=True), 2)
+        self.assertEqual(list(index.objects()), [("cup", 2)])
+        for work, kind, code in ((lambda: index.update("none", object="x"), pliant.NotFoundError, "image_not_found"),
+                                 (lambda: index.rename_object("none", "x"), pliant.NotFoundError, "object_not_found"),
+                                 (lambda: index.rename_object("cup", ""), ValueError, None),
+                                 (lambda: index.update("p0"), TypeError, None),
+                                 (lambda: index.update("p0", object=5), TypeError, None),
+                                 (lambda: index.update("p0", metadata=[1]), TypeError, None)):
+            with self.fails(kind, code):
+                work()
 
     def test_collections(self):
         with self.open() as index, self.open(collection="shelf") as shelf:

@@ -113,6 +113,54 @@ test("filters limit what is found", async () => {
   await house.closePage(page);
 });
 
+test("what a search is limited to survives Reload and Back, and goes with its link", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await page.locator("#search-file").setInputFiles(picture());
+  await house.waitForText(page, "#search-status", /^Found: poster/);
+  await page.locator("#filters summary").click();
+  await page.locator("#filter-labels").fill("made_of=cloth");
+  await page.locator("#filter-limit").selectOption("24");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await page.reload();
+  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  assert.equal(await page.locator("#filter-labels").inputValue(), "made_of=cloth");
+  assert.equal(await page.locator("#filter-limit").inputValue(), "24");
+  assert.match(await house.text(page, "#filters-set"), /1 set/);
+  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();  // they hold for the next one
+  await house.waitForText(page, "#search-status", /^(Found|Not found)/);
+  await page.locator("#filters summary").click();
+  await page.locator("#filters-form").getByRole("button", { name: "Clear" }).click();
+  await house.waitForText(page, "#search-status", /^Found: town map/);
+  await page.locator("#region-start").focus();
+  await page.keyboard.press("Enter");
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  const part = await page.locator("#region").getAttribute("aria-label");
+  await page.reload();
+  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  assert.equal(await page.locator("#region").getAttribute("aria-label"), part);
+  await page.goBack();
+  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  assert.equal(await page.locator("#region").isVisible(), false);
+  await page.goForward();
+  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  assert.equal(await page.locator("#filter-labels").inputValue(), "");
+
+  // A link says all of it; what makes no sense in one is left out.
+  await page.goto(`${server.address}/#/search?image=demo-newspaper&min_score=0.3&group_by=image&limit=7&part=a,b`);
+  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  assert.deepEqual([await page.locator("#filter-score").inputValue(), await page.locator("#filter-group").inputValue(),
+                    await page.locator("#filter-limit").inputValue()], ["0.3", "image", "12"]);
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.locator("#share").click();
+  await house.waitForText(page, "#notices", /copied/);
+  assert.equal(await page.evaluate(() => navigator.clipboard.readText()),
+               `${server.address}/#/search?image=demo-newspaper&min_score=0.3&group_by=image`);
+  await house.closePage(page);
+});
+
 test("what goes wrong is said in words", async () => {
   await prepare();
   const page = await house.openPage(server.address);

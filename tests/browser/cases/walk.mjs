@@ -25,6 +25,7 @@ async function firstVisit(where, options) {
   await house.shoot(page, `walk-files-${where}`);
   await page.getByRole("button", { name: "Add 24 pictures" }).click();
   await house.waitForText(page, "#add-status", /Finished: 24 pictures added\./);
+  await house.checkOverlaps(page, `24 added, ${where}`);
   await page.getByRole("link", { name: "Search with a photo" }).click();  // what comes next
   await house.waitForText(page, "#search-status", /24 pictures of 24 objects to find/);
 

@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A place of the query shows one of the objects that agree with it.
+#include "index/verify/places.h"
+
+#include <gtest/gtest.h>
+
+namespace pliant {
+namespace {
+
+// Key points 0..99 lie in one place, 100..199 in another one.
+Features Query() {
+  Features query;
+  for (int i = 0; i < 200; ++i) {
+    Keypoint k;
+    k.x = static_cast<float>(i % 100);
+    k.y = i < 100 ? 0.0F : 500.0F;
+    query.keypoints.push_back(k);
+  }
+  return query;
+}
+
+// An instance at the key points first .. first + count - 1, whose outline is the whole place unless
+// `width` says how much of it.
+void See(VerifiedPicture* picture, std::uint32_t first, std::uint32_t count, float distance,
+         double width = 100) {
+  const double x = first % 100 - 0.5;
+  const double y = first < 100 ? 0 : 500;
+  const double left = width < 100 ? x : -0.5;
+  picture->instances.push_back(
+      {.inliers = static_cast<int>(count),
+       .polygon = {{left, y - 9}, {left + width, y - 9}, {left + width, y + 9}, {left, y + 9}}});
+  for (std::uint32_t i = 0; i < count; ++i) picture->claims.push_back({first + i, distance});
+}
+
+VerifiedPicture Seen(std::int64_t object, double score, std::uint32_t first, std::uint32_t count,
+                     float distance, double width = 100) {
+  VerifiedPicture picture;
+  picture.picture = {{1, "picture", 1}, object, score};
+  See(&picture, first, count, distance, width);
+  return picture;
+}
+
+TEST(SettlePlaces, OfTwoAtOnePlaceTheOneThatKeepsMoreIsThere) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 10, 40, 0.5F)};
+  See(&pictures[1], 60, 5, 0.5F);  // what only this one has, where the other one is
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
+  const double first = Probability(0.99) / (1 - Probability(0.99));
+  const double second = Probability(0.9) / (1 - Probability(0.9));
+  EXPECT_NEAR(pictures[1].probability, second / (1 + first + second), 1e-9);
+  EXPECT_LT(pictures[1].probability, 0.5);
+  EXPECT_DOUBLE_EQ(pictures[1].picture.score, 0.9) << "the order stays";
+  EXPECT_EQ(pictures[1].instances.front().inliers, 40) << "where it was seen is told all the same";
+}
+
+TEST(SettlePlaces, InPlacesOfTheirOwnAllAreFound) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 100, 40, 0.5F)};
+  See(&pictures[0], 100, 30, 0.6F);  // more alike to the other one
+  See(&pictures[1], 0, 45, 0.4F);
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
+  EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9));
+  for (const VerifiedPicture& picture : pictures) {
+    ASSERT_EQ(picture.instances.size(), 1U) << "what they were taken for elsewhere is gone";
+  }
+  EXPECT_EQ(pictures[0].instances.front().inliers, 50);
+  EXPECT_EQ(pictures[1].instances.front().inliers, 40);
+}
+
+TEST(SettlePlaces, APartOfAThingIsNoRival) {
+  // A label, and the bottle that it is on.
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 90, 0.3F),
+                                           Seen(2, 0.9, 0, 20, 0.4F, 25)};
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9));
+}
+
+TEST(SettlePlaces, CopiesUnderTwoNamesAreBothFound) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 50, 0.3F)};
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
+  EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.99));
+}
+
+TEST(SettlePlaces, PicturesOfOneObjectAndUnnamedOnesMayShowTheSame) {
+  for (const std::int64_t object : {0, 1}) {
+    std::vector<VerifiedPicture> pictures = {Seen(object, 0.99, 0, 50, 0.3F),
+                                             Seen(object, 0.9, 0, 40, 0.5F)};
+    SettlePlaces(Query(), &pictures);
+    EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9)) << object;
+  }
+}
+
+TEST(SettlePlaces, WithoutInstancesThereIsNothingToSettle) {
+  std::vector<VerifiedPicture> pictures(2);
+  pictures[0].picture = {{1, "a", 1}, 1, 0.9};
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.9));
+  SettlePlaces(Query(), &(pictures = {}));
+}
+
+}  // namespace
+}  // namespace pliant
