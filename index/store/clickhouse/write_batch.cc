@@ -204,41 +204,53 @@ bool WriteBatch::empty() const {
 
 bool WriteBatch::HasCommit() const { return !changes_.commits.empty() || HasCommon(changes_); }
 
+// Each insert waits for its quorum, so those that do not depend on each other go at the same time.
 void WriteBatch::WriteShard(std::size_t shard) {
-  Rows words(&link_, shard, "words");
-  for (const NewWords& one : changes_.words) {
-    if (one.shard == shard) words.Add(one.vocabulary, one.picture, TextOf(one.encoded));
-  }
-  words.Write();
-  Rows features(&link_, shard, "features");
-  for (const NewBlob& one : changes_.features) {
-    if (one.shard == shard) features.Add(one.picture, TextOf(one.bytes));
-  }
-  features.Write();
-  Rows originals(&link_, shard, "originals");
-  for (const NewBlob& one : changes_.originals) {
-    if (one.shard == shard) originals.Add(RawHash(one.sha256), TextOf(one.bytes));
-  }
-  originals.Write();
-  Rows by_sha256(&link_, shard, "by_sha256");
-  Rows by_object(&link_, shard, "by_object");
-  Rows pictures(&link_, shard, "pictures");
-  for (const NewCommit& commit : changes_.commits) {
-    const PictureState& state = commit.state;
-    if (link_.ShardOf(state.collection, state.record.id) != shard) continue;
-    if (!state.deleted) {
-      by_sha256.Add(RawHash(state.record.sha256), state.collection, state.record.id);
-      if (!state.record.object.empty()) {
-        by_object.Add(state.collection, state.record.object, state.record.id);
-      }
+  std::vector<std::future<void>> tables;
+  const auto write = [&](const char* table, const std::function<void(Rows & rows)>& fill) {
+    tables.push_back(std::async(std::launch::async, [this, shard, table, fill] {
+      Rows rows(&link_, shard, table);
+      fill(rows);
+      rows.Write();
+    }));
+  };
+  const auto each_state = [&](const std::function<void(const PictureState& state)>& work) {
+    for (const NewCommit& commit : changes_.commits) {
+      const PictureState& state = commit.state;
+      if (link_.ShardOf(state.collection, state.record.id) == shard) work(state);
     }
-  }
-  by_sha256.Write();
-  by_object.Write();
-  for (const NewCommit& commit : changes_.commits) {
-    const PictureState& state = commit.state;
-    if (link_.ShardOf(state.collection, state.record.id) == shard) pictures.Add(state);
-  }
+  };
+  write("words", [&](Rows& rows) {
+    for (const NewWords& one : changes_.words) {
+      if (one.shard == shard) rows.Add(one.vocabulary, one.picture, TextOf(one.encoded));
+    }
+  });
+  write("features", [&](Rows& rows) {
+    for (const NewBlob& one : changes_.features) {
+      if (one.shard == shard) rows.Add(one.picture, TextOf(one.bytes));
+    }
+  });
+  write("originals", [&](Rows& rows) {
+    for (const NewBlob& one : changes_.originals) {
+      if (one.shard == shard) rows.Add(RawHash(one.sha256), TextOf(one.bytes));
+    }
+  });
+  write("by_sha256", [&](Rows& rows) {
+    each_state([&](const PictureState& state) {
+      if (state.deleted) return;
+      rows.Add(RawHash(state.record.sha256), state.collection, state.record.id);
+    });
+  });
+  write("by_object", [&](Rows& rows) {
+    each_state([&](const PictureState& state) {
+      if (state.deleted || state.record.object.empty()) return;
+      rows.Add(state.collection, state.record.object, state.record.id);
+    });
+  });
+  for (auto& table : tables) table.get();
+  // Last: who finds these without a commit commits them (ClusterCommits::Recover).
+  Rows pictures(&link_, shard, "pictures");
+  each_state([&](const PictureState& state) { pictures.Add(state); });
   pictures.Write();
 }
 
