@@ -130,6 +130,7 @@ class Filler {
     for (const auto& picture : store->catalogue().LoadPictures(refs, kAll)) {
       if (picture) real.push_back(DecodeFeatures(picture->features));
     }
+    real_ = real.size();
     const std::uint64_t there = store->catalogue().CountPictures(in.key);
     std::atomic<std::uint64_t> next{there};
     const auto start = Clock::now();
@@ -186,9 +187,10 @@ class Filler {
     EngineOptions read = OptionsOf(options_);
     read.read_only = true;
     Engine engine(read);
-    std::printf("loaded %llu pictures in %.1f s\n",
-                static_cast<unsigned long long>(engine.GetCollection("default").images),
-                SecondsSince(start));
+    const double loaded_s = SecondsSince(start);
+    const std::uint64_t all = engine.GetCollection("default").images;
+    std::printf("loaded %llu pictures in %.1f s\n", static_cast<unsigned long long>(all), loaded_s);
+    const std::uint64_t copies = std::max<std::uint64_t>(all - std::min(all, real_), 1);
     const auto store = OpenStore(
         {.database = options_.database, .create = false, .read_only = true, .model_of_new = {}});
     const Key in = store->catalogue().RequireCollection("default").key;
@@ -198,7 +200,7 @@ class Filler {
       for (int i = 0; i < 10; ++i) {
         std::vector<PictureRef> refs;
         for (std::size_t j = 0; j < count; ++j) {
-          refs.push_back({in, "copy-" + std::to_string(random() % options_.pictures)});
+          refs.push_back({in, "copy-" + std::to_string(real_ + random() % copies)});
         }
         start = Clock::now();
         store->catalogue().LoadPictures(refs, kAll);
@@ -219,6 +221,7 @@ class Filler {
   }
 
   const Options& options_;
+  std::uint64_t real_ = 0;  // pictures that were described; the copies' numbers go on from there
 };
 
 }  // namespace
