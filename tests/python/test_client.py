@@ -133,7 +133,7 @@ class Served(FolderCase):
         self.assertEqual(client.rename_object("o2", "cup/é?", merge=True)["images"], 2)
         for work, kind, code in ((lambda: client.update("none", object="x"), pliant.NotFoundError, "image_not_found"),
                                  (lambda: client.rename_object("none", "x"), pliant.NotFoundError, "object_not_found"),
-                                 (lambda: client.update("p0", source="a\u202eb"), ValueError, "source_invalid"),
+                                 (lambda: client.update("p0", source="a\u202eb"), ValueError, "invalid_parameter"),
                                  (lambda: client.update("p0"), TypeError, None),
                                  (lambda: client.update("p0", metadata={"x": float("nan")}), ValueError, None)):
             with self.fails(kind, code):
