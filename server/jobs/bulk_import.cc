@@ -45,11 +45,6 @@ SkippedItem SkippedOf(const std::string& name, const Json& problem) {
   return {name, problem.value("code", ""), problem.value("detail", "")};
 }
 
-[[noreturn]] void ThrowCancelled() {
-  throw Error(ErrorCode::kCancelled, "import_cancelled",
-              "the import was stopped; what it has added stays");
-}
-
 class BulkImport {
  public:
   BulkImport(JobQueue& jobs, Engine& engine, WorkerPool& pool, Fetcher& fetcher,
@@ -81,7 +76,7 @@ class BulkImport {
     context_.Progress(static_cast<double>(done), static_cast<double>(items.size()));
     const auto at_once = static_cast<std::size_t>(ImportsAtOnce(pool_));
     while (done < items.size()) {
-      if (context_.stop().stop_requested()) ThrowCancelled();
+      if (context_.stop().stop_requested()) ThrowImportStopped();
       const std::size_t count = std::min(at_once, items.size() - done);
       std::vector<Outcome> outcomes(count);
       ParallelFor(count, static_cast<int>(count),
@@ -138,7 +133,7 @@ class BulkImport {
       outcome.json["object"] = added.image.object;
     } catch (...) {
       const Problem problem = CurrentProblem();
-      if (problem.code == "stopping" && context_.stop().stop_requested()) ThrowCancelled();
+      if (problem.code == "stopping" && context_.stop().stop_requested()) ThrowImportStopped();
       if (ConcernsAll(problem)) throw;
       if (problem.code == "collection_not_found") throw;  // it was removed meanwhile
       Json json = {{"code", problem.code}, {"detail", problem.detail}};

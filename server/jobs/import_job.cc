@@ -50,10 +50,7 @@ std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& option
     if (added.outcome != AddOutcome::kUnchanged) options.on_added(job.collection);
     return added;
   };
-  if (ImportPictures(engine, files, how).interrupted) {
-    throw Error(ErrorCode::kCancelled, "import_cancelled",
-                "the import was stopped; what it has added stays");
-  }
+  if (ImportPictures(engine, files, how).interrupted) ThrowImportStopped();
   return "/v1/collections/" + job.collection;
 }
 
@@ -93,12 +90,18 @@ int ImportsAtOnce(const WorkerPool& pool) {
   return std::max(kEnoughToWait, pool.cores() / 2);
 }
 
+void ThrowImportStopped() {
+  throw Error(ErrorCode::kCancelled, "import_cancelled",
+              "the import was stopped; what it has added stays");
+}
+
 AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
                        const std::stop_token& stop) {
   for (int attempt = 1;; ++attempt) {
     try {
       std::function<AddResult()> write;
       pool.Run(WorkerPool::Lane::kBackground, [&](int cores) {
+        if (stop.stop_requested()) ThrowImportStopped();
         AddRequest with_cores = request;
         with_cores.threads = cores;
         write = engine.BeginAdd(with_cores);

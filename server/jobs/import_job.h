@@ -36,7 +36,11 @@ JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std:
 // killed is looked at once more.
 int ImportsAtOnce(const WorkerPool& pool);
 
-// Adds in the background lane. Waits while another process holds the database.
+// Ends an import that was told to stop; as an Error kCancelled "import_cancelled".
+[[noreturn]] void ThrowImportStopped();
+
+// Adds in the background lane. Waits while another process holds the database. A picture that still
+// waits for a core when `stop` is requested is not begun (ThrowImportStopped).
 AddResult AddPatiently(Engine& engine, WorkerPool& pool, const AddRequest& request,
                        const std::stop_token& stop);
 
