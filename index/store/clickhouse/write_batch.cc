@@ -3,6 +3,7 @@
 #include "index/store/clickhouse/write_batch.h"
 
 #include <algorithm>
+#include <functional>
 #include <future>
 
 #include "descriptor/base/hex.h"
@@ -206,6 +207,13 @@ bool WriteBatch::HasCommit() const { return !changes_.commits.empty() || HasComm
 
 // Each insert waits for its quorum, so those that do not depend on each other go at the same time.
 void WriteBatch::WriteShard(std::size_t shard) {
+  // Lives longer than `tables`, whose inserts use it, also when one of them throws.
+  const auto each_state = [&](const std::function<void(const PictureState& state)>& work) {
+    for (const NewCommit& commit : changes_.commits) {
+      const PictureState& state = commit.state;
+      if (link_.ShardOf(state.collection, state.record.id) == shard) work(state);
+    }
+  };
   std::vector<std::future<void>> tables;
   const auto write = [&](const char* table, const std::function<void(Rows & rows)>& fill) {
     tables.push_back(std::async(std::launch::async, [this, shard, table, fill] {
@@ -213,12 +221,6 @@ void WriteBatch::WriteShard(std::size_t shard) {
       fill(rows);
       rows.Write();
     }));
-  };
-  const auto each_state = [&](const std::function<void(const PictureState& state)>& work) {
-    for (const NewCommit& commit : changes_.commits) {
-      const PictureState& state = commit.state;
-      if (link_.ShardOf(state.collection, state.record.id) == shard) work(state);
-    }
   };
   write("words", [&](Rows& rows) {
     for (const NewWords& one : changes_.words) {
