@@ -3,10 +3,9 @@
 #include "server/routes/store_figures.h"
 
 #include <algorithm>
+#include <exception>
 
 #include <spdlog/spdlog.h>
-
-#include "descriptor/base/error.h"
 
 namespace pliant::server {
 
@@ -53,7 +52,7 @@ void StoreFigures::Read(const std::stop_token& stop) {
         read_at_ = Clock::now();
       }
       if (AllAnswer(shards) && !stop.stop_requested()) stats = engine_.Stats();
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       spdlog::warn("the figures of the cluster cannot be read: {}", error.what());
     }
     lock.lock();

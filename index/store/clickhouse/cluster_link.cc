@@ -3,6 +3,7 @@
 #include "index/store/clickhouse/cluster_link.h"
 
 #include <algorithm>
+#include <exception>
 #include <future>
 #include <numeric>
 #include <utility>
@@ -101,7 +102,7 @@ void ClusterLink::Watch(const std::stop_token& stop) {
     std::optional<FoundShards> found;
     try {
       found = finder_.Find(stop);
-    } catch (const Error&) {
+    } catch (const std::exception&) {
       // What was known goes on being used; statements that fail say why.
     }
     lock.lock();
