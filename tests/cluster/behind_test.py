@@ -5,12 +5,10 @@
 
     tests/cluster/on_cluster.sh tests/cluster/behind_test.py --bin build/release/bin
 """
-import argparse
-import pathlib
 import sys
 import time
 
-from servers_test import Test
+from servers_test import run_case
 from troubles import Troubles, ask, local
 from model_client import IMAGES, SEARCH
 from service.pictures import texture
@@ -55,24 +53,5 @@ def try_it(test):
     troubles.wait_calm()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bin", type=pathlib.Path, required=True)
-    options = parser.parse_args()
-    options.servers, options.seconds, options.gap, options.seed = 1, 0, 5, 1
-    test = Test(options)
-    try:
-        test.prepare()
-        try_it(test)
-    except Wrong as wrong:
-        test.keep_logs()
-        print(f"WRONG: {wrong}; all logs are in {test.logs}")
-        return 1
-    finally:
-        test.tidy()
-    print("ok")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_case(__doc__, 1, try_it))

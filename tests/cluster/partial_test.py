@@ -6,7 +6,6 @@ nothing that was deleted; without it they are refused. Metrics by shard come wit
 
     tests/cluster/on_cluster.sh tests/cluster/partial_test.py --bin build/release/bin
 """
-import argparse
 import contextlib
 import hashlib
 import json
@@ -19,7 +18,7 @@ import tempfile
 import time
 import urllib.parse
 
-from servers_test import Test  # first: it says where the others are
+from servers_test import run_case  # first: it says where the others are
 from model_client import IMAGES
 from service.pictures import texture
 from service.server import Connection, Wrong
@@ -198,24 +197,5 @@ class Partial:
         self.all_is_there()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bin", type=pathlib.Path, required=True)
-    options = parser.parse_args()
-    options.servers, options.seconds, options.gap, options.seed = 2, 0, 5, 1
-    test = Test(options)
-    try:
-        test.prepare()
-        Partial(test).run()
-    except Wrong as wrong:
-        test.keep_logs()
-        print(f"WRONG: {wrong}; all logs are in {test.logs}")
-        return 1
-    finally:
-        test.tidy()
-    print("ok")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_case(__doc__, 2, lambda test: Partial(test).run()))

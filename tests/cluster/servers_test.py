@@ -141,6 +141,26 @@ class Test:
             server.kill()
 
 
+def run_case(description, servers, work):
+    """The main function of another test: calls `work` with servers on the cluster. Returns the exit status."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bin", type=pathlib.Path, required=True)
+    options = parser.parse_args()
+    options.servers, options.seconds, options.gap, options.seed = servers, 0, 5, 1
+    test = Test(options)
+    try:
+        test.prepare()
+        work(test)
+    except Wrong as wrong:
+        test.keep_logs()
+        print(f"WRONG: {wrong}; all logs are in {test.logs}")
+        return 1
+    finally:
+        test.tidy()
+    print("ok")
+    return 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
