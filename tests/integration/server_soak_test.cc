@@ -88,9 +88,9 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
       }
     };
-    await(part, 20 * clients);
+    await(part, 40 * clients);
     const double early = Metric(client, "process_resident_memory_bytes");
-    await(2 * part, 60 * clients);
+    await(2 * part, 80 * clients);
     const double late = Metric(client, "process_resident_memory_bytes");
     stop = true;
     for (std::thread& thread : threads) thread.join();
