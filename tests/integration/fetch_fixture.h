@@ -43,7 +43,7 @@ class FetchTest : public ServerTest {
   }
 
   Json Ask(const std::string& path, const Json& body, int status) {
-    const auto answer = client_->Post(path, body.dump(), kJson);
+    const auto answer = PostPatiently(*client_, path, body.dump(), kJson);
     if (!answer) {
       ADD_FAILURE() << "no answer";
       return Json::object();

@@ -27,9 +27,21 @@ inline httplib::Result Upload(httplib::Client& client, const std::string& pictur
                                                      {"object", object, "", ""}});
 }
 
+// Asks again while the first vocabulary is trained: a search waits for it, but not for ever.
+inline httplib::Result PostPatiently(httplib::Client& client, const std::string& path,
+                                     const std::string& body, const std::string& type) {
+  auto answer = client.Post(path, body, type);
+  for (int i = 0; i < 10 && answer && answer->status == 409 &&
+                  answer->body.find("is being trained") != std::string::npos;
+       ++i) {
+    answer = client.Post(path, body, type);
+  }
+  return answer;
+}
+
 inline Json SearchFor(httplib::Client& client, const std::string& picture,
                       const std::string& query = "") {
-  const auto answer = client.Post(kSearch + query, picture, "image/png");
+  const auto answer = PostPatiently(client, kSearch + query, picture, "image/png");
   EXPECT_TRUE(answer && answer->status == 200) << (answer ? answer->body : "no answer");
   return answer ? Json::parse(answer->body) : Json::object();
 }

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A store that cannot be written for a while, while others search.
+#include <atomic>
 #include <chrono>
 #include <thread>
 
@@ -19,7 +20,7 @@ TEST_F(ServerTest, AWriteThatWaitsKeepsNoCoreFromSearches) {
   ASSERT_EQ(client.Put(first, TestPicture(1), "image/png")->status, 201);
   SQLite::Database other((folder_.path() / "test.db").string(), SQLite::OPEN_READWRITE, 5000);
   other.exec("BEGIN IMMEDIATE");
-  int status = 0;
+  std::atomic<int> status = 0;
   std::thread writing([&] {
     auto writer = server_->Client();
     const auto answer = writer.Put(std::string(kImages) + "/second", TestPicture(2), "image/png");
