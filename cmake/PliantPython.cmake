@@ -1,12 +1,13 @@
 # Whether the Python package is built: PLIANT_PYTHON_FOUND. Sanitised builds leave it out, because Python itself is
 # not sanitised.
+# Debian's Python, which has Debian's packages, runs the tests in any case.
 set(PLIANT_PYTHON_FOUND OFF)
+find_program(PLIANT_PYTHON_EXECUTABLE NAMES /usr/bin/python3 python3 DOC "The Python that the package is for")
+set(Python3_EXECUTABLE ${PLIANT_PYTHON_EXECUTABLE})
 if(NOT PLIANT_PYTHON)
   return()
 endif()
 
-find_program(PLIANT_PYTHON_EXECUTABLE NAMES /usr/bin/python3 python3 DOC "The Python that the package is for")
-set(Python3_EXECUTABLE ${PLIANT_PYTHON_EXECUTABLE})
 find_package(Python3 COMPONENTS Interpreter Development.Module)
 if(Python3_FOUND)
   set(PYTHON_EXECUTABLE ${Python3_EXECUTABLE})

@@ -12,13 +12,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "tests/integration/server_process.h"
+#include "tests/integration/server_fixture.h"
 
 namespace pliant::testing {
 namespace {
-
-constexpr const char* kImages = "/v1/collections/default/images";
-constexpr const char* kSearch = "/v1/collections/default/search";
 
 class ServerLoadTest : public ::testing::Test {
  protected:
@@ -67,7 +64,8 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
           default: {
             const auto answer = client.Post(kSearch, picture, "image/png");
             ASSERT_TRUE(answer);
-            // 409: nobody has uploaded anything yet.
+            // 409: nobody has uploaded anything yet. 503: no core was free in time.
+            if (answer->status == 503 && answer->has_header("Retry-After")) break;
             ASSERT_TRUE(answer->status == 200 || answer->status == 409) << answer->body;
           }
         }
@@ -283,7 +281,7 @@ TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
   auto client = server.Client();
   for (const int number : acknowledged) EXPECT_EQ(client.Get(ImagePath(number))->status, 200);
   for (const int number : deleted) EXPECT_EQ(client.Get(ImagePath(number))->status, 404);
-  EXPECT_EQ(client.Post(kSearch, TestPicture(1, 1), "image/png")->status, 200);
+  EXPECT_EQ(PostPatiently(client, kSearch, TestPicture(1, 1), "image/png")->status, 200);
 }
 
 }  // namespace
