@@ -39,14 +39,24 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
     clients.emplace_back([&, c] {
       auto client = server.Client();
       std::mt19937 random(c);
+      // A machine this slow says that it is busy, and when to come again; nothing was done then.
+      const auto patiently = [](const auto& request) {
+        httplib::Result answer = request();
+        for (int i = 0; i < 20 && answer && answer->has_header("Retry-After"); ++i) {
+          answer = request();
+        }
+        return answer;
+      };
       for (int round = 0; round < kRounds; ++round) {
         const int number = c * 100 + static_cast<int>(random() % 3);
         const auto& picture = pictures[random() % pictures.size()];
         switch (random() % 4) {
           case 0:
           case 1: {
-            const auto answer = client.Put(ImagePath(number) + "?object=o" + std::to_string(c),
-                                           picture, "image/png");
+            const auto answer = patiently([&] {
+              return client.Put(ImagePath(number) + "?object=o" + std::to_string(c), picture,
+                                "image/png");
+            });
             ASSERT_TRUE(answer);
             ASSERT_TRUE(answer->status == 201 || answer->status == 200) << answer->body;
             const std::lock_guard lock(mutex);
@@ -54,7 +64,7 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
             break;
           }
           case 2: {
-            const auto answer = client.Delete(ImagePath(number));
+            const auto answer = patiently([&] { return client.Delete(ImagePath(number)); });
             ASSERT_TRUE(answer);
             const std::lock_guard lock(mutex);
             ASSERT_EQ(answer->status, expected[number] ? 204 : 404) << answer->body;
@@ -62,10 +72,10 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
             break;
           }
           default: {
-            const auto answer = client.Post(kSearch, picture, "image/png");
+            const auto answer =
+                patiently([&] { return client.Post(kSearch, picture, "image/png"); });
             ASSERT_TRUE(answer);
-            // 409: nobody has uploaded anything yet. 503: no core was free in time.
-            if (answer->status == 503 && answer->has_header("Retry-After")) break;
+            // 409: nobody has uploaded anything yet.
             ASSERT_TRUE(answer->status == 200 || answer->status == 409) << answer->body;
           }
         }
