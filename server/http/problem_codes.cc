@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Which problems there are, and their statuses.
+#include <algorithm>
 #include <array>
-#include <map>
+#include <iterator>
 #include <stdexcept>
+#include <utility>
 
 #include "server/http/problem.h"
 
@@ -147,7 +149,8 @@ int StatusOf(ErrorCode code) {
 }
 
 std::string StatusTitle(int status) {
-  static const std::map<int, std::string> titles = {
+  // Not a map: threads may ask until the program's very end.
+  constexpr std::pair<int, const char*> kTitles[] = {
       {400, "Bad Request"},
       {401, "Unauthorized"},
       {403, "Forbidden"},
@@ -171,8 +174,9 @@ std::string StatusTitle(int status) {
       {503, "Service Unavailable"},
       {507, "Insufficient Storage"},
   };
-  const auto it = titles.find(status);
-  return it == titles.end() ? "Error" : it->second;
+  const auto title = std::find_if(std::begin(kTitles), std::end(kTitles),
+                                  [status](const auto& one) { return one.first == status; });
+  return title == std::end(kTitles) ? "Error" : title->second;
 }
 
 }  // namespace pliant::server
