@@ -18,23 +18,36 @@ constexpr double kBoxScale = 0.3;  // the share of the unit square that the grid
 
 using Point = std::array<double, 2>;
 
-std::vector<Point> Grid() {
+double RingRadius(RadialSpacing spacing, int ring) {
+  const double share = (ring + 0.5) / kPatchSide;
+  return spacing == RadialSpacing::kLinear ? share : std::pow(kPatchSide, share - 1);
+}
+
+std::vector<Point> Grid(RadialSpacing spacing) {
   std::vector<Point> grid;
   grid.reserve(kPatchPixels);
   for (int i = 0; i < kPatchSide; ++i) {
     const double angle = 2 * std::numbers::pi * (i + 0.5) / kPatchSide;
     for (int j = 0; j < kPatchSide; ++j) {
-      const double radius = (j + 0.5) / kPatchSide;
+      const double radius = RingRadius(spacing, j);
       grid.push_back({radius * std::cos(angle), radius * std::sin(angle)});
     }
   }
   return grid;
 }
 
-double HalfWidth(const std::vector<Point>& grid) {
+double HalfWidth() {
   double half = 0;
-  for (const Point& point : grid) half = std::max(half, std::abs(point[0]));
+  for (const Point& p : Grid(RadialSpacing::kLinear)) half = std::max(half, std::abs(p[0]));
   return half;
+}
+
+std::vector<Point> InBox(std::vector<Point> points) {
+  const double half = HalfWidth();
+  for (Point& point : points) {
+    for (double& value : point) value = (value / half + 1) / 2 * kBoxScale + (1 - kBoxScale) / 2;
+  }
+  return points;
 }
 
 double Rho(const Point& a, const Point& b) {
@@ -44,31 +57,27 @@ double Rho(const Point& a, const Point& b) {
 
 }  // namespace
 
-std::vector<float> UnitPolarGrid() {
+std::vector<float> UnitPolarGrid(RadialSpacing spacing) {
   std::vector<float> values;
   values.reserve(2 * kPatchPixels);
-  for (const Point& point : Grid()) {
+  for (const Point& point : Grid(spacing)) {
     values.push_back(static_cast<float>(point[0]));
     values.push_back(static_cast<float>(point[1]));
   }
   return values;
 }
 
-std::vector<float> TpsBasis() {
-  std::vector<Point> box = Grid();
-  const double half = HalfWidth(box);
-  for (Point& point : box) {
-    for (double& value : point) value = (value / half + 1) / 2 * kBoxScale + (1 - kBoxScale) / 2;
-  }
+std::vector<float> TpsBasis(RadialSpacing spacing) {
+  const std::vector<Point> linear = InBox(Grid(RadialSpacing::kLinear));
   std::vector<Point> controls;
   for (int i = 0; i < kPatchSide; i += kControlStride) {
     for (int j = 0; j < kPatchSide; j += kControlStride) {
-      controls.push_back(box[static_cast<std::size_t>(i * kPatchSide + j)]);
+      controls.push_back(linear[static_cast<std::size_t>(i * kPatchSide + j)]);
     }
   }
   std::vector<float> basis;
   basis.reserve(static_cast<std::size_t>(kPatchPixels) * kTpsParameters);
-  for (const Point& q : box) {
+  for (const Point& q : InBox(Grid(spacing))) {
     const double first = Rho(q, controls[0]);
     for (std::size_t k = 1; k < controls.size(); ++k) {
       basis.push_back(static_cast<float>(Rho(q, controls[k]) - first));
@@ -78,6 +87,6 @@ std::vector<float> TpsBasis() {
   return basis;
 }
 
-double DisplacementGain() { return 2 * HalfWidth(Grid()) / kBoxScale; }
+double DisplacementGain() { return 2 * HalfWidth() / kBoxScale; }
 
 }  // namespace pliant::deal

@@ -23,8 +23,8 @@ constexpr std::size_t kIdleWorkers = 64;
 constexpr std::size_t kShiftValues = 2 * kPatchPixels;  // x values, then y values
 
 // kTpsParameters x kPatchPixels: the basis transposed, in units of R.
-std::vector<float> ScaledBasis() {
-  const std::vector<float> basis = TpsBasis();
+std::vector<float> ScaledBasis(RadialSpacing spacing) {
+  const std::vector<float> basis = TpsBasis(spacing);
   const double gain = DisplacementGain();
   std::vector<float> scaled(basis.size());
   for (std::size_t q = 0; q < kPatchPixels; ++q) {
@@ -35,8 +35,8 @@ std::vector<float> ScaledBasis() {
   return scaled;
 }
 
-std::vector<float> PlanarGrid() {
-  const std::vector<float> grid = UnitPolarGrid();
+std::vector<float> PlanarGrid(RadialSpacing spacing) {
+  const std::vector<float> grid = UnitPolarGrid(spacing);
   std::vector<float> planar(grid.size());
   for (std::size_t q = 0; q < kPatchPixels; ++q) {
     planar[q] = grid[2 * q];
@@ -49,10 +49,10 @@ void Add(const float* values, std::size_t count, float* into) {
   for (std::size_t i = 0; i < count; ++i) into[i] += values[i];
 }
 
-ProductPrimitive WarpProduct() {
+ProductPrimitive WarpProduct(RadialSpacing spacing) {
   const ScopedPrimitiveThreads one(1);
   return {{0, static_cast<int>(2 * kBatch), kTpsParameters, kPatchPixels},
-          ScaledBasis(),
+          ScaledBasis(spacing),
           /*transposed=*/false,
           {},
           Activation::kNone};
@@ -61,6 +61,8 @@ ProductPrimitive WarpProduct() {
 }  // namespace
 
 struct DealNetwork::Impl {
+  explicit Impl(RadialSpacing spacing) : warp(WarpProduct(spacing)), grid(PlanarGrid(spacing)) {}
+
   // Buffers of one thread, for batches of key points.
   struct Worker {
     explicit Worker(const Impl& impl, const HardNet& net)
@@ -113,8 +115,8 @@ struct DealNetwork::Impl {
     });
   }
 
-  ProductPrimitive warp = WarpProduct();
-  std::vector<float> grid = PlanarGrid();
+  ProductPrimitive warp;
+  std::vector<float> grid;
   Pool<Worker> pool{kIdleWorkers};
 };
 
@@ -123,7 +125,7 @@ DealNetwork::DealNetwork(DealWeights weights)
       backbone_(weights_),
       localization_(*weights_),
       hardnet_(*weights_),
-      impl_(std::make_unique<Impl>()) {}
+      impl_(std::make_unique<Impl>(weights_->radial_spacing)) {}
 
 DealNetwork::~DealNetwork() = default;
 

@@ -205,6 +205,14 @@ double ReadRadiusPerSize(const SafetensorsFile& file) {
   return value;
 }
 
+RadialSpacing ReadRadialSpacing(const SafetensorsFile& file) {
+  const auto found = file.metadata().find("radial_spacing");
+  if (found == file.metadata().end() || found->second == "linear") return RadialSpacing::kLinear;
+  if (found->second == "logarithmic") return RadialSpacing::kLogarithmic;
+  Fail(file, "metadata 'radial_spacing' should be 'linear' or 'logarithmic', found '" +
+                 found->second + "'");
+}
+
 // What is wrong with the file is wrong with the model.
 template <typename Read>
 auto AsModel(Read&& read) {
@@ -223,6 +231,7 @@ DealWeights TakeAll(const SafetensorsFile& file) {
   }
   DealWeights weights;
   weights.radius_per_size = ReadRadiusPerSize(file);
+  weights.radial_spacing = ReadRadialSpacing(file);
   TensorSource source(file);
   weights.stem = TakeConv(source, "backbone.conv1", "backbone.bn1", true, {64, 3, 7, 7}, 2);
   SumInputChannels(&weights.stem);

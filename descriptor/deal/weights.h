@@ -47,6 +47,12 @@ struct LinearLayer {
   std::vector<float> bias;    // outputs
 };
 
+// How the rings of the polar grid are spaced; geometry.h.
+enum class RadialSpacing {
+  kLinear,       // the paper's
+  kLogarithmic,  // each ring is the same factor larger than the one inside it
+};
+
 struct DealWeights {
   ConvLayer stem;                           // 7 x 7, stride 2, 1 -> 64
   std::vector<BasicBlock> blocks;           // 3 of 64 channels, 4 of 128
@@ -54,12 +60,14 @@ struct DealWeights {
   std::array<ConvLayer, 6> hardnet;         // 3 x 3 on the polar patch
   std::array<ConvLayer, 4> head;            // 1 x 3, 1 x 3, 1 x 3, 1 x 2 along the radius
   double radius_per_size = 0;               // support radius R = this x key-point size
-  std::string sha256;                       // of the file, 64 hex digits
+  RadialSpacing radial_spacing = RadialSpacing::kLinear;
+  std::string sha256;  // of the file, 64 hex digits
 };
 
 // Throws kNotFound when there is no such file; kCorrupt naming file and tensor for a malformed
 // file, a missing, unknown or wrongly shaped tensor, a value that is not finite, or metadata
-// ("format" = "pliant-deal", "radius_per_size") that is missing or out of range.
+// ("format" = "pliant-deal", "radius_per_size") that is missing or out of range. Without
+// "radial_spacing" ("linear" or "logarithmic") the spacing is linear.
 DealWeights LoadDealWeights(const std::filesystem::path& path);
 DealWeights ParseDealWeights(const SafetensorsFile& file);
 

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's ablation (section 4.3): what the polar grid, deformed data and the warp each add.
+"""The paper's ablation (section 4.3): what the polar grid, deformed data and the warp each add, and
+what rings with logarithmic distances add to that.
 
     python3 -m descriptor.training.ablation --scenes DIR --planar DIR --weights W --dev DIR ... --out RUN
 
@@ -24,7 +25,7 @@ import torch
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 
-from . import runtime, tensor_file, warp_fit  # noqa: E402
+from . import geometry, runtime, tensor_file, warp_fit  # noqa: E402
 from .batches import BatchOptions, SceneSet  # noqa: E402
 from .cartesian import CartesianDeal  # noqa: E402
 from .model import Deal, load_model, save_model  # noqa: E402
@@ -40,6 +41,7 @@ class Setup:
     data: str = "scenes"
     warp: bool = True
     kind: type[Deal] = Deal
+    spacing: str = geometry.LINEAR
 
 
 SETUPS = (
@@ -47,6 +49,7 @@ SETUPS = (
     Setup("planar", "polar grid, warp, planar data", data="planar"),
     Setup("fixed", "polar grid, no warp", warp=False),
     Setup("full", "polar grid, warp"),
+    Setup("logarithmic", "polar grid, logarithmic, warp", spacing=geometry.LOGARITHMIC),
 )
 
 
@@ -86,6 +89,7 @@ def train(setup: Setup, warp: Path, data: SceneSet, run: Path, budget: Budget, d
     """The trained network of a setup; continues or just reads what the run folder holds."""
     torch.manual_seed(budget.seed)
     model = setup.kind()
+    model.set_spacing(setup.spacing)
     fitted, _ = load_model(warp)
     model.backbone, model.localization = fitted.backbone, fitted.localization
     recipe = dataclasses.replace(preset("cpu"), validation_seconds=float("inf"))

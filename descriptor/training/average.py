@@ -19,15 +19,17 @@ from .model import Deal, load_model, save_model
 
 def average(weighted: list[tuple[float, Path]]) -> tuple[Deal, dict[str, str]]:
     """The mean network and the first file's metadata. Raises ValueError for weights that do not sum
-    to something positive, or networks of different shapes."""
+    to something positive, or networks of different shapes or with differently spaced rings."""
     total = sum(weight for weight, _ in weighted)
     if not total > 0 or any(weight < 0 for weight, _ in weighted):
         raise ValueError("the weights of a mean must not be negative, nor all zero")
     model, metadata = load_model(weighted[0][1])
     mean = {name: value * (weighted[0][0] / total) for name, value in model.state_dict().items()}
     for weight, path in weighted[1:]:
-        other = load_model(path)[0].state_dict()
-        for name, value in other.items():
+        other, _ = load_model(path)
+        if other.spacing != model.spacing:
+            raise ValueError(f"{path}: the rings are {other.spacing}, in {weighted[0][1]} {model.spacing}")
+        for name, value in other.state_dict().items():
             if value.shape != mean[name].shape:
                 raise ValueError(f"{path}: '{name}' is {tuple(value.shape)}, "
                                  f"in {weighted[0][1]} {tuple(mean[name].shape)}")

@@ -60,7 +60,7 @@ class CartesianDeal(Deal):
     format = "pliant-deal-cartesian"
 
     def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
-        super().__init__(widths)
+        super().__init__(widths)  # linear: the rings on which displacement_at reads
         self.hardnet = HardNet(polar=False)
         self.register_buffer("unit_square", unit_square_grid(), persistent=False)
 

@@ -89,8 +89,8 @@ def write_goldens(model_path: Path, out: Path) -> list[Path]:
     model, metadata = load_model(model_path)
     model = model.double().eval()
     # The buffers came through float32: take the constants afresh.
-    model.unit_grid = torch.from_numpy(geometry.unit_polar_grid())
-    model.basis = torch.from_numpy(geometry.tps_basis())
+    model.unit_grid = torch.from_numpy(geometry.unit_polar_grid(model.spacing))
+    model.basis = torch.from_numpy(geometry.tps_basis(model.spacing))
     radius_per_size = float(metadata["radius_per_size"])
     common = {"model_sha256": tensor_file.sha256(model_path), "radius_per_size": radius_per_size}
     out.mkdir(parents=True, exist_ok=True)
@@ -105,8 +105,10 @@ def write_goldens(model_path: Path, out: Path) -> list[Path]:
         tensor_file.save(f"{stem}.safetensors", stages,
                          {**common, "image": f"{stem.name}.png, grey, values / 255"})
         written += [Path(f"{stem}.png"), Path(f"{stem}.safetensors")]
-    constants = {"unit_polar_grid": geometry.unit_polar_grid().astype(np.float32),
-                 "tps_basis": geometry.tps_basis().astype(np.float32)}
+    constants = {}
+    for spacing in geometry.SPACINGS:
+        constants[f"unit_polar_grid_{spacing}"] = geometry.unit_polar_grid(spacing).astype(np.float32)
+        constants[f"tps_basis_{spacing}"] = geometry.tps_basis(spacing).astype(np.float32)
     tensor_file.save(out / "golden_tps.safetensors", constants,
                      {"displacement_gain": repr(geometry.displacement_gain())})
     return [*written, out / "golden_tps.safetensors"]

@@ -89,14 +89,23 @@ class LocalizationNet(nn.Module):
 class Deal(nn.Module):
     format = "pliant-deal"  # of its weight files
 
-    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
+    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS, spacing: str = geometry.LINEAR):
         super().__init__()
         self.backbone = Backbone()
         self.localization = LocalizationNet(widths)
         self.hardnet = HardNet()
-        self.register_buffer("unit_grid", _constant(geometry.unit_polar_grid()), persistent=False)
-        self.register_buffer("basis", _constant(geometry.tps_basis()), persistent=False)
         self.gain = geometry.displacement_gain()
+        for name in ("unit_grid", "basis", "linear_basis"):
+            self.register_buffer(name, None, persistent=False)
+        self.set_spacing(spacing)
+
+    def set_spacing(self, spacing: str) -> None:
+        """How the rings of the polar grid are spaced (geometry.py); what was learned stays."""
+        self.spacing = spacing
+        like = self.localization.fc1.weight
+        self.unit_grid = _constant(geometry.unit_polar_grid(spacing)).to(like)
+        self.basis = _constant(geometry.tps_basis(spacing)).to(like)
+        self.linear_basis = _constant(geometry.tps_basis()).to(like)  # the true warp's: warp_target.py
 
     def features_at(self, pictures: torch.Tensor, index: torch.Tensor,
                     keypoints: torch.Tensor) -> torch.Tensor:
@@ -113,8 +122,8 @@ class Deal(nn.Module):
         return sample_features(maps, index, keypoints[:, :2] * scale)
 
     def displacement(self, theta: torch.Tensor, points: torch.Tensor | None = None) -> torch.Tensor:
-        """theta [N, 66, 2] -> [N, 1024 (or len(points)), 2] in units of R."""
-        basis = self.basis if points is None else self.basis[points]
+        """theta [N, 66, 2] -> [N, 1024, 2] in units of R at the grid, or at `points` of the linear grid."""
+        basis = self.basis if points is None else self.linear_basis[points]
         # A 1 x 1 convolution: the same product, but fast with any BLAS.
         return F.conv1d(theta, basis[:, :, None]) * self.gain
 
@@ -160,7 +169,8 @@ def export_tensors(model: Deal) -> dict[str, np.ndarray]:
 
 
 def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, dict[str, str]]:
-    """Reads a safetensors file of kind's format; widths come from its shapes.
+    """Reads a safetensors file of kind's format; widths come from its shapes, the rings' spacing from
+    its metadata (linear where they say nothing).
 
     Raises TensorFileError naming the tensor that is missing or has the wrong shape.
     """
@@ -172,6 +182,10 @@ def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, 
     if missing:
         raise tensor_file.TensorFileError(f"{path}: tensor '{missing[0]}' is missing")
     model = kind(tuple(tensors[name].shape[0] for name in names))
+    spacing = metadata.get("radial_spacing", geometry.LINEAR)
+    if spacing not in geometry.SPACINGS:
+        raise tensor_file.TensorFileError(f"{path}: metadata 'radial_spacing' is '{spacing}', not one of {geometry.SPACINGS}")
+    model.set_spacing(spacing)
     state = model.state_dict()
     for name, value in state.items():
         if name.endswith("num_batches_tracked"):
@@ -186,9 +200,9 @@ def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, 
 
 
 def save_model(path: str | os.PathLike, model: Deal, metadata: dict[str, str], half: bool = False) -> None:
-    """metadata must hold radius_per_size; 'format' is added. With `half`, matrices and filters are
+    """metadata must hold radius_per_size; 'format' and 'radial_spacing' are added. With `half`, matrices and filters are
     rounded to half precision, which halves the file; vectors (biases, batch norm) are not."""
     tensors = export_tensors(model)
     if half:
         tensors = {name: value.astype(np.float16) if value.ndim > 1 else value for name, value in tensors.items()}
-    tensor_file.save(path, tensors, {"format": model.format, **metadata})
+    tensor_file.save(path, tensors, {**metadata, "format": model.format, "radial_spacing": model.spacing})

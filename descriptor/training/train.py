@@ -14,7 +14,7 @@ from pathlib import Path
 
 import torch
 
-from . import runtime
+from . import geometry, runtime
 from .backbone import gabor_start
 from .batches import SceneSet
 from .checkpoint import read_checkpoint
@@ -26,22 +26,25 @@ from .validation import MatchingPair, development_pairs
 
 
 def resumed_model(run: Path) -> Deal | None:
-    """A network of the shape of the run folder's checkpoint (which the trainer then loads)."""
+    """A network of the shape of the run folder's checkpoint (which the trainer then loads, with its spacing)."""
     state = read_checkpoint(run, torch.device("cpu"))
     if state is None:
         return None
     return Deal(tuple(len(state["model"][f"localization.fc{i}.weight"]) for i in (1, 2, 3)))
 
 
-def starting_model(init: Path | None, init_warp: Path | None, seed: int) -> Deal:
+def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing: str | None = None) -> Deal:
     """Fresh weights (Gabor start for the backbone), or those of files: init gives everything,
-    init_warp overrides backbone and localisation network."""
+    init_warp overrides backbone and localisation network. The rings' spacing is that of the file
+    unless another one is given; fresh weights start with logarithmic rings."""
     torch.manual_seed(seed)
     if init is None and init_warp is None:
-        model = Deal()
+        model = Deal(spacing=spacing or geometry.LOGARITHMIC)
         gabor_start(model.backbone)
         return model
     model, _ = load_model(init or init_warp)
+    if spacing is not None:
+        model.set_spacing(spacing)
     if init_warp is not None and init is not None:
         warp, _ = load_model(init_warp)
         model.backbone, model.localization = warp.backbone, warp.localization
@@ -57,6 +60,8 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--run", type=Path, required=True, help="run folder of this stage")
     parser.add_argument("--init", type=Path, help="weights to start from")
     parser.add_argument("--init-warp", type=Path, help="backbone and localisation network to start from")
+    parser.add_argument("--spacing", choices=geometry.SPACINGS,
+                        help="of the polar grid's rings; default: that of --init, without it logarithmic")
     parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
     parser.add_argument("--until", help="HH:MM UTC: schedule by the clock instead of by steps")
     parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
@@ -72,7 +77,8 @@ def main() -> None:
     stage = recipe.stage(arguments.stage)
     if arguments.steps is not None:
         stage = dataclasses.replace(stage, steps=arguments.steps)
-    model = resumed_model(arguments.run) or starting_model(arguments.init, arguments.init_warp, arguments.seed)
+    model = resumed_model(arguments.run) or starting_model(
+        arguments.init, arguments.init_warp, arguments.seed, arguments.spacing)
     data = SceneSet(arguments.scenes)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
 

@@ -11,6 +11,7 @@ from typing import Callable
 
 import torch
 
+from . import geometry
 from .batches import SceneSet
 from .checkpoint import CsvLog, read_checkpoint, write_checkpoint
 from .engine import TrainingStep, configure_model, make_optimizer
@@ -62,6 +63,7 @@ class Trainer:
             raise ValueError(f"{self.run.directory} holds a checkpoint of stage '{state['stage']}', "
                              f"not '{self.run.stage.name}'")
         self.model.load_state_dict(state["model"])
+        self.model.set_spacing(state.get("spacing", geometry.LINEAR))
         self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.seconds, self.best = state["step"], state["seconds"], state["best"]
         self.schedule.started, self.validated = state["started"], state.get("validated", self.seconds)
@@ -70,7 +72,8 @@ class Trainer:
         write_checkpoint(self.run.directory, {
             "stage": self.run.stage.name, "model": self.model.state_dict(),
             "optimizer": self.optimizer.state_dict(), "step": self.step, "seconds": self.seconds,
-            "best": self.best, "validated": self.validated, "started": self.schedule.started})
+            "best": self.best, "validated": self.validated, "started": self.schedule.started,
+            "spacing": self.model.spacing})
         self._export("last.safetensors")
 
     def _export(self, name: str) -> None:

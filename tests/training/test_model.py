@@ -57,8 +57,34 @@ class GeometryTest(unittest.TestCase):
     def test_affine_rows_reproduce_affine_maps(self):
         theta = np.zeros((66, 1))
         theta[63:, 0] = [0.5, -2.0, 3.0]
-        box = geometry.tps_basis()[:, 64:]
-        np.testing.assert_allclose(geometry.tps_basis() @ theta, box @ [[-2.0], [3.0]] + 0.5, atol=1e-12)
+        for spacing in geometry.SPACINGS:
+            basis = geometry.tps_basis(spacing)
+            np.testing.assert_allclose(basis @ theta, basis[:, 64:] @ [[-2.0], [3.0]] + 0.5, atol=1e-12)
+
+    def test_on_logarithmic_rings_another_size_is_a_shift_along_the_radius(self):
+        torch.manual_seed(3)
+        picture = torch.nn.functional.interpolate(torch.rand(1, 1, 12, 14), (120, 140), mode="bicubic")[0]
+        network, index = model.Deal((8, 8, 8), geometry.LOGARITHMIC), torch.zeros(2, dtype=torch.long)
+        rings = 6
+        sizes = 4 * float(geometry.GRID) ** (np.array([0, rings]) / geometry.GRID)
+        points = torch.tensor([[70.0, 60.0, size] for size in sizes], dtype=torch.float32)
+        small, large = network.patches(picture, index, points, 6.0)
+        torch.testing.assert_close(small[:, rings:], large[:, :-rings], atol=1e-4, rtol=0)
+        network.set_spacing(geometry.LINEAR)
+        small, large = network.patches(picture, index, points, 6.0)
+        self.assertGreater((small[:, rings:] - large[:, :-rings]).abs().max().item(), 0.1)
+
+    def test_the_supervised_warp_is_read_on_linear_rings_whatever_the_spacing(self):
+        torch.manual_seed(4)
+        theta, points = torch.rand(2, 66, 2), torch.tensor([0, 37, 1000])
+        fields = []
+        for spacing in geometry.SPACINGS:
+            fields.append(model.Deal((8, 8, 8), spacing).displacement(theta, points))
+        torch.testing.assert_close(*fields)
+
+    def test_spacing_is_one_of_two(self):
+        with self.assertRaisesRegex(ValueError, "linear or logarithmic, not 'log'"):
+            geometry.unit_polar_grid("log")
 
     def test_preconditioner_is_invertible_and_evens_the_basis(self):
         singular = np.linalg.svd(geometry.tps_basis() @ geometry.tps_preconditioner(), compute_uv=False)
@@ -103,7 +129,7 @@ class ExportTest(unittest.TestCase):
             path = Path(folder) / "m.safetensors"
             model.save_model(path, network, {"radius_per_size": "7"})
             back, metadata = model.load_model(path)
-            self.assertEqual(metadata["radius_per_size"], "7")
+            self.assertEqual((metadata["radius_per_size"], metadata["radial_spacing"]), ("7", "linear"))
             for name, value in network.state_dict().items():
                 self.assertTrue(torch.equal(value, back.state_dict()[name]), name)
             tensors, about = tensor_file.load(path)
@@ -130,6 +156,11 @@ class AverageTest(unittest.TestCase):
                 average.average([(0.0, paths[0])])
             model.save_model(paths[1], model.Deal((16, 16, 16)), {"radius_per_size": "9"})
             with self.assertRaisesRegex(ValueError, "8.safetensors.*localization.fc1.weight"):
+                average.average([(1.0, paths[0]), (1.0, paths[1])])
+            other = fresh_model(8)
+            other.set_spacing(geometry.LOGARITHMIC)
+            model.save_model(paths[1], other, {"radius_per_size": "9"})
+            with self.assertRaisesRegex(ValueError, "8.safetensors: the rings are logarithmic, in .* linear"):
                 average.average([(1.0, paths[0]), (1.0, paths[1])])
 
 

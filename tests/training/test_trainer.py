@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 import planar_scenes
-from descriptor.training import runtime, trainer
+from descriptor.training import geometry, runtime, trainer
 from descriptor.training.batches import SceneSet
 from descriptor.training.checkpoint import read_csv
 from descriptor.training.model import load_model
@@ -41,12 +41,13 @@ class TrainerTest(unittest.TestCase):
     def test_resumed_run_equals_the_uninterrupted_one(self):
         whole = self.run_stage("whole", "joint")
         self.assertTrue(whole.train())
+        self.assertEqual(whole.model.spacing, geometry.LOGARITHMIC)
         broken = self.run_stage("broken", "joint")
         broken.run = dataclasses.replace(broken.run, stop_after_seconds=1e-9)  # leaves after one step
         self.assertFalse(broken.train())
         self.assertEqual(broken.step, 1)
-        resumed = self.run_stage("broken", "joint")
-        self.assertEqual(resumed.step, 1)
+        resumed = self.run_stage("broken", "joint", model=starting_model(None, None, 3, geometry.LINEAR))
+        self.assertEqual((resumed.step, resumed.model.spacing), (1, geometry.LOGARITHMIC))
         self.assertTrue(resumed.train())
         for name, value in whole.model.state_dict().items():
             self.assertTrue(torch.equal(value, resumed.model.state_dict()[name]), name)

@@ -100,8 +100,14 @@ INSTANTIATE_TEST_SUITE_P(Goldens, DealGoldenTest, ::testing::ValuesIn(GoldenPath
 TEST(DealGeometryTest, GridAndBasisAreTheTrainersOwn) {
   const SafetensorsFile golden = SafetensorsFile::Open(std::filesystem::path(PLIANT_SOURCE_DIR) /
                                                        "tests/data/golden_tps.safetensors");
-  ExpectNear(UnitPolarGrid(), golden.Floats("unit_polar_grid"), 1e-6, "unit_polar_grid");
-  ExpectNear(TpsBasis(), golden.Floats("tps_basis"), 1e-6, "tps_basis");
+  for (const auto& [spacing, name] :
+       {std::pair(RadialSpacing::kLinear, std::string("linear")),
+        std::pair(RadialSpacing::kLogarithmic, std::string("logarithmic"))}) {
+    const std::string grid = "unit_polar_grid_" + name;
+    const std::string basis = "tps_basis_" + name;
+    ExpectNear(UnitPolarGrid(spacing), golden.Floats(grid), 1e-6, grid.c_str());
+    ExpectNear(TpsBasis(spacing), golden.Floats(basis), 1e-6, basis.c_str());
+  }
   EXPECT_NEAR(DisplacementGain(), std::stod(golden.metadata().at("displacement_gain")), 1e-9);
 }
 

@@ -102,6 +102,19 @@ TEST_F(DealWeightsTest, ReadsTheShippedFile) {
   EXPECT_EQ(weights.sha256.size(), 64U);
 }
 
+TEST_F(DealWeightsTest, RingsAreAtEqualDistancesWhereNothingElseIsSaid) {
+  const auto spacing = [&] {
+    return ParseDealWeights(SafetensorsFile::Parse(FileOf(header_.dump(), data_), "w.safetensors"))
+        .radial_spacing;
+  };
+  header_["__metadata__"].erase("radial_spacing");
+  EXPECT_EQ(spacing(), RadialSpacing::kLinear);
+  header_["__metadata__"]["radial_spacing"] = "linear";
+  EXPECT_EQ(spacing(), RadialSpacing::kLinear);
+  header_["__metadata__"]["radial_spacing"] = "logarithmic";
+  EXPECT_EQ(spacing(), RadialSpacing::kLogarithmic);
+}
+
 TEST_F(DealWeightsTest, NamesMissingAndUnknownTensors) {
   Rename("hardnet.conv6.weight", "hardnet.conv7.weight");
   EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv6.weight' is missing"));
@@ -141,6 +154,13 @@ TEST_F(DealWeightsTest, ChecksMetadata) {
     header_["__metadata__"]["radius_per_size"] = bad;
     EXPECT_THAT(LoadFault(), HasSubstr("'radius_per_size' should be a number")) << bad;
   }
+  header_["__metadata__"]["radius_per_size"] = "9";
+  for (const char* bad : {"", "log", "Linear"}) {
+    header_["__metadata__"]["radial_spacing"] = bad;
+    EXPECT_THAT(LoadFault(), HasSubstr("'radial_spacing' should be 'linear' or 'logarithmic'"))
+        << bad;
+  }
+  header_["__metadata__"].erase("radial_spacing");
   header_["__metadata__"].erase("radius_per_size");
   EXPECT_THAT(LoadFault(), HasSubstr("'radius_per_size' is missing"));
   header_["__metadata__"]["format"] = "resnet";
