@@ -7,6 +7,8 @@
 
 REAL holds one folder a set; sets that are not there are named and left out. `--model` measures other
 weights. Every query counts: those that were refused are misses, and have a column of their own.
+"Found" counts what is said to be found (probability 0.9 or more), right and wrong, as shares of the
+queries. With `--absent`, queries that show nothing of the set are asked, too, and the false alarms counted.
 """
 import argparse
 import dataclasses
@@ -51,6 +53,8 @@ def measure(real_set, options):
                "--seeds", str(options.seeds), "--json"]
     if options.words:
         command += ["--words", options.words]
+    for folder in options.absent:
+        command += ["--absent", str(folder)]
     if options.cache:
         command += ["--cache", str(options.cache / real_set.folder)]
     if options.jobs:
@@ -62,11 +66,13 @@ def measure(real_set, options):
 
 
 def table(rows):
-    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | ms per query |",
-             "|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | found right | found wrong | false alarms | ms per query |",
+             "|---|---|---|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
+        alarms = f"{row['false_alarms']:.0f} of {row['absent_queries']}" if row["absent_queries"] else ""
         lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {row['value']:.3f} "
-                     f"| {row['queries']} | {row['refused_queries']} | {1000 * row['seconds_per_query']:.0f} |")
+                     f"| {row['queries']} | {row['refused_queries']} | {row['found_right']:.3f} | {row['found_wrong']:.3f} | {alarms} "
+                     f"| {1000 * row['seconds_per_query']:.0f} |")
     return "\n".join(lines)
 
 
@@ -80,6 +86,8 @@ def parse_arguments():
     parser.add_argument("--seeds", type=int, default=1, help="vocabularies a row")
     parser.add_argument("--model", type=pathlib.Path, help="weights to measure; default: the program's own")
     parser.add_argument("--cache", type=pathlib.Path, help="keeps the features for the next run, a folder a set")
+    parser.add_argument("--absent", type=pathlib.Path, action="append", default=[], metavar="DIR",
+                        help="folder of further queries that show nothing of the sets; may be given more than once")
     parser.add_argument("--jobs", type=int, default=0, help="threads; 0 = one a core")
     parser.add_argument("--set", action="append", choices=[real_set.folder for real_set in SETS],
                         help="only these; default: all that are there")
