@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "descriptor/features/enlarged_keypoints.h"
+#include "descriptor/features/faint_keypoints.h"
 
 namespace pliant::evaluation {
 
@@ -17,7 +18,8 @@ SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
   if (!is_new) return features;
   const KeypointOptions options{options_.max_keypoints, repeats};
   const Image& picture = scene_.Picture(view);
-  const std::vector<Keypoint> found = DetectKeypoints(picture, options);
+  const std::vector<Keypoint> found =
+      options_.enlarge ? DetectFaintKeypoints(picture, options) : DetectKeypoints(picture, options);
   for (const Keypoint& k : found) {
     if (scene_.OnObject(view, {k.x, k.y})) features.keypoints.push_back(k);
   }

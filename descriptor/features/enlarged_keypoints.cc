@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "descriptor/features/faint_keypoints.h"
+
 namespace pliant {
 namespace {
 
@@ -48,7 +50,7 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
   if (factor == 1) return result;
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
   result.picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  const std::vector<Keypoint> found = DetectKeypoints(result.picture, options);
+  const std::vector<Keypoint> found = DetectFaintKeypoints(result.picture, options);
   std::vector<Keypoint> placed = found;
   ScaleToOriginal(placed, factor);
   for (std::size_t i = 0; i < found.size(); ++i) {

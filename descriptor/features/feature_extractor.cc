@@ -8,6 +8,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
+#include "descriptor/features/faint_keypoints.h"
 
 namespace pliant {
 namespace {
@@ -83,7 +84,9 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
   features.width = decoded.original_width;
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
-  features.keypoints = DetectKeypoints(decoded.image, options_.keypoints);
+  features.keypoints = options_.enlarge_below > 0
+                           ? DetectFaintKeypoints(decoded.image, options_.keypoints)
+                           : DetectKeypoints(decoded.image, options_.keypoints);
   const double detect_ms = watch.Lap();
 
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);

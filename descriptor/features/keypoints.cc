@@ -9,12 +9,16 @@
 #include <opencv2/features2d.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 
 namespace pliant {
 namespace {
 
 constexpr int kMaxKeypoints = 4096;
+constexpr double kContrast = 0.04;  // OpenCV's default
+constexpr double kFaintContrast = 0.02;
+constexpr int kLayersAnOctave = 3;
 
 void CheckOptions(const Image& grey, const KeypointOptions& options) {
   if (grey.channels != 1 || grey.empty()) {
@@ -37,12 +41,11 @@ bool SamePlace(const Keypoint& a, const Keypoint& b) {
   return a.x == b.x && a.y == b.y && a.size == b.size;
 }
 
-}  // namespace
-
-std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options) {
+std::vector<Keypoint> Detect(const Image& grey, const KeypointOptions& options, double contrast) {
+  constexpr int kAll = 0;
   CheckOptions(grey, options);
   std::vector<cv::KeyPoint> detected;
-  cv::SIFT::create()->detect(ViewAsMat(grey), detected);
+  cv::SIFT::create(kAll, kLayersAnOctave, contrast)->detect(ViewAsMat(grey), detected);
 
   std::vector<Keypoint> keypoints;
   keypoints.reserve(detected.size());
@@ -58,6 +61,26 @@ std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& 
     keypoints.resize(options.max_keypoints);
   }
   return keypoints;
+}
+
+}  // namespace
+
+std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options) {
+  return Detect(grey, options, kContrast);
+}
+
+std::vector<Keypoint> DetectFaintKeypoints(const Image& grey, const KeypointOptions& options) {
+  return Detect(grey, options, kFaintContrast);
+}
+
+std::vector<float> ContrastWeights(std::span<const Keypoint> keypoints) {
+  constexpr auto kFull = static_cast<float>(kContrast / kLayersAnOctave);  // as OpenCV's responses
+  std::vector<float> weights;
+  weights.reserve(keypoints.size());
+  for (const Keypoint& k : keypoints) {
+    weights.push_back(k.response > 0 ? std::min(1.0F, k.response / kFull) : 1.0F);
+  }
+  return weights;
 }
 
 }  // namespace pliant

@@ -17,9 +17,7 @@ namespace {
 // Features of so many pictures are in memory at a time: of all that are verified by default.
 constexpr std::size_t kPicturesABatch = 256;
 
-// Evidence that hardly any wrong picture has (see Evidence): with less the search is undecided, and
-// looks at so many times the pictures.
-constexpr double kDecided = 2;
+// An undecided search looks at so many times the pictures.
 constexpr std::size_t kDeeper = 2;
 
 // Adds the time that it lives to a sum.
@@ -92,6 +90,7 @@ SearchResult SearchRun::Run() {
     LookDeeper(&hits, &ranking);
     SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
+    DropHints(&hits);
     SettlePlaces(query_, &hits);
     SortByScore(&hits);
     std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
@@ -191,10 +190,7 @@ std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candid
 // Verifies more of the ranking where no picture agrees with the query and the depth is left to the
 // search. Depends on nothing but the query and the collection, so that pages fit together.
 void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
-  const bool is_decided = std::any_of(hits->begin(), hits->end(), [](const VerifiedPicture& hit) {
-    return hit.evidence >= kDecided;
-  });
-  if (is_decided || options_.verify_depth != 0 || hits->size() < rank_.candidates) return;
+  if (IsDecided(*hits) || options_.verify_depth != 0 || hits->size() < rank_.candidates) return;
   rank_.candidates *= kDeeper;
   {
     const Stopwatch watch(&timings_.rank_ms);

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/faint_keypoints.h"
 #include "index/rank/ranking.h"
 #include "index/store/refusals.h"
 
@@ -81,8 +83,9 @@ Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
   const IndexSnapshot& snapshot = SnapshotOf(view);
   const bool by_neighbours =
       options.method == RankMethod::kNeighbours && view.quantizer->coder() != nullptr;
+  const std::vector<float> weights = ContrastWeights(query.features.keypoints);
   Ranking ranking = by_neighbours ? RankByNeighbours(snapshot, *view.quantizer,
-                                                     query.features.descriptors, options)
+                                                     {query.features.descriptors, weights}, options)
                                   : pliant::Rank(snapshot, query.bow, options);
   for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
   for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;

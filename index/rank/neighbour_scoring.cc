@@ -36,14 +36,13 @@ std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
 }
 
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                                         const Descriptors& descriptors,
-                                         const RankOptions& options) {
+                                         const Voters& voters, const RankOptions& options) {
   NeighbourOptions neighbours;
   neighbours.threads = options.threads;
   if (quantizer.vocabulary().size() >= kManyWords) neighbours.cells = kCellsOfManyWords;
-  const NeighbourQuery query(quantizer, descriptors, neighbours);
+  const NeighbourQuery query(quantizer, voters, neighbours);
   std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
-  query.WeighByRarity(votes);
+  query.Weigh(votes);
   std::vector<std::vector<Candidate>> found(votes.size());
   ParallelFor(votes.size(), options.threads, [&](std::size_t i) {
     const IndexSegment& segment = *snapshot.parts[i].segment;

@@ -22,9 +22,10 @@ double Root(double descriptors) { return std::sqrt(std::max(kLeastDescriptors, d
 
 }  // namespace
 
-NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& descriptors,
+NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Voters& voters,
                                const NeighbourOptions& options)
-    : descriptors_(descriptors), bias_step_(quantizer.coder()->bias_step()) {
+    : voters_(voters), bias_step_(quantizer.coder()->bias_step()) {
+  const Descriptors& descriptors = voters.descriptors;
   if (descriptors.rows == 0) return;
   const ResidualCoder& coder = *quantizer.coder();
   const std::vector<NearWord> words =
@@ -32,6 +33,7 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
   const std::size_t cells_per_row = words.size() / descriptors.rows;
   cells_.reserve(words.size());
   double most = 0;
+  double voices = 0;
   for (std::size_t i = 0; i < words.size(); ++i) {
     const auto [word, distance] = words[i];
     const float base = coder.binary() ? distance : distance * distance;
@@ -40,12 +42,14 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
     const float next = cells_per_row > 1 ? words[i + 1].distance : 0;
     const float usual = options.least * (coder.binary() ? next : next * next);
     limits_.push_back(options.reach * std::max(base, usual));
-    most += limits_.back();
+    const double weight = WeightOf(limits_.size() - 1);
+    most += weight * limits_.back();
+    voices += weight;
   }
   std::sort(cells_.begin(), cells_.end(), [](const Cell& a, const Cell& b) {
     return std::pair(a.word, a.row) < std::pair(b.word, b.row);
   });
-  if (most > 0) norm_ = Root(static_cast<double>(descriptors.rows)) / most;
+  if (most > 0) norm_ = Root(voices) / most;
   if (coder.binary()) return;
   tables_.resize(descriptors.rows);
   constexpr std::size_t kRowsATask = 64;
@@ -56,6 +60,10 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Descriptors& de
                   tables_[row] = coder.TableOf(descriptors.float_row(row));
                 }
               });
+}
+
+float NeighbourQuery::WeightOf(std::size_t row) const {
+  return voters_.weights.empty() ? 1 : voters_.weights[row];
 }
 
 void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* dead,
@@ -74,7 +82,7 @@ void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* de
     query.limit = limits_[cell.row];
     query.base = cell.base;
     if (tables_.empty()) {
-      query.bits = descriptors_.binary_row(cell.row);
+      query.bits = voters_.descriptors.binary_row(cell.row);
     } else {
       query.table = &tables_[cell.row];
     }
@@ -100,13 +108,15 @@ void KeepBest(std::vector<Vote>* votes) {
   votes->erase(std::unique(votes->begin(), votes->end(), same), votes->end());
 }
 
-void NeighbourQuery::WeighByRarity(std::span<std::vector<Vote>> votes_of_lists) const {
+void NeighbourQuery::Weigh(std::span<std::vector<Vote>> votes_of_lists) const {
   std::vector<std::uint32_t> pictures(limits_.size(), 0);
   for (const std::vector<Vote>& votes : votes_of_lists) {
     for (const Vote& vote : votes) ++pictures[vote.row];
   }
   for (std::vector<Vote>& votes : votes_of_lists) {
-    for (Vote& vote : votes) vote.weight /= std::sqrt(static_cast<float>(pictures[vote.row]));
+    for (Vote& vote : votes) {
+      vote.weight *= WeightOf(vote.row) / std::sqrt(static_cast<float>(pictures[vote.row]));
+    }
   }
 }
 

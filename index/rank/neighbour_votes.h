@@ -14,7 +14,8 @@
 // only what is nearer than the word, that is than usual, says something. Distances are estimated
 // from codes (vocab/residual_codes.h).
 //
-// Votes are then weighed twice, as words are:
+// Votes are then weighed:
+//  - by the query descriptor's own weight (Voters);
 //  - by rarity: of a query descriptor that votes for m pictures, each vote counts v / sqrt(m);
 //  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009):
 //  of
@@ -31,6 +32,12 @@
 #include "vocab/quantizer.h"
 
 namespace pliant {
+
+// A query's descriptors, and what the votes of each count.
+struct Voters {
+  const Descriptors& descriptors;
+  std::span<const float> weights = {};  // by row, above 0; empty: 1 each
+};
 
 struct NeighbourOptions {
   int cells = 16;       // nearest words whose lists a query descriptor looks into
@@ -49,9 +56,8 @@ struct Vote {
 // A query's descriptors, ready to be compared with any number of lists. Immutable and thread-safe.
 class NeighbourQuery {
  public:
-  // The quantizer must have a coder. `descriptors` must outlive it.
-  NeighbourQuery(const Quantizer& quantizer, const Descriptors& descriptors,
-                 const NeighbourOptions& options);
+  // The quantizer must have a coder. What `voters` refers to must outlive it.
+  NeighbourQuery(const Quantizer& quantizer, const Voters& voters, const NeighbourOptions& options);
 
   // Appends what votes for the lists' pictures that are alive, in no order, a picture perhaps more
   // than once: see KeepBest. Slice `slice` of `slices` looks into its share of the cells. `dead`:
@@ -59,8 +65,9 @@ class NeighbourQuery {
   void Collect(const CodeLists& lists, const std::vector<bool>* dead, std::size_t slice,
                std::size_t slices, std::vector<Vote>* votes) const;
 
-  // Divides each vote by the square root of the number of votes of its row, over all the lists.
-  void WeighByRarity(std::span<std::vector<Vote>> votes_of_lists) const;
+  // Multiplies each vote by the weight of its row, and divides it by the square root of the number
+  // of votes of its row, over all the lists.
+  void Weigh(std::span<std::vector<Vote>> votes_of_lists) const;
 
   // The score of a picture with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
   // of the query that is like nothing else.
@@ -73,13 +80,15 @@ class NeighbourQuery {
     float base = 0;  // |q - word|^2
   };
 
-  const Descriptors& descriptors_;
+  float WeightOf(std::size_t row) const;
+
+  Voters voters_;
   float bias_step_ = 0;
   // By word, then by row: a list that several rows look into is read from memory once.
   std::vector<Cell> cells_;
   std::vector<LookupTable> tables_;  // by row; none for binary descriptors
   std::vector<float> limits_;        // by row: a |q - w|^2
-  double norm_ = 0;                  // 1 / (sum of limits_ / sqrt(rows))
+  double norm_ = 0;                  // 1 / (sum of weighed limits_ / sqrt(sum of weights))
 };
 
 // Of each row's votes for a picture the best, by row, then by picture; of equal ones the lowest

@@ -105,7 +105,7 @@ Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions&
 }
 
 Ranking RankByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                         const Descriptors& query, const RankOptions& options) {
+                         const Voters& query, const RankOptions& options) {
   return Chosen(ScoreByNeighbours(snapshot, quantizer, query, options), options);
 }
 

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "index/rank/inverted_index.h"
+#include "index/rank/neighbour_votes.h"
 #include "index/rank/ranker.h"
 
 namespace pliant {
@@ -32,6 +33,6 @@ namespace pliant {
 Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions& options);
 // By kNeighbours. The snapshot must have codes; `quantizer`: of its vocabulary.
 Ranking RankByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                         const Descriptors& query, const RankOptions& options);
+                         const Voters& query, const RankOptions& options);
 
 }  // namespace pliant

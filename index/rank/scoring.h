@@ -28,7 +28,7 @@ std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
                                             const IndexSnapshot& snapshot, int threads);
 // The snapshot must have codes.
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                                         const Descriptors& query, const RankOptions& options);
+                                         const Voters& query, const RankOptions& options);
 
 std::vector<Candidate> Joined(const std::vector<std::vector<Candidate>>& parts);
 

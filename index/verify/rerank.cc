@@ -85,6 +85,22 @@ std::vector<VerifiedPicture> Rerank(
   return pictures;
 }
 
+bool IsDecided(const std::vector<VerifiedPicture>& pictures) {
+  constexpr double kDecided = 2;
+  return std::any_of(pictures.begin(), pictures.end(),
+                     [](const VerifiedPicture& picture) { return picture.evidence >= kDecided; });
+}
+
+void DropHints(std::vector<VerifiedPicture>* pictures) {
+  constexpr double kHint = 1;
+  if (!IsDecided(*pictures)) return;
+  for (VerifiedPicture& picture : *pictures) {
+    if (picture.evidence >= kHint) continue;
+    picture.evidence = 0;
+    picture.picture.score = picture.ranking_score;
+  }
+}
+
 NearestClaims::NearestClaims(const std::vector<VerifiedPicture>& pictures) {
   for (const VerifiedPicture& picture : pictures) {
     if (picture.picture.object == 0) continue;

@@ -56,6 +56,14 @@ std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
+// Whether one of the pictures agrees with the query as hardly any wrong one does (evidence of 2).
+bool IsDecided(const std::vector<VerifiedPicture>& pictures);
+
+// Five inliers are a hint where nothing better is known. In a decided search, pictures with no more
+// (evidence below 1, their own or through `via`) have the ranking's score again: what is left to be
+// ordered there is mostly wrong, and as likely lifted as what is right.
+void DropHints(std::vector<VerifiedPicture>* pictures);
+
 // Which objects claim the key points of the query, and how near they are.
 class NearestClaims {
  public:

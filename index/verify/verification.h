@@ -82,7 +82,7 @@ class Verifier {
 
 // The inliers beyond those that agree by chance: inliers - 4.5, nothing below 5. Of the wrong
 // pictures of street photographs one in 130 has five inliers, one in 850 has six, one in 2000 has
-// more; so five move a picture up among its neighbours, and no further.
+// more; so five move a picture up among its neighbours, and no further (and see DropHints).
 double Evidence(int inliers);
 
 // The final score of a hit: evidence e multiplies the odds of the ranking's score s,

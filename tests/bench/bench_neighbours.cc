@@ -136,12 +136,12 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
     Stopwatch watch(options.threads);
     const auto cells = quantizer.NearestWords(picture.descriptors, options.cells, options.threads);
     const double assign = watch.Lap();
-    const NeighbourQuery query(quantizer, picture.descriptors, options);
+    const NeighbourQuery query(quantizer, {picture.descriptors}, options);
     figures.assign += assign;
     figures.tables += watch.Lap() - assign;
     std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
     figures.scan += watch.Lap();
-    query.WeighByRarity(votes);
+    query.Weigh(votes);
     double best = 0;
     std::int64_t first = 0;
     for (std::size_t i = 0; i < votes.size(); ++i) {

@@ -15,6 +15,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/picture_files.h"
 
@@ -243,6 +244,16 @@ TEST(FeatureExtractor, DecodedPicturesGiveWhatEncodedOnesDo) {
   }
   const FeatureExtractor extractor(MakeDescriptor("orb"), options);
   EXPECT_THROW(extractor.ExtractFrom(Image{}, 1), Error);
+}
+
+TEST(FeatureExtractor, FaintKeypointsCountWhereSmallPicturesAreEnlarged) {
+  const Image grey = CopyFromMat(testing::NoisePicture(300, 200, 4));
+  const FeatureExtractor plain(MakeDescriptor("orb"), {});
+  EXPECT_EQ(plain.ExtractFrom(grey, 1).keypoints, DetectKeypoints(grey));
+  const FeatureExtractor faint = plain.WithEnlargeBelow(1);  // which never enlarges this one
+  EXPECT_EQ(faint.ExtractFrom(grey, 1).keypoints, DetectFaintKeypoints(grey));
+  const auto all = plain.WithEnlargeBelow(1 << 20).ExtractFrom(grey, 1).keypoints;
+  EXPECT_GT(all.size(), DetectFaintKeypoints(grey).size());
 }
 
 TEST(FeatureExtractor, FlatPictureHasNoRows) {

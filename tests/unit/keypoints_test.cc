@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/picture_files.h"
 
@@ -54,6 +55,45 @@ TEST(DetectKeypoints, IsDeterministic) {
 TEST(DetectKeypoints, FlatAndTinyPicturesHaveNone) {
   EXPECT_TRUE(DetectKeypoints({100, 100, 1, std::vector<std::uint8_t>(10'000, 77)}).empty());
   EXPECT_TRUE(DetectKeypoints({1, 1, 1, {5}}).empty());
+}
+
+// The picture with its contrast divided by `divisor`.
+Image Pale(Image image, int divisor) {
+  for (std::uint8_t& value : image.pixels) {
+    value = static_cast<std::uint8_t>(128 + (value - 128) / divisor);
+  }
+  return image;
+}
+
+TEST(DetectFaintKeypoints, FindsWhatIsPaleAndKeepsTheStrongOnesFirst) {
+  const Image image = Noise(320, 240, 5);
+  const auto strong = DetectKeypoints(image, {.max_keypoints = 4096});
+  const auto faint = DetectFaintKeypoints(image, {.max_keypoints = 4096});
+  EXPECT_GT(faint.size(), strong.size());
+  ASSERT_GE(faint.size(), strong.size());
+  EXPECT_TRUE(std::equal(strong.begin(), strong.end(), faint.begin()));
+  const int most = static_cast<int>(strong.size() / 2);
+  EXPECT_EQ(DetectFaintKeypoints(image, {.max_keypoints = most}),
+            DetectKeypoints(image, {.max_keypoints = most}));
+
+  const Image pale = Pale(image, 6);
+  const auto found = DetectKeypoints(pale).size();
+  EXPECT_GT(DetectFaintKeypoints(pale).size(), 2 * found + 10);
+  EXPECT_TRUE(DetectFaintKeypoints(Pale(image, 64)).empty()) << "noise of one grey level";
+  EXPECT_THROW(DetectFaintKeypoints(image, {.max_keypoints = 0}), Error);
+}
+
+TEST(ContrastWeights, FaintKeypointsCountLessTheFainterTheyAre) {
+  const Image image = Noise(320, 240, 5);
+  for (const float weight : ContrastWeights(DetectKeypoints(image, {.max_keypoints = 4096}))) {
+    EXPECT_EQ(weight, 1.0F);
+  }
+  const auto faint = ContrastWeights(DetectFaintKeypoints(Pale(image, 6), {.max_keypoints = 4096}));
+  ASSERT_FALSE(faint.empty());
+  EXPECT_TRUE(std::is_sorted(faint.rbegin(), faint.rend())) << "strongest first";
+  EXPECT_LT(faint.back(), 0.6F);
+  EXPECT_GT(faint.back(), 0.49F) << "half of SIFT's threshold is the least that is detected";
+  EXPECT_EQ(ContrastWeights(std::vector<Keypoint>(2)), std::vector<float>(2, 1.0F)) << "unknown";
 }
 
 TEST(DetectKeypoints, RefusesBadOptions) {

@@ -110,13 +110,16 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     return std::max(0.0, distance);
   }
 
-  std::map<std::int64_t, double> OracleScores(const Descriptors& query) const {
+  // `weights`: by row of the query; empty: 1 each.
+  std::map<std::int64_t, double> OracleScores(const Descriptors& query,
+                                              std::span<const float> weights) const {
     struct Best {
       double vote = 0;
       std::size_t x = 0;
     };
     std::map<std::int64_t, std::map<std::size_t, std::vector<double>>> votes;  // picture, x
     double most = 0;
+    double voices = 0;
     const auto cells = quantizer_->NearestWords(query, kCells);
     for (std::size_t q = 0; q < query.rows; ++q) {
       const auto square = [&](float d) {
@@ -125,7 +128,9 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       const double limit =
           kReach * std::max<double>(square(cells[q * kCells].distance),
                                     kLeast * square(cells[q * kCells + 1].distance));
-      most += limit;
+      const double weight = weights.empty() ? 1 : weights[q];
+      most += weight * limit;
+      voices += weight;
       std::map<std::int64_t, Best> best;
       for (const auto& [key, stored] : truth_) {
         for (std::size_t x = 0; x < stored.words.size(); ++x) {
@@ -139,11 +144,12 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       }
       std::erase_if(best, [](const auto& entry) { return entry.second.vote == 0; });
       for (const auto& [key, vote] : best) {
-        votes[key][vote.x].push_back(vote.vote / std::sqrt(static_cast<double>(best.size())));
+        votes[key][vote.x].push_back(weight * vote.vote /
+                                     std::sqrt(static_cast<double>(best.size())));
       }
     }
     std::map<std::int64_t, double> scores;
-    const double root = std::sqrt(std::max(8.0, static_cast<double>(query.rows)));
+    const double root = std::sqrt(std::max(8.0, voices));
     for (auto& [key, of_picture] : votes) {
       double sum = 0;
       for (auto& [x, of_code] : of_picture) {
@@ -157,9 +163,11 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     return scores;
   }
 
-  void ExpectOraclesRanking(const Descriptors& query, const RankOptions& options) const {
-    const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, query, options);
-    std::map<std::int64_t, double> expected = OracleScores(query);
+  void ExpectOraclesRanking(const Descriptors& query, const RankOptions& options,
+                            std::span<const float> weights = {}) const {
+    const Ranking ranking =
+        RankByNeighbours(*index_->snapshot(), *quantizer_, {query, weights}, options);
+    std::map<std::int64_t, double> expected = OracleScores(query, weights);
     std::erase_if(expected, [&](const auto& entry) {
       return !options.admission.Admits(entry.first, truth_.at(entry.first).object);
     });
@@ -207,13 +215,42 @@ TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhilePicturesComeAndGo) {
   }
 }
 
+TEST_P(NeighbourRankingTest, VotesCountWhatTheirWeightsSay) {
+  const Descriptors query = Random(40);
+  for (std::int64_t key = 1; key <= 12; ++key) {
+    Descriptors own = key % 2 == 0 ? Near(random_, query, 0.1) : Random(30);
+    index_->Apply({Make(key, std::move(own), 0)}, {});
+  }
+  std::vector<float> weights;
+  for (std::size_t i = 0; i < query.rows; ++i) {
+    weights.push_back(static_cast<float>(1 + random_() % 100) / 100);
+  }
+  ExpectOraclesRanking(query, {}, weights);
+  ExpectOraclesRanking(query, {}, std::vector<float>(query.rows, 1.0F));
+  // All of half the weight are as good as half as many descriptors.
+  const auto scores = [&](float weight) {
+    const std::vector<float> equal(query.rows, weight);
+    std::map<std::int64_t, double> all;
+    const RankOptions options;
+    for (const RankedPicture& hit :
+         RankByNeighbours(*index_->snapshot(), *quantizer_, {query, equal}, options).best) {
+      all[hit.ref.version] = hit.score;
+    }
+    return all;
+  };
+  const auto whole = scores(1);
+  for (const auto& [key, score] : scores(0.5F)) {
+    EXPECT_NEAR(score, std::min(1.0, whole.at(key) / std::sqrt(2)), 1e-5) << "picture " << key;
+  }
+}
+
 TEST_P(NeighbourRankingTest, ACopyIsFirstAndScoresNearOne) {
   for (std::int64_t key = 1; key <= 20; ++key) {
     index_->Apply({Make(key, Random(50), 0)}, {});
   }
   const Stored& copied = truth_.at(7);
   const Ranking ranking =
-      RankByNeighbours(*index_->snapshot(), *quantizer_, copied.descriptors, {});
+      RankByNeighbours(*index_->snapshot(), *quantizer_, {copied.descriptors}, {});
   ASSERT_FALSE(ranking.best.empty());
   EXPECT_EQ(ranking.best[0].ref.version, 7);
   EXPECT_GT(ranking.best[0].score, 0.5);
@@ -226,7 +263,7 @@ TEST_P(NeighbourRankingTest, APictureOfWordsIsFound) {
   for (std::int64_t key = 1; key <= 5; ++key) index_->Apply({Make(key, Random(50), 0)}, {});
   const Descriptors words = quantizer_->vocabulary().words;
   index_->Apply({Make(6, words, 0), Make(7, words, 0)}, {});
-  const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, words, {});
+  const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, {words}, {});
   ASSERT_GE(ranking.best.size(), 2U);
   EXPECT_THAT((std::vector{ranking.best[0].ref.version, ranking.best[1].ref.version}),
               ::testing::UnorderedElementsAre(6, 7));
@@ -235,7 +272,7 @@ TEST_P(NeighbourRankingTest, APictureOfWordsIsFound) {
 
 TEST_P(NeighbourRankingTest, AQueryWithoutDescriptorsFindsNothing) {
   index_->Apply({Make(1, Random(50), 0)}, {});
-  EXPECT_EQ(RankByNeighbours(*index_->snapshot(), *quantizer_, Random(0), {}).total, 0U);
+  EXPECT_EQ(RankByNeighbours(*index_->snapshot(), *quantizer_, {Random(0)}, {}).total, 0U);
 }
 
 TEST_P(NeighbourRankingTest, PicturesWithoutCodesAreRefused) {

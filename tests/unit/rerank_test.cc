@@ -56,6 +56,26 @@ TEST(SettleClaims, WhatNobodyElseClaimsStays) {
   EXPECT_DOUBLE_EQ(pictures[1].picture.score, second);
 }
 
+TEST(DropHints, FiveInliersCountWhereNothingIsDecided) {
+  std::vector<VerifiedPicture> undecided = {Claiming(1, 0, 5, 0.5F), Claiming(2, 5, 6, 0.5F)};
+  EXPECT_FALSE(IsDecided(undecided));
+  DropHints(&undecided);
+  EXPECT_DOUBLE_EQ(undecided[0].evidence, 0.5);
+  EXPECT_GT(undecided[0].picture.score, kRanked);
+
+  std::vector<VerifiedPicture> decided = {Claiming(1, 0, 5, 0.5F), Claiming(2, 5, 6, 0.5F),
+                                          Claiming(3, 20, 7, 0.5F)};
+  EXPECT_TRUE(IsDecided(decided));
+  const double second = decided[1].picture.score;
+  const double third = decided[2].picture.score;
+  DropHints(&decided);
+  EXPECT_EQ(decided[0].evidence, 0);
+  EXPECT_EQ(decided[0].picture.score, kRanked);
+  EXPECT_EQ(decided[0].inliers(), 5) << "they are still shown";
+  EXPECT_EQ(decided[1].picture.score, second);
+  EXPECT_EQ(decided[2].picture.score, third);
+}
+
 TEST(SettleClaims, PicturesOfOneObjectShare) {
   std::vector<VerifiedPicture> pictures = {Claiming(1, 0, 30, 0.5F), Claiming(1, 0, 30, 0.7F)};
   SettleClaims(&pictures);
