@@ -36,8 +36,8 @@ struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
   std::filesystem::path model;                // default weights; empty = DefaultModelPath()
   int max_keypoints = 2048;                   // per picture, strongest first; 1..4096
-  // Also use the key points of the picture enlarged, as the service does with every query
-  // (enlarged_keypoints.h): at most max_keypoints more.
+  // Also use faint key points (faint_keypoints.h), and at most max_keypoints more of the picture
+  // enlarged (enlarged_keypoints.h), as the service does with every query.
   bool enlarge = false;
   double tolerance_px = 3;
   // Selects this many measurable pairs, from as many scenes as possible; 0 = all pairs.

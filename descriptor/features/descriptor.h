@@ -62,9 +62,9 @@ std::filesystem::path DefaultModelPath();
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
-  // A picture in which fewer key points than this are found is also described enlarged
-  // (enlarged_keypoints.h). What is found there and not before is added, at most
-  // keypoints.max_keypoints more. 0 = never.
+  // 0: never. Above, faint key points are described, too (faint_keypoints.h); a picture with fewer
+  // than this is also described enlarged (enlarged_keypoints.h): what is found there and not before
+  // is added, at most keypoints.max_keypoints more.
   int enlarge_below = 0;
   ImageDecoder decoder = DecodeImage;
 };

@@ -96,7 +96,8 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
                  "number of key points per picture, strongest first")
       ->capture_default_str();
   app.add_flag("--enlarge", matching.enlarge,
-               "also use the key points of the pictures enlarged, as queries of the service do");
+               "also use faint key points and those of the pictures enlarged, as queries of the "
+               "service do");
   app.add_option("--tolerance", matching.tolerance_px,
                  "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str();

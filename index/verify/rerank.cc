@@ -97,6 +97,7 @@ void DropHints(std::vector<VerifiedPicture>* pictures) {
   for (VerifiedPicture& picture : *pictures) {
     if (picture.evidence >= kHint) continue;
     picture.evidence = 0;
+    picture.via.clear();
     picture.picture.score = picture.ranking_score;
   }
 }

@@ -60,8 +60,8 @@ std::vector<VerifiedPicture> Rerank(
 bool IsDecided(const std::vector<VerifiedPicture>& pictures);
 
 // Five inliers are a hint where nothing better is known. In a decided search, pictures with no more
-// (evidence below 1, their own or through `via`) have the ranking's score again: what is left to be
-// ordered there is mostly wrong, and as likely lifted as what is right.
+// (evidence below 1, their own or through `via`) have the ranking's score again: what is left there
+// is nearly all wrong, and not better ordered by what agrees by chance.
 void DropHints(std::vector<VerifiedPicture>* pictures);
 
 // Which objects claim the key points of the query, and how near they are.

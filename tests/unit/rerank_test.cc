@@ -66,11 +66,13 @@ TEST(DropHints, FiveInliersCountWhereNothingIsDecided) {
   std::vector<VerifiedPicture> decided = {Claiming(1, 0, 5, 0.5F), Claiming(2, 5, 6, 0.5F),
                                           Claiming(3, 20, 7, 0.5F)};
   EXPECT_TRUE(IsDecided(decided));
+  decided[0].via = "supporter";
   const double second = decided[1].picture.score;
   const double third = decided[2].picture.score;
   DropHints(&decided);
   EXPECT_EQ(decided[0].evidence, 0);
   EXPECT_EQ(decided[0].picture.score, kRanked);
+  EXPECT_EQ(decided[0].via, "") << "support that does not count is not named";
   EXPECT_EQ(decided[0].inliers(), 5) << "they are still shown";
   EXPECT_EQ(decided[1].picture.score, second);
   EXPECT_EQ(decided[2].picture.score, third);
