@@ -26,6 +26,7 @@ struct Options {
   std::vector<fs::path> absent;
   std::vector<fs::path> peers;
   EvalFiles files;
+  fs::path answers;  // CSV; empty = none; - = standard output
   bool json = false;
   bool list = false;
 };
@@ -51,6 +52,9 @@ class Steps {
 
 ExitStatus Run(Options& options) {
   CheckEvalFiles(options.files, options.json);
+  if (options.answers == kStandardOutput) ClaimStandardOutput("--answers", options.json);
+  if (!options.answers.empty()) CheckWritable(options.answers);
+  options.retrieval.keep_answers = !options.answers.empty();
   const RetrievalSet set =
       ReadRetrievalSet(options.folder, options.layout, options.distractors, options.absent);
   if (options.list) {
@@ -74,6 +78,7 @@ ExitStatus Run(Options& options) {
     Message("skipped " + file.file + ": " + file.reason);
   }
   if (!options.files.csv.empty()) WriteFile(options.files.csv, RetrievalReportCsv(report));
+  if (!options.answers.empty()) WriteFile(options.answers, RetrievalAnswersCsv(report));
   if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotRetrievalReport(report));
   if (options.json) {
     PrintJson(RetrievalReportJson(report));
@@ -128,8 +133,11 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
       ->capture_default_str()
       ->check(AtLeast(0));
   AddChoice<RankMethod>(app, "--rank", retrieval.rank,
-                        "ranking of all protocols but the paper's (default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours}, {"tfidf", RankMethod::kTfIdf}});
+                        "ranking of all protocols but the paper's; histogram has no verification "
+                        "(default: neighbours)",
+                        {{"neighbours", RankMethod::kNeighbours},
+                         {"tfidf", RankMethod::kTfIdf},
+                         {"histogram", RankMethod::kHistogram}});
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
       ->capture_default_str()
@@ -159,6 +167,9 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
       ->allow_extra_args(false)
       ->type_name("FILE");
   AddEvalFileFlags(*app, options->files, "write the table to this file", "draw accuracy over K");
+  app->add_option("--answers", options->answers,
+                  "write the first ten hits of every query to this CSV file; - = standard output")
+      ->type_name("FILE");
   app->add_flag("--list", options->list,
                 "only print the queries and the searched pictures, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");

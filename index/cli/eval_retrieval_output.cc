@@ -149,6 +149,10 @@ RetrievalResult ReadResult(const Json& json) {
   return row;
 }
 
+std::string FileField(const std::filesystem::path& file) {
+  return CsvField(ToDisplayText(file.string()));
+}
+
 plot::LineChart& ChartOf(const std::string& protocol, plot::Figure& figure) {
   const std::string title = "protocol " + protocol;
   for (plot::LineChart& chart : figure.line_charts) {
@@ -212,6 +216,29 @@ std::string RetrievalReportCsv(const RetrievalReport& report) {
     csv += ',' + FormatFixed(row.index_bytes_per_picture, 0);
     for (const double value : row.mean.accuracy_at) csv += ',' + FormatFixed(value, 6);
     csv += '\n';
+  }
+  return csv;
+}
+
+std::string RetrievalAnswersCsv(const RetrievalReport& report) {
+  std::string csv =
+      "descriptor,protocol,words,query,object,rank,hit,hit_object,right,score,probability,"
+      "inliers\n";
+  for (const RetrievalResult& row : report.results) {
+    for (const NamedAnswer& answer : row.answers) {
+      const std::string asked = row.descriptor + ',' + row.protocol + ',' +
+                                std::to_string(row.words) + ',' + FileField(answer.file) + ',' +
+                                CsvField(answer.object) + ',';
+      if (answer.hits.empty()) csv += asked + ",,,,,,\n";
+      for (std::size_t i = 0; i < answer.hits.size(); ++i) {
+        const NamedHit& hit = answer.hits[i];
+        csv += asked + std::to_string(i + 1) + ',' + FileField(hit.file) + ',' +
+               CsvField(hit.object) + ',' + (hit.is_right ? '1' : '0') + ',' +
+               FormatFixed(hit.score, 6) + ',' +
+               (hit.probability ? FormatFixed(*hit.probability, 6) : "") + ',' +
+               std::to_string(hit.inliers) + '\n';
+      }
+    }
   }
   return csv;
 }

@@ -25,6 +25,11 @@ Json RetrievalReportJson(const RetrievalReport& report);
 // A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
 std::string RetrievalReportCsv(const RetrievalReport& report);
 
+// A row for each query and hit (ten at most; a query without hits has one row with empty fields):
+// descriptor, protocol, words, query, object, rank, hit, hit_object, right, score, probability,
+// inliers. With the answers that RetrievalOptions::keep_answers keeps.
+std::string RetrievalAnswersCsv(const RetrievalReport& report);
+
 // Accuracy over K, one chart per protocol with a curve for each descriptor (as in the paper's
 // retrieval experiment); whiskers: the spread over seeds.
 Image PlotRetrievalReport(const RetrievalReport& report);

@@ -135,7 +135,9 @@ class Run {
              options_.seeds);
         const SearchOptions search = ToSearchOptions(protocols[p], options_);
         RetrievalTimes* const times = seed == 1 ? &rows[p].times : nullptr;
-        runs[p].push_back(MeasureAll(gallery_.Ask(search, times)));
+        const bool keeps = options_.keep_answers && seed == 1;
+        runs[p].push_back(
+            MeasureAll(gallery_.Ask(search, times, keeps ? &rows[p].answers : nullptr)));
         if (seed == 1) Describe(protocols[p], size, search, runs[p].front(), &rows[p]);
       }
     }

@@ -38,6 +38,7 @@ struct RetrievalOptions {
   int sample = 0;                // descriptors they are trained on; 0 = the default's own
   RankMethod rank = RankMethod::kNeighbours;  // of all protocols but the paper's
   std::size_t verify_depth = 0;               // as SearchOptions::verify_depth
+  bool keep_answers = false;                  // in RetrievalResult::answers
   int jobs = 0;                               // threads that describe pictures; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
@@ -56,6 +57,7 @@ struct RetrievalResult {
   std::optional<ObjectAnswer> object;  // first seed; not when queries are searched themselves
   std::size_t refused = 0;             // queries, which count as misses
   AbsentAnswers absent;                // first seed
+  std::vector<NamedAnswer> answers;    // first seed, with RetrievalOptions::keep_answers
   RetrievalTimes times;                // first seed
   double stored_bytes_per_picture = 0;
   double index_bytes_per_picture = 0;

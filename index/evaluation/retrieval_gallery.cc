@@ -22,6 +22,7 @@ constexpr const char* kSearched = "gallery";  // collections
 constexpr const char* kQueries = "queries";
 constexpr const char* kFeatures = "features";  // of all pictures ever, when they are kept
 
+constexpr std::size_t kNamedHits = 10;  // of a query
 constexpr std::size_t kTimedQueries = 20;
 constexpr std::size_t kSizedPictures = 100;
 constexpr std::size_t kIdDigits = 32;
@@ -153,7 +154,21 @@ Features RetrievalGallery::QueryFeatures(std::size_t picture) {
   return engine_.GetFeatures(kQueries, ids_[picture]);
 }
 
-std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, RetrievalTimes* times) {
+NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& hits) const {
+  const RetrievalPicture& asked = set_.pictures[query];
+  NamedAnswer answer{asked.path, asked.object, {}};
+  for (const Hit& hit : hits) {
+    if (answer.hits.size() == kNamedHits) break;
+    if (!set_.counts_itself && hit.image_id == ids_[query]) continue;
+    const auto at = std::find(ids_.begin(), ids_.end(), hit.image_id) - ids_.begin();
+    answer.hits.push_back({hit.object, set_.pictures[static_cast<std::size_t>(at)].path, hit.score,
+                           hit.probability, hit.inliers, hit.object == asked.object});
+  }
+  return answer;
+}
+
+std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, RetrievalTimes* times,
+                                                   std::vector<NamedAnswer>* named) {
   search.collection = kSearched;
   search.group_by = several_pictures_of_an_object_ ? GroupBy::kImage : GroupBy::kObject;
   search.limit = 0;
@@ -162,8 +177,9 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
   for (const std::size_t q : queries_) {
     RetrievalAnswer answer;
     answer.possible = possible_[q];
+    SearchResult result;
     if (!ids_[q].empty()) {
-      const SearchResult result = engine_.SearchFeatures(QueryFeatures(q), search);
+      result = engine_.SearchFeatures(QueryFeatures(q), search);
       for (const Hit& hit : result.hits) {
         if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
         if (answer.right.empty()) answer.found = hit.probability.value_or(0) >= kFoundProbability;
@@ -175,6 +191,7 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
         times->verify += share * result.timings.verify_ms;
       }
     }
+    if (named != nullptr) named->push_back(Named(q, result.hits));
     answers.push_back(std::move(answer));
   }
   return answers;

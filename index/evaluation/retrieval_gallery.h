@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -45,6 +46,23 @@ struct ObjectAnswer {
   double mrr = 0;   // 1 / rank of the right object; 0 when it is not found
 };
 
+// A hit of a query, as Hit.
+struct NamedHit {
+  std::string object;
+  std::filesystem::path file;
+  double score = 0;
+  std::optional<double> probability;
+  int inliers = 0;
+  bool is_right = false;
+};
+
+// A query and its first hits, by name. A query that was refused has none.
+struct NamedAnswer {
+  std::filesystem::path file;
+  std::string object;  // that it shows
+  std::vector<NamedHit> hits;
+};
+
 // Of the pictures whose object is absent.
 struct AbsentAnswers {
   std::size_t asked = 0;   // without those that were refused
@@ -68,8 +86,10 @@ class RetrievalGallery {
 
   // Every query's answer by picture, under `search` (collection, grouping and paging are set here).
   // Where each object has one picture, this is the answer by object that `pliant query` gives. Adds
-  // the mean times of quantisation, ranking and verification to `times` if given.
-  std::vector<RetrievalAnswer> Ask(SearchOptions search, RetrievalTimes* times = nullptr);
+  // the mean times of quantisation, ranking and verification to `times` if given, and every query
+  // with its first ten hits to `named` if given.
+  std::vector<RetrievalAnswer> Ask(SearchOptions search, RetrievalTimes* times = nullptr,
+                                   std::vector<NamedAnswer>* named = nullptr);
 
   // The same by object. Only for sets whose queries are not searched themselves are the ranks worth
   // anything.
@@ -94,6 +114,7 @@ class RetrievalGallery {
   void Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes);
   void ThrowIfStopped() const;
   Features QueryFeatures(std::size_t picture);
+  NamedAnswer Named(std::size_t query, const std::vector<Hit>& hits) const;
 
   RetrievalSet set_;
   RetrievalGalleryOptions options_;

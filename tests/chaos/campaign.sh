@@ -9,7 +9,7 @@ set -uo pipefail
 bin=$(realpath "$1")
 here=$(dirname "$(realpath "${BASH_SOURCE[0]}")")
 if [ "${2:-}" = short ]; then
-  kills=40 minutes=1 pictures=300 fuzz_s=10 faults=
+  kills=40 minutes=1 pictures=600 fuzz_s=10 faults=
 else
   kills=1000 minutes=60 pictures=50000 fuzz_s=300 faults=exhaustive
 fi

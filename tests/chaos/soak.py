@@ -220,7 +220,7 @@ def ids_of(address, names):
     while cursor is not None:
         page = connection.get(f"{IMAGES}?limit=500" + (f"&cursor={cursor}" if cursor else ""))
         ids.update({image["object"]: image["id"] for image in page["images"]})
-        cursor = page.get("next_cursor")
+        cursor = page["next"]
     connection.close()
     missing = [name for name in names if name not in ids]
     if missing:

@@ -90,6 +90,46 @@ TEST_F(EvalRetrievalTest, TableCsvAndPlot) {
             1000);
 }
 
+TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
+  const ProgramResult result =
+      Eval({"--protocol", "default", "--seeds", "2", "--answers", Path("a.csv")});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const auto csv = ReadBytes(folder_ / "a.csv");
+  std::istringstream lines(std::string(csv.begin(), csv.end()));
+  std::string header;
+  std::getline(lines, header);
+  EXPECT_EQ(header,
+            "descriptor,protocol,words,query,object,rank,hit,hit_object,right,score,probability,"
+            "inliers");
+  int first = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','),
+              std::count(header.begin(), header.end(), ','));
+    if (line.find(",1,") == std::string::npos) continue;
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    if (cells[5] != "1") continue;
+    ++first;
+    EXPECT_EQ(cells[4], cells[7]);  // here every first hit is right
+    EXPECT_EQ(cells[8], "1");
+    EXPECT_THAT(cells[6], HasSubstr("/" + cells[7] + "/"));
+    EXPECT_NE(cells[3], cells[6]);
+    EXPECT_GT(std::stoi(cells[11]), 5);
+  }
+  EXPECT_EQ(first, 5);  // of the first seed alone
+}
+
+TEST_F(EvalRetrievalTest, RanksByHistograms) {
+  const ProgramResult result =
+      Eval({"--protocol", "default,unverified", "--seeds", "1", "--rank", "histogram", "--json"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const Json rows = result.json()["results"];
+  ASSERT_THAT(rows, SizeIs(2));
+  EXPECT_EQ(rows[0]["milliseconds"]["verify"], 0);
+  EXPECT_EQ(rows[0]["map"], rows[1]["map"]);
+}
+
 TEST_F(EvalRetrievalTest, PeersAreListedBesideOurs) {
   const Json peer = {{"descriptor", "other"},
                      {"protocol", "words"},
