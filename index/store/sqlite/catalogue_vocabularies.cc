@@ -139,8 +139,10 @@ void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& 
 
 std::vector<Key> PicturesWithoutWords(Connection& db, Key collection, Key vocabulary, Key after,
                                       int limit) {
+  // The plus keeps SQLite from an index of the collection: it would read all of it and sort, for
+  // every batch.
   Cursor row = db.Prepare(
-      "SELECT p.key FROM pictures p WHERE p.collection = ?1 AND p.key > ?3 AND NOT EXISTS "
+      "SELECT p.key FROM pictures p WHERE +p.collection = ?1 AND p.key > ?3 AND NOT EXISTS "
       "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key) "
       "ORDER BY p.key LIMIT ?4");
   row.Bind(collection, vocabulary, after, limit);
