@@ -120,6 +120,19 @@ TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
   EXPECT_EQ(first, 5);  // of the first seed alone
 }
 
+TEST_F(EvalRetrievalTest, AnswersQuoteNames) {
+  std::filesystem::rename(folder_ / "set/o1", folder_ / "set/o1, \"old\"");
+  const ProgramResult result =
+      Eval({"--protocol", "unverified", "--seeds", "1", "--answers", Path("a.csv")});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const auto csv = ReadBytes(folder_ / "a.csv");
+  const std::string text(csv.begin(), csv.end());
+  EXPECT_THAT(text, HasSubstr("/o1, \"\"old\"\"/ref.png\",\"o1, \"\"old\"\"\",1,\""));
+  const ProgramResult refused = Eval({"--answers", Path("nowhere/a.csv"), "--json"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_EQ(refused.json()["error"]["code"], "write_failed");
+}
+
 TEST_F(EvalRetrievalTest, RanksByHistograms) {
   const ProgramResult result =
       Eval({"--protocol", "default,unverified", "--seeds", "1", "--rank", "histogram", "--json"});
