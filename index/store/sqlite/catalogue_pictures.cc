@@ -78,11 +78,13 @@ std::optional<PictureRow> FindPictureByKey(Connection& db, Key key) {
   return FirstPicture(row.Bind(key));
 }
 
+// The plus: by the index of hashes, else SQLite reads the whole collection, as its index has the
+// order.
 std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
                                               const std::string& sha256) {
   const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
   Cursor row = db.Prepare(PLIANT_SELECT_PICTURE
-                          "WHERE p.sha256 = ? AND p.collection = ? ORDER BY p.id LIMIT 1");
+                          "WHERE p.sha256 = ? AND +p.collection = ? ORDER BY p.id LIMIT 1");
   return FirstPicture(row.Bind(hash, collection));
 }
 
@@ -100,7 +102,7 @@ std::vector<ImageRecord> PicturesBySha256(Connection& db, Key collection,
                                           const std::string& sha256) {
   const std::vector<std::uint8_t> hash = Sha256Bytes(sha256);
   Cursor row =
-      db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.sha256 = ? AND p.collection = ? ORDER BY p.id");
+      db.Prepare(PLIANT_SELECT_PICTURE "WHERE p.sha256 = ? AND +p.collection = ? ORDER BY p.id");
   row.Bind(hash, collection);
   std::vector<ImageRecord> records;
   while (row.Next()) records.push_back(ToPicture(row).record);
