@@ -39,7 +39,9 @@ void PrintText(const SearchResult& result, double took_ms) {
   if (rows.empty()) {
     Print("nothing found");
   } else {
-    if (result.found == std::size_t{0}) {
+    if (result.undecided) {
+      Print("undecided: one of several objects that look alike, see their probabilities");
+    } else if (result.found == std::size_t{0}) {
       Print("not in the collection: no hit has a probability of " +
             FormatFixed(kFoundProbability, 1) + " or more");
     }

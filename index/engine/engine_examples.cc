@@ -130,6 +130,7 @@ SearchResult Engine::Impl::AnswerExamples(const Source& source,
     result.words = one.words;
     result.keypoints += one.keypoints;
     if (one.found) result.found = 0;
+    if (one.undecided) result.undecided = true;
     merger.Add(id, std::move(one.hits));
   }
   std::vector<Hit> hits = merger.Take();
@@ -139,6 +140,7 @@ SearchResult Engine::Impl::AnswerExamples(const Source& source,
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const Hit& hit) {
           return hit.probability && *hit.probability >= kFoundProbability;
         }));
+    if (*result.found > 0) result.undecided = false;
   }
   result.hits = PageOf(std::move(hits), options);
   return result;

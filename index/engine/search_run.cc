@@ -104,6 +104,10 @@ SearchResult SearchRun::Run() {
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {
           return hit.probability >= kFoundProbability;
         }));
+    result.undecided = result.found == std::size_t{0} &&
+                       std::any_of(hits.begin(), hits.end(), [](const auto& hit) {
+                         return Probability(hit.picture.score) >= kFoundProbability;
+                       });
   }
   for (RankedPicture& picture : ranking.best) {
     const double probability = Probability(picture.score);

@@ -71,9 +71,10 @@ Json CoverageJson(const Coverage& coverage) {
 }
 
 // Of a search; null where hits have no probability.
-Json VerdictJson(const std::optional<std::size_t>& found) {
-  if (!found) return nullptr;
-  return *found > 0 ? "found" : "not_found";
+Json VerdictJson(const SearchResult& result) {
+  if (!result.found) return nullptr;
+  if (*result.found > 0) return "found";
+  return result.undecided ? "undecided" : "not_found";
 }
 
 Json HitJson(const Hit& hit) {
@@ -114,7 +115,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"keypoints", result.keypoints},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
-               {"verdict", VerdictJson(result.found)},
+               {"verdict", VerdictJson(result)},
                {"found", NumberOrNull(result.found)},
                {"hits", std::move(hits)},
                {"timings",

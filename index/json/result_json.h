@@ -10,8 +10,8 @@
 namespace pliant {
 
 // {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total",
-// "verdict": "found", "not_found" or null, "found": number or null, "hits": [{"rank", "object",
-// "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
+// "verdict": "found", "undecided", "not_found" or null, "found": number or null, "hits": [{"rank",
+// "object", "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
 // [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object that is not named is null;
 // the polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction", "pairs":

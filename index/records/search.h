@@ -149,8 +149,10 @@ struct SearchResult {
   std::vector<Hit> hits;
   std::size_t total = 0;  // number of hits, over all pages
   // Of these, the hits with kFoundProbability or more: 0 = what the picture shows is not in the
-  // collection. Absent where hits have no probability.
+  // collection, unless `undecided`. Absent where hits have no probability.
   std::optional<std::size_t> found;
+  // Nothing is found, as objects that are alike share a probability that would do for one.
+  bool undecided = false;
   RankMethod rank = RankMethod::kNeighbours;  // that was used
   std::int64_t vocabulary = 0;                // id of the vocabulary that answered
   std::size_t words = 0;                      // its size

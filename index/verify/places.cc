@@ -3,17 +3,25 @@
 #include "index/verify/places.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
-#include <iterator>
+#include <limits>
+#include <map>
 #include <span>
+#include <string>
+#include <unordered_map>
 
 #include "index/verify/outline.h"
+#include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
 
 // Pictures that are less probable beat nobody, and have nothing to lose.
 constexpr double kLeastProbability = 0.05;
+// The odds of objects at one place differ by more than their evidence says: what they have in
+// common agrees with both. Fitted to real packages and banknotes.
+constexpr double kSharpness = 2;
 
 struct Box {
   Vec2 low, high;
@@ -32,7 +40,7 @@ struct Place {
   std::vector<Vec2> points;  // of the query that it claims
   Box box;                   // of the outline
   std::size_t kept = 0;      // claims that the object keeps
-  bool beaten = false;
+  double odds = 0;           // of what is seen here alone
 };
 
 Box BoxOf(std::span<const Vec2> outline) {
@@ -42,6 +50,15 @@ Box BoxOf(std::span<const Vec2> outline) {
     box.high = {std::max(box.high.x, p.x), std::max(box.high.y, p.y)};
   }
   return box;
+}
+
+double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
+
+double OddsAt(const VerifiedPicture& picture, const Place& place) {
+  const auto points = static_cast<int>(place.points.size());
+  const double share = static_cast<double>(place.kept) / points;
+  const double evidence = Evidence(points) * std::sqrt(share);
+  return Odds(Probability(LiftScore(picture.ranking_score, evidence)));
 }
 
 // The claims of a picture stand in the order of its instances.
@@ -68,6 +85,7 @@ std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedPic
       }
       if (place.outline.empty() || place.points.empty()) continue;
       place.box = BoxOf(place.outline);
+      place.odds = OddsAt(picture, place);
       places.push_back(std::move(place));
     }
   }
@@ -84,7 +102,60 @@ bool AreSame(const Place& a, const Place& b) {
   return a.box.Meets(b.box) && HalfInside(a.points, b.outline) && HalfInside(b.points, a.outline);
 }
 
-double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
+// How many times more probable it is that something else is there.
+double Doubt(double rivals_odds, double odds) {
+  return std::pow(rivals_odds / std::max(1e-12, odds), kSharpness);
+}
+
+// What the other objects at the same place say of it.
+struct Rivals {
+  double doubt = 0;     // all of them
+  bool beaten = false;  // one keeps more
+};
+
+Rivals RivalsOf(const Place& place, const std::vector<Place>& places,
+                const std::vector<VerifiedPicture>& pictures) {
+  const auto object_of = [&](const Place& p) { return pictures[p.picture].picture.object; };
+  Rivals rivals;
+  std::map<std::int64_t, double> doubts;  // the most of each object
+  for (const Place& other : places) {
+    if (object_of(other) == object_of(place) || other.kept == place.kept ||
+        !AreSame(place, other)) {
+      continue;
+    }
+    double& doubt = doubts[object_of(other)];
+    doubt = std::max(doubt, Doubt(other.odds, place.odds));
+    if (other.kept > place.kept) rivals.beaten = true;
+  }
+  for (const auto& [object, doubt] : doubts) rivals.doubt += doubt;
+  return rivals;
+}
+
+// What agrees with the query through another picture is no more probable than that one is, and less
+// where the two have different names.
+void FollowTheirSources(std::vector<VerifiedPicture>* pictures) {
+  std::unordered_map<std::string, const VerifiedPicture*> by_id;
+  std::vector<VerifiedPicture*> supported;
+  for (VerifiedPicture& picture : *pictures) {
+    by_id.emplace(picture.picture.ref.id, &picture);
+    if (!picture.via.empty()) supported.push_back(&picture);
+  }
+  // A source has more evidence than what it supports.
+  std::stable_sort(supported.begin(), supported.end(),
+                   [](const auto* a, const auto* b) { return a->evidence > b->evidence; });
+  for (VerifiedPicture* picture : supported) {
+    const auto at = by_id.find(picture->via);
+    if (at == by_id.end()) continue;
+    const VerifiedPicture& source = *at->second;
+    const double alone = Probability(picture->picture.score);
+    const double sources = Probability(source.picture.score);
+    const std::int64_t object = picture->picture.object;
+    const bool is_rival =
+        object != 0 && source.picture.object != 0 && object != source.picture.object;
+    picture->probability = alone * source.probability / std::max(1e-12, sources) /
+                           (1 + (is_rival ? Doubt(Odds(sources), Odds(alone)) : 0));
+  }
+}
 
 }  // namespace
 
@@ -92,36 +163,22 @@ void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures)
   for (VerifiedPicture& picture : *pictures) {
     picture.probability = Probability(picture.picture.score);
   }
-  std::vector<Place> places = PlacesOf(query, *pictures);
-  std::vector<std::vector<std::size_t>> beaten_by(pictures->size());
-  for (Place& place : places) {
-    for (const Place& other : places) {
-      const bool is_rival =
-          (*pictures)[place.picture].picture.object != (*pictures)[other.picture].picture.object;
-      if (!is_rival || other.kept <= place.kept || !AreSame(place, other)) continue;
-      place.beaten = true;
-      beaten_by[place.picture].push_back(other.picture);
-    }
-  }
-  std::vector<bool> stands(pictures->size(), false);
+  const std::vector<Place> places = PlacesOf(query, *pictures);
+  std::vector<double> doubts(pictures->size(), std::numeric_limits<double>::infinity());
+  std::vector<const Place*> lost;
   for (const Place& place : places) {
-    if (!place.beaten) stands[place.picture] = true;
+    const Rivals rivals = RivalsOf(place, places, *pictures);
+    double& doubt = doubts[place.picture];
+    doubt = std::min(doubt, rivals.doubt);
+    if (rivals.beaten && place.instance > 0) lost.push_back(&place);
   }
-  std::vector<double> alone;
-  for (const VerifiedPicture& picture : *pictures) alone.push_back(picture.probability);
   for (std::size_t i = 0; i < pictures->size(); ++i) {
-    std::vector<std::size_t>& rivals = beaten_by[i];
-    if (stands[i] || rivals.empty()) continue;
-    std::sort(rivals.begin(), rivals.end());
-    rivals.erase(std::unique(rivals.begin(), rivals.end()), rivals.end());
-    double sum = 1 + Odds(alone[i]);
-    for (const std::size_t rival : rivals) sum += Odds(alone[rival]);
-    (*pictures)[i].probability = Odds(alone[i]) / sum;
+    if (std::isfinite(doubts[i])) (*pictures)[i].probability /= 1 + doubts[i];
   }
-  for (auto place = places.rbegin(); place != places.rend(); ++place) {  // the last ones first
-    if (!place->beaten || place->instance == 0) continue;
-    auto& instances = (*pictures)[place->picture].instances;
-    instances.erase(instances.begin() + static_cast<std::ptrdiff_t>(place->instance));
+  FollowTheirSources(pictures);
+  for (auto place = lost.rbegin(); place != lost.rend(); ++place) {  // the last ones first
+    auto& instances = (*pictures)[(*place)->picture].instances;
+    instances.erase(instances.begin() + static_cast<std::ptrdiff_t>((*place)->instance));
   }
 }
 

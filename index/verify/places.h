@@ -11,15 +11,19 @@
 namespace pliant {
 
 // A place of the query shows one thing: where instances of several named objects lie at the same
-// place (at least half of the key points of each inside of the outline of the other), those that
-// keep fewer of their claims (SettleClaims) than another one are beaten there. Notes of one series,
-// packages of one brand: each agrees with the part that they have in common, one is right.
-//   - A picture that is beaten wherever it is has what is left of its probability beside those that
-//     beat it: its odds in the sum of all their odds and 1. Its score stays, and so the order.
-//   - The further instances of a picture, at places where it is beaten, go.
-// What keeps equally many claims, as copies under two names do, is not beaten. Neither are pictures
-// without a name, whatever they show, nor those of the same object by each other. Sets
-// `probability` of all pictures. `query`: what `pictures` were verified against.
+// place (at least half of the key points of each inside of the outline of the other), one of them
+// is right. Notes of one series, packages of one brand: each agrees with the part that they have in
+// common.
+//   - Each has its share of the probability: p / (1 + the sum of (o' / o)²), with its own
+//     probability p, its odds o there and those o' of each other object. An object that is seen in
+//     several places has the largest of its shares. Scores stay, and so the order.
+//   - The one that keeps most of its claims (SettleClaims) has the place: further instances of the
+//     others there go.
+// What keeps equally many claims, as copies under two names do, is no rival. Neither are pictures
+// without a name, whatever they show, nor those of the same object. A picture that agrees through
+// another one (`via`) has as much of its probability as that one has, and of another object than
+// that one less, as if both were seen at one place. Sets `probability` of all pictures. `query`:
+// what `pictures` were verified against.
 void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures);
 
 }  // namespace pliant

@@ -72,8 +72,8 @@ class Hit:
 
 
 class SearchResult(list["Hit"]):
-    """The hits, best first, and about the search: `total` hits over all pages; `verdict`, "found" or "not_found", whether
-    what the picture shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
+    """The hits, best first, and about the search: `total` hits over all pages; `verdict`, "found", "undecided" (one of
+    several objects that are alike) or "not_found", whether what the picture shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
     hits have none); `document`, the whole answer as `pliant query --json`
     prints it (took_ms, timings, vocabulary, ...)."""
 

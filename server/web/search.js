@@ -118,10 +118,10 @@ function forgetHits() {
 const isGone = (hit) => isLeaving(api.imagePath(hit.image_id)) ||
                         isLeaving(api.address(`/objects/${encodeURIComponent(hit.object)}`));
 
-const named = (hit) => ({ ...hit, name: objectName(hit.object, hit.source) });
+const named = (hit, verdict) => ({ ...hit, name: objectName(hit.object, hit.source), undecided: verdict === "undecided" });
 
 function showAnswer(answer, offset, how) {
-  const fresh = answer.hits.filter((hit) => !isGone(hit)).map(named);
+  const fresh = answer.hits.filter((hit) => !isGone(hit)).map((hit) => named(hit, answer.verdict));
   if (!offset) forgetHits();
   const before = hits.length;
   received = offset + answer.hits.length;

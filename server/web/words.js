@@ -83,18 +83,21 @@ const kGrades = [
   { least: 0.5, words: "Perhaps the same", grade: "perhaps" },
   { least: 0, words: "Hardly alike", grade: "weak" },
 ];
+const kLeastShare = 0.1;
 // A search that does not verify, as one with a vocabulary of an older version, knows no
 // probabilities: its scores only say how many details the pictures have in common.
 const kMuchAlike = 0.5;
 
 // { words, grade, share: 0..1 for the bar, percent: the same in words, or "" }
-export function scoreWords({ score, probability }) {
+// undecided: the answer says that objects which are alike share a probability.
+export function scoreWords({ score, probability, undecided = false }) {
   if (probability === null) {
     const alike = score >= kMuchAlike;
     return { words: alike ? "Looks much alike" : "Hardly alike", grade: alike ? "perhaps" : "weak",
              share: score, percent: "" };
   }
-  const { words, grade } = kGrades.find(({ least }) => probability >= least);
+  const { words, grade } = undecided && probability >= kLeastShare ? kGrades.find((one) => one.grade === "perhaps") :
+                                                                      kGrades.find(({ least }) => probability >= least);
   // Never 100 %: objects that share most of their print are told apart by little.
   const percent = probability > 0.99 ? "> 99 %" : probability < 0.01 ? "< 1 %" :
                                                                          `${Math.round(100 * probability)} %`;

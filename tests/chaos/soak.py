@@ -14,6 +14,7 @@ import http.client
 import json
 import pathlib
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -200,9 +201,12 @@ def judge_end(clients, addresses):
 
 
 def fill(options, folder, database):
-    """Indexes the pictures that are searched for; their ids."""
+    """Indexes the pictures that are searched for; their names."""
     begin = time.monotonic()
     names = [f"p{i}" for i in range(options.pictures)]
+    if options.filled and options.filled.exists():
+        shutil.copyfile(options.filled, database)
+        return names
     shelf = folder / "pictures"
     shelf.mkdir()
     for name in names:
@@ -211,6 +215,8 @@ def fill(options, folder, database):
     subprocess.run([options.bin / "pliant", "index", shelf, "--db", database, "--object-from", "stem", *DESCRIBE], check=True,
                    stdout=subprocess.DEVNULL)
     print(f"{options.pictures} pictures indexed in {time.monotonic() - made:.0f} s (made in {made - begin:.0f} s)", flush=True)
+    if options.filled:
+        shutil.copyfile(database, options.filled)
     return names
 
 
@@ -247,6 +253,7 @@ def main():
     parser.add_argument("--minutes", type=float, default=60)
     parser.add_argument("--clients", type=int, default=32)
     parser.add_argument("--pictures", type=int, default=50_000, help="that are there and searched for")
+    parser.add_argument("--filled", type=pathlib.Path, metavar="FILE", help="keeps the filled database, and begins with it the next time")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Searching.
+#include "index/json/result_json.h"
 #include "tests/unit/engine_fixture.h"
 
 namespace pliant::testing {
@@ -27,6 +28,36 @@ TEST_F(EngineTest, AnOtherViewFindsItsObject) {
       EXPECT_EQ(result.words, 200u);
     }
   }
+}
+
+TEST_F(EngineTest, OfTwoObjectsThatLookTheSameNeitherIsFound) {
+  Engine engine(Options());
+  const Image same = RandomPicture(1, 320, 240);
+  Add(engine, NoisyPng(same, 1), "one");
+  Add(engine, NoisyPng(same, 2), "another");
+  for (std::uint64_t i = 2; i <= 8; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
+  Train(engine, 200);
+  const auto expect_undecided = [](const SearchResult& result) {
+    ASSERT_GE(result.hits.size(), 2U);
+    EXPECT_EQ(result.found, 0U);
+    EXPECT_TRUE(result.undecided);
+    EXPECT_THAT((std::vector{result.hits[0].object, result.hits[1].object}),
+                ::testing::UnorderedElementsAre("one", "another"));
+    EXPECT_GT(*result.hits[0].probability + *result.hits[1].probability, kFoundProbability);
+    EXPECT_EQ(SearchResultJson(result, 1)["verdict"], "undecided");
+  };
+  expect_undecided(engine.Search(NoisyPng(same, 3), {}));
+  Add(engine, NoisyPng(same, 4), "", "photo");
+  expect_undecided(engine.SearchExamples({"photo"}, {}));
+
+  const SearchResult found = engine.Search(OtherViewPng(5), {});
+  EXPECT_EQ(found.found, 1U);
+  EXPECT_FALSE(found.undecided);
+  EXPECT_EQ(SearchResultJson(found, 1)["verdict"], "found");
+  const SearchResult absent = engine.Search(RandomPng(99), {});
+  EXPECT_EQ(absent.found, 0U);
+  EXPECT_FALSE(absent.undecided);
+  EXPECT_EQ(SearchResultJson(absent, 1)["verdict"], "not_found");
 }
 
 TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {

@@ -3,6 +3,7 @@
 // Small pictures and folders for the tests of the index.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -75,6 +76,16 @@ inline std::vector<std::uint8_t> OtherViewPng(std::uint64_t seed) {
     }
   }
   return EncodePng(view);
+}
+
+// A copy with noise of its own for each seed.
+inline std::vector<std::uint8_t> NoisyPng(Image image, std::uint64_t noise_seed) {
+  std::mt19937_64 random(noise_seed);
+  for (std::uint8_t& pixel : image.pixels) {
+    const int value = pixel + static_cast<int>(random() % 25) - 12;
+    pixel = static_cast<std::uint8_t>(std::clamp(value, 0, 255));
+  }
+  return EncodePng(image);
 }
 
 inline void WriteBytes(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes) {

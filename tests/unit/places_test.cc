@@ -3,7 +3,12 @@
 // A place of the query shows one of the objects that agree with it.
 #include "index/verify/places.h"
 
+#include <cmath>
+#include <string>
+
 #include <gtest/gtest.h>
+
+#include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
@@ -41,17 +46,78 @@ VerifiedPicture Seen(std::int64_t object, double score, std::uint32_t first, std
   return picture;
 }
 
-TEST(SettlePlaces, OfTwoAtOnePlaceTheOneThatKeepsMoreIsThere) {
+double Odds(int inliers, double share) {
+  const double p = Probability(LiftScore(0, Evidence(inliers) * std::sqrt(share)));
+  return p / (1 - p);
+}
+
+TEST(SettlePlaces, ObjectsAtOnePlaceShareTheProbability) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 10, 40, 0.5F)};
   See(&pictures[1], 60, 5, 0.5F);  // what only this one has, where the other one is
+  pictures[1].claims[0].distance = 0.2F;
   SettlePlaces(Query(), &pictures);
-  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
-  const double first = Probability(0.99) / (1 - Probability(0.99));
-  const double second = Probability(0.9) / (1 - Probability(0.9));
-  EXPECT_NEAR(pictures[1].probability, second / (1 + first + second), 1e-9);
-  EXPECT_LT(pictures[1].probability, 0.5);
+  const double ratio = Odds(40, 1.0 / 40) / Odds(50, 49.0 / 50);
+  EXPECT_NEAR(pictures[0].probability, Probability(0.99) / (1 + ratio * ratio), 1e-9);
+  EXPECT_GT(pictures[0].probability, 0.9);
+  EXPECT_LT(pictures[1].probability, 0.1);
   EXPECT_DOUBLE_EQ(pictures[1].picture.score, 0.9) << "the order stays";
   EXPECT_EQ(pictures[1].instances.front().inliers, 40) << "where it was seen is told all the same";
+}
+
+TEST(SettlePlaces, OfTwoThatHardlyDifferNeitherIsSure) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 50, 0.3F)};
+  for (std::size_t i = 0; i < 24; ++i) pictures[0].claims[i].distance = 0.2F;
+  for (std::size_t i = 24; i < 50; ++i) pictures[1].claims[i].distance = 0.2F;
+  SettlePlaces(Query(), &pictures);
+  EXPECT_NEAR(pictures[0].probability, 0.45, 0.05);
+  EXPECT_NEAR(pictures[1].probability, 0.55, 0.05);
+}
+
+TEST(SettlePlaces, AnObjectsPicturesAreOneRival) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 0, 40, 0.2F)};
+  std::vector<VerifiedPicture> more = pictures;
+  for (int i = 0; i < 5; ++i) more.push_back(more[1]);
+  SettlePlaces(Query(), &pictures);
+  SettlePlaces(Query(), &more);
+  EXPECT_DOUBLE_EQ(more[0].probability, pictures[0].probability);
+  EXPECT_LT(pictures[0].probability, 0.5);
+}
+
+TEST(SettlePlaces, ARivalThatIsSureElsewhereIsNoneHere) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.9, 0, 40, 0.3F),
+                                           Seen(2, 0.999, 100, 90, 0.2F)};
+  See(&pictures[1], 0, 12, 0.5F);
+  SettlePlaces(Query(), &pictures);
+  EXPECT_GT(pictures[0].probability, 0.9);
+  EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.999));
+}
+
+VerifiedPicture Through(const std::string& source, std::int64_t object, double score) {
+  VerifiedPicture picture;
+  picture.picture = {{1, "through " + source, 2}, object, score};
+  picture.via = source;
+  return picture;
+}
+
+TEST(SettlePlaces, WhatAgreesThroughAnotherPictureIsNoSurerThanThatIs) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.95, 0, 40, 0.5F),
+                                           Through("beaten", 2, 0.94)};
+  pictures[1].picture.ref.id = "beaten";
+  SettlePlaces(Query(), &pictures);
+  EXPECT_LT(pictures[1].probability, 0.1);
+  EXPECT_NEAR(pictures[2].probability, pictures[1].probability, 0.001);
+}
+
+TEST(SettlePlaces, WhatAgreesThroughAnotherObjectIsItsRival) {
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.999, 0, 50, 0.3F), Through("picture", 2, 0.94),
+                                           Through("picture", 1, 0.94), Through("picture", 0, 0.94),
+                                           Through("gone", 2, 0.94)};
+  SettlePlaces(Query(), &pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.999));
+  EXPECT_LT(pictures[1].probability, 0.01);
+  for (std::size_t i = 2; i < 5; ++i) {
+    EXPECT_DOUBLE_EQ(pictures[i].probability, Probability(0.94)) << i;
+  }
 }
 
 TEST(SettlePlaces, InPlacesOfTheirOwnAllAreFound) {
