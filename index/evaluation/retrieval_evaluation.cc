@@ -8,7 +8,10 @@
 #include <set>
 #include <system_error>
 
+#include <fcntl.h>
 #include <stdlib.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
@@ -39,7 +42,8 @@ void Validate(const RetrievalOptions& options) {
   }
 }
 
-// Where the databases lie: a folder that stays, or one that goes with this object.
+// Where the databases lie: a folder that stays, locked since two evaluations would exchange their
+// galleries under each other's searches; or one that goes with this object.
 class Workplace {
  public:
   explicit Workplace(const fs::path& cache) : path_(cache), stays_(!cache.empty()) {
@@ -47,6 +51,7 @@ class Workplace {
     if (stays_) {
       fs::create_directories(path_, error);
       if (error) Fail(error.message());
+      Lock();
       return;
     }
     std::string name = (fs::temp_directory_path() / "pliant-eval-XXXXXX").string();
@@ -57,6 +62,7 @@ class Workplace {
     path_ = name;
   }
   ~Workplace() {
+    if (folder_ >= 0) ::close(folder_);
     std::error_code ignored;  // what stays behind in the system's folder for that harms nobody
     if (!stays_) fs::remove_all(path_, ignored);
   }
@@ -78,6 +84,18 @@ class Workplace {
   }
 
  private:
+  void Lock() {
+    folder_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder_ < 0) Fail(std::generic_category().message(errno));
+    if (::flock(folder_, LOCK_EX | LOCK_NB) == 0) return;
+    const int error = errno;
+    ::close(folder_);
+    if (error != EWOULDBLOCK) Fail(std::generic_category().message(error));
+    throw Error(ErrorCode::kConflict, "cache_in_use",
+                "another evaluation works in " + ToDisplayText(path_.string()) +
+                    "; wait until it ends, or give another folder");
+  }
+
   [[noreturn]] void Fail(const std::string& why) const {
     throw Error(ErrorCode::kNoSpace, "folder_unwritable",
                 "cannot make the folder " + ToDisplayText(path_.string()) + ": " + why);
@@ -85,6 +103,7 @@ class Workplace {
 
   fs::path path_;
   bool stays_;
+  int folder_ = -1;
 };
 
 SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions& options) {

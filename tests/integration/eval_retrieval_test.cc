@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <sstream>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include "tests/integration/program.h"
 
@@ -223,6 +226,18 @@ TEST_F(EvalRetrievalTest, FilesThatCannotBeWrittenAreRefusedBeforeTheWork) {
     left.push_back(entry.path().filename());
   EXPECT_THAT(left, ::testing::UnorderedElementsAre("set", "taken.png"))
       << "looking leaves nothing";
+}
+
+TEST_F(EvalRetrievalTest, TwoDoNotWorkInOneCache) {
+  const std::filesystem::path cache = folder_ / "cache";
+  std::filesystem::create_directories(cache);
+  const int other = ::open(cache.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  ASSERT_EQ(::flock(other, LOCK_EX), 0);
+  const ProgramResult refused = Eval({"--cache", cache.string()});
+  EXPECT_NE(refused.status, 0);
+  EXPECT_THAT(refused.err, HasSubstr("another evaluation works in"));
+  ::close(other);
+  EXPECT_EQ(Eval({"--cache", cache.string()}).status, 0);
 }
 
 TEST_F(EvalRetrievalTest, WrongUsageAndBadFolders) {
