@@ -16,7 +16,7 @@ import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "
 import { link, noteAddress, pushAddress } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
-import { isWeak, verdictWords } from "./words.js";
+import { isWeak, sharing, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
@@ -118,10 +118,11 @@ function forgetHits() {
 const isGone = (hit) => isLeaving(api.imagePath(hit.image_id)) ||
                         isLeaving(api.address(`/objects/${encodeURIComponent(hit.object)}`));
 
-const named = (hit, verdict) => ({ ...hit, name: objectName(hit.object, hit.source), undecided: verdict === "undecided" });
+const named = (hit) => ({ ...hit, name: objectName(hit.object, hit.source) });
 
 function showAnswer(answer, offset, how) {
-  const fresh = answer.hits.filter((hit) => !isGone(hit)).map((hit) => named(hit, answer.verdict));
+  const fresh = (answer.verdict === "undecided" && !offset ? sharing(answer.hits) : answer.hits)
+    .filter((hit) => !isGone(hit)).map(named);
   if (!offset) forgetHits();
   const before = hits.length;
   received = offset + answer.hits.length;

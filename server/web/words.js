@@ -83,25 +83,35 @@ const kGrades = [
   { least: 0.5, words: "Perhaps the same", grade: "perhaps" },
   { least: 0, words: "Hardly alike", grade: "weak" },
 ];
-const kLeastShare = 0.1;
 // A search that does not verify, as one with a vocabulary of an older version, knows no
 // probabilities: its scores only say how many details the pictures have in common.
 const kMuchAlike = 0.5;
 
 // { words, grade, share: 0..1 for the bar, percent: the same in words, or "" }
-// undecided: the answer says that objects which are alike share a probability.
-export function scoreWords({ score, probability, undecided = false }) {
+// isOneOf: see sharing().
+export function scoreWords({ score, probability, isOneOf = false }) {
   if (probability === null) {
     const alike = score >= kMuchAlike;
     return { words: alike ? "Looks much alike" : "Hardly alike", grade: alike ? "perhaps" : "weak",
              share: score, percent: "" };
   }
-  const { words, grade } = undecided && probability >= kLeastShare ? kGrades.find((one) => one.grade === "perhaps") :
-                                                                      kGrades.find(({ least }) => probability >= least);
+  const { words, grade } = isOneOf ? kGrades.find((one) => one.grade === "perhaps") :
+                                     kGrades.find(({ least }) => probability >= least);
   // Never 100 %: objects that share most of their print are told apart by little.
   const percent = probability > 0.99 ? "> 99 %" : probability < 0.01 ? "< 1 %" :
                                                                          `${Math.round(100 * probability)} %`;
   return { words, grade, share: probability, percent };
+}
+
+// The first hits of an undecided answer: objects that are alike, and share a probability that would do for one. Marked
+// as such (isOneOf), as many as have it together.
+export function sharing(hits) {
+  let sum = 0;
+  return hits.map((hit) => {
+    const isOneOf = sum < kFound;
+    sum += hit.probability;
+    return { ...hit, isOneOf };
+  });
 }
 
 export const isFound = (hit) => ["sure", "likely"].includes(scoreWords(hit).grade);

@@ -61,6 +61,12 @@ function thingShades(seed) {
 
 export const thing = (seed) => png(...kThing, thingShades(seed));
 
+// The same thing with noise of its own for each `noise`.
+export function noisyThing(seed, noise) {
+  const [shade, random] = [thingShades(seed), randomOf(noise)];
+  return png(...kThing, (x, y) => Math.max(0, Math.min(255, shade(x, y) + Math.floor(25 * random()) - 12)));
+}
+
 // A photograph of things: each of `parts` is { seed, x, y (its middle), scale, angle (degrees) }.
 export function photograph(parts, width = 640, height = 480) {
   const placed = parts.map(({ seed, x, y, scale = 1, angle = 0 }) => {

@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs } from "../pictures.mjs";
+import { blobs, noisyThing } from "../pictures.mjs";
 
 const server = await house.server("demonstration");
 
@@ -22,6 +22,22 @@ test("what is not in the collection is said to be so; nothing is chosen, nothing
   await house.eventually(async () => assert.equal(await page.locator(".tag").count(), 0));
   await house.shoot(page, "not-found");
   await house.checkAccessibility(page, "not found");
+  await house.closePage(page);
+});
+
+test("of two objects that look the same neither is found; both are named and shown", async () => {
+  for (const [noise, object] of [[1, "sweet yoghurt"], [2, "sour yoghurt"]]) {
+    const added = await fetch(`${server.address}/v1/collections/default/images/${noise}?object=${encodeURIComponent(object)}`,
+                              { method: "PUT", body: noisyThing(5, noise), headers: { "content-type": "image/png" } });
+    assert.equal(added.status, 201);
+  }
+  const page = await house.openPage(server.address);
+  await page.locator("#search-file").setInputFiles({ name: "photo.png", mimeType: "image/png", buffer: noisyThing(5, 3) });
+  await house.waitForText(page, "#search-status", /^Not sure: perhaps (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\./);
+  await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 2));
+  await house.eventually(async () => assert.ok(await page.locator("#compare").isVisible(), "the first one is chosen"));
+  await house.shoot(page, "undecided");
+  await house.checkAccessibility(page, "undecided");
   await house.closePage(page);
 });
 

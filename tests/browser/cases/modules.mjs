@@ -118,7 +118,7 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   assert.equal(await words({ hits: hits(["a", 1], ["a", 1]), found: 30, grouped: false }), "Found: a.");
   assert.equal(await words({ hits: hits(["mug", 0.89], ["tin", 0.5]), found: 0 }), "Not sure: perhaps mug or tin.");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not in your collection.");
-  const alike = hits(["mug", 0.4], ["tin", 0.35], ["cup", 0.2], ["hat", 0.05]).map((hit) => ({ ...hit, undecided: true }));
+  const { value: alike } = await call("words.js", "sharing", hits(["mug", 0.4], ["tin", 0.35], ["cup", 0.2], ["hat", 0.3]));
   assert.equal(await words({ hits: alike, found: 0 }), "Not sure: perhaps mug, tin or cup.", "they share the probability");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0, stored: true }), "Nothing else in your collection is like it.");
   assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found among what the filters leave.");
