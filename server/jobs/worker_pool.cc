@@ -123,16 +123,23 @@ void WorkerPool::Work() {
 
 bool WorkerPool::HasWork() const {
   if (free_cores_ <= claimed_cores_) return false;
-  if (!searches_.empty() || !uploads_.empty()) return true;
+  return !searches_.empty() || !uploads_.empty() || MayRunBackground();
+}
+
+bool WorkerPool::MayRunBackground() const {
   return !background_.empty() && background_cores_ < std::max(1, cores_ / 2);
 }
 
 std::shared_ptr<WorkerPool::Task> WorkerPool::TakeNext() {
-  if (searches_.empty() && uploads_.empty()) {
+  const bool may_be_background = MayRunBackground();
+  const bool others_wait = !searches_.empty() || !uploads_.empty();
+  if (may_be_background && (!others_wait || others_in_a_row_ >= kOthersInARow)) {
+    others_in_a_row_ = 0;
     const std::shared_ptr<Task> task = background_.front();
     background_.pop_front();
     return task;
   }
+  if (may_be_background) ++others_in_a_row_;
   const bool uploads_turn = searches_in_a_row_ >= kSearchesInARow && !uploads_.empty();
   const bool search = !searches_.empty() && !uploads_turn;
   searches_in_a_row_ = search ? searches_in_a_row_ + 1 : 0;

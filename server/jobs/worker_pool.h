@@ -26,10 +26,12 @@ struct WorkerPoolOptions {
 class WorkerPool {
  public:
   // Searches have priority, but at most kSearchesInARow of them while uploads wait. Background
-  // tasks run when neither waits, on one core each and half of the cores (at least one) in total,
-  // so a search gets a core soon, however long a job runs.
+  // tasks run when neither waits, and after kOthersInARow of both, so that a job gets on however
+  // busy the server is; on one core each and half of the cores (at least one) in total, so a search
+  // gets a core soon, however long a job runs.
   enum class Lane { kSearch, kUpload, kBackground };
   static constexpr int kSearchesInARow = 4;
+  static constexpr int kOthersInARow = 16;
 
   explicit WorkerPool(WorkerPoolOptions options);
   ~WorkerPool();  // waits for running tasks and callers of Run(); waiting tasks get "stopping"
@@ -74,6 +76,7 @@ class WorkerPool {
   void Await(std::unique_lock<std::mutex>& lock, Lane lane, const std::shared_ptr<Task>& task);
   void Work();
   bool HasWork() const;              // that may run now; mutex_ held
+  bool MayRunBackground() const;     // one waits, and a core is left for it; mutex_ held
   std::shared_ptr<Task> TakeNext();  // mutex_ held, HasWork()
   int ShareOfFreeCores() const;      // mutex_ held
   int RetryAfterSeconds() const;     // mutex_ held
@@ -94,6 +97,7 @@ class WorkerPool {
   int lent_cores_ = 0;     // to leases, also while they still wait for them
   int claimed_cores_ = 0;  // of these, not handed over yet: tasks leave them alone
   int searches_in_a_row_ = 0;
+  int others_in_a_row_ = 0;   // searches and uploads begun while a background task might have been
   double mean_task_s_ = 0.5;  // running mean, for Retry-After
   int callers_ = 0;           // inside Run()
   bool stopping_ = false;

@@ -142,6 +142,29 @@ TEST(WorkerPool, SearchesGoFirstButUploadsGetTheirTurn) {
   EXPECT_EQ(order, "ssssussu");
 }
 
+TEST(WorkerPool, BackgroundGetsItsTurnHoweverManySearchesWait) {
+  WorkerPool pool({.cores = 1});
+  std::latch open(1);
+  auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
+  while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
+  std::string order;
+  std::vector<std::future<void>> tasks;
+  for (int i = 0; i < 3; ++i) {
+    tasks.push_back(Submit(pool, Lane::kBackground, [&](int) { order += 'b'; }));
+  }
+  for (int i = 0; i < 40; ++i) {
+    tasks.push_back(Submit(pool, Lane::kSearch, [&](int) { order += 's'; }));
+  }
+  while (pool.load().waiting_searches + pool.load().waiting_background < 43) {
+    std::this_thread::sleep_for(milliseconds(1));
+  }
+  open.count_down();
+  running.get();
+  for (auto& task : tasks) task.get();
+  EXPECT_EQ(order,
+            std::string(16, 's') + 'b' + std::string(16, 's') + 'b' + std::string(8, 's') + 'b');
+}
+
 TEST(WorkerPool, BackgroundTakesHalfOfTheCoresAndGoesLast) {
   WorkerPool pool({.cores = 2, .queue_length = 1});
   std::latch open(1);
