@@ -122,47 +122,38 @@ TEST(WorkerPool, GivesUpWaiting) {
   EXPECT_FALSE(ran);
 }
 
-TEST(WorkerPool, SearchesGoFirstButUploadsGetTheirTurn) {
+// In which order a pool of one core runs tasks that all wait: a letter each, of s, u and b.
+std::string OrderOf(const std::string& submitted) {
   WorkerPool pool({.cores = 1});
   std::latch open(1);
   auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
   while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
   std::string order;
   std::vector<std::future<void>> tasks;
-  for (int i = 0; i < 2; ++i) {
-    tasks.push_back(Submit(pool, Lane::kUpload, [&](int) { order += 'u'; }));
+  for (const char letter : submitted) {
+    const Lane lane = letter == 's'   ? Lane::kSearch
+                      : letter == 'u' ? Lane::kUpload
+                                      : Lane::kBackground;
+    tasks.push_back(Submit(pool, lane, [&order, letter](int) { order += letter; }));
   }
-  for (int i = 0; i < 6; ++i) {
-    tasks.push_back(Submit(pool, Lane::kSearch, [&](int) { order += 's'; }));
-  }
-  AwaitWaiting(pool, 8);
+  const auto waiting = [&] {
+    const WorkerPool::Load load = pool.load();
+    return load.waiting_searches + load.waiting_uploads + load.waiting_background;
+  };
+  while (waiting() < submitted.size()) std::this_thread::sleep_for(milliseconds(1));
   open.count_down();
   running.get();
   for (auto& task : tasks) task.get();
-  EXPECT_EQ(order, "ssssussu");
+  return order;
+}
+
+TEST(WorkerPool, SearchesGoFirstButUploadsGetTheirTurn) {
+  EXPECT_EQ(OrderOf("uussssss"), "ssssussu");
 }
 
 TEST(WorkerPool, BackgroundGetsItsTurnHoweverManySearchesWait) {
-  WorkerPool pool({.cores = 1});
-  std::latch open(1);
-  auto running = Submit(pool, Lane::kUpload, [&](int) { open.wait(); });
-  while (pool.load().busy_cores == 0) std::this_thread::sleep_for(milliseconds(1));
-  std::string order;
-  std::vector<std::future<void>> tasks;
-  for (int i = 0; i < 3; ++i) {
-    tasks.push_back(Submit(pool, Lane::kBackground, [&](int) { order += 'b'; }));
-  }
-  for (int i = 0; i < 40; ++i) {
-    tasks.push_back(Submit(pool, Lane::kSearch, [&](int) { order += 's'; }));
-  }
-  while (pool.load().waiting_searches + pool.load().waiting_background < 43) {
-    std::this_thread::sleep_for(milliseconds(1));
-  }
-  open.count_down();
-  running.get();
-  for (auto& task : tasks) task.get();
-  EXPECT_EQ(order,
-            std::string(16, 's') + 'b' + std::string(16, 's') + 'b' + std::string(8, 's') + 'b');
+  const std::string most(16, 's');
+  EXPECT_EQ(OrderOf("bbb" + std::string(40, 's')), most + 'b' + most + 'b' + "ssssssss" + 'b');
 }
 
 TEST(WorkerPool, BackgroundTakesHalfOfTheCoresAndGoesLast) {
