@@ -104,11 +104,12 @@ export function scoreWords({ score, probability, isOneOf = false }) {
 }
 
 // The first hits of an undecided answer: objects that are alike, and share a probability that would do for one. Marked
-// as such (isOneOf), as many as have it together.
+// as such (isOneOf), as many as have it together; what has hardly any of it is not one of them.
 export function sharing(hits) {
+  const least = 0.1 * Math.max(...hits.map(({ probability }) => probability));
   let sum = 0;
   return hits.map((hit) => {
-    const isOneOf = sum < kFound;
+    const isOneOf = sum < kFound && hit.probability >= least;
     sum += hit.probability;
     return { ...hit, isOneOf };
   });

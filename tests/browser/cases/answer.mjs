@@ -26,12 +26,15 @@ test("what is not in the collection is said to be so; nothing is chosen, nothing
 });
 
 test("of two objects that look the same neither is found; both are named and shown", async () => {
+  const own = await house.startServer();  // what is added here is nothing to others
+  await house.loadDemonstration(own.address);
   for (const [noise, object] of [[1, "sweet yoghurt"], [2, "sour yoghurt"]]) {
-    const added = await fetch(`${server.address}/v1/collections/default/images/${noise}?object=${encodeURIComponent(object)}`,
+    const added = await fetch(`${own.address}/v1/collections/default/images/${noise}?object=${encodeURIComponent(object)}`,
                               { method: "PUT", body: noisyThing(5, noise), headers: { "content-type": "image/png" } });
     assert.equal(added.status, 201);
   }
-  const page = await house.openPage(server.address);
+  await house.trainVocabulary(own.address, 600);
+  const page = await house.openPage(own.address);
   await page.locator("#search-file").setInputFiles({ name: "photo.png", mimeType: "image/png", buffer: noisyThing(5, 3) });
   await house.waitForText(page, "#search-status", /^Not sure: perhaps (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\./);
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 2));
@@ -39,6 +42,7 @@ test("of two objects that look the same neither is found; both are named and sho
   await house.shoot(page, "undecided");
   await house.checkAccessibility(page, "undecided");
   await house.closePage(page);
+  await own.stop();
 });
 
 // An answer of the server's form: `strong` hits that are found, the rest hardly alike.

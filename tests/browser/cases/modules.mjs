@@ -120,6 +120,8 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not in your collection.");
   const { value: alike } = await call("words.js", "sharing", hits(["mug", 0.4], ["tin", 0.35], ["cup", 0.2], ["hat", 0.3]));
   assert.equal(await words({ hits: alike, found: 0 }), "Not sure: perhaps mug, tin or cup.", "they share the probability");
+  const { value: two } = await call("words.js", "sharing", hits(["mug", 0.6], ["tin", 0.2], ["cup", 0.05]));
+  assert.equal(await words({ hits: two, found: 0 }), "Not sure: perhaps mug or tin.", "also where it is not quite enough");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0, stored: true }), "Nothing else in your collection is like it.");
   assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found among what the filters leave.");
   const score = (value) => [{ name: "mug", probability: null, score: value }];
