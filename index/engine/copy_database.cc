@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -20,12 +21,24 @@
 namespace pliant {
 namespace {
 
-constexpr int kPage = 250;  // pictures whose features are in memory together
+constexpr int kPage = 250;  // pictures that are written in one commit, at most
+constexpr std::uint64_t kBytesTogether = 64 << 20;  // of features and uploaded bytes, in one commit
 
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
   return a.sha256 == b.sha256 && a.object == b.object && a.metadata == b.metadata &&
          a.source == b.source;
 }
+
+// A picture on its way.
+struct Copied {
+  StoredPicture stored;
+  std::vector<std::uint8_t> content = {};
+  bool has_content = true;
+  AddRequest request = {};  // its bytes are `content`
+  Features features = {};
+  Bow bow = {};
+};
+using Together = std::vector<Copied>;  // written in one commit
 
 class Copy {
  public:
@@ -90,6 +103,7 @@ class Copy {
       CopyPage(label.name, page.records);
       seen += page.records.size();
     });
+    Written();
     const std::uint64_t there = to_->catalogue().DescribeCollection(label.name).images;
     result_.extra += there > seen ? there - seen : 0;
     CopyVocabularies(label.name);
@@ -109,71 +123,103 @@ class Copy {
     return missing;
   }
 
+  // While this page is read and quantised, what was read before is written.
   void CopyPage(const std::string& collection, const std::vector<ImageRecord>& records) {
     const std::vector<ImageRecord> missing = Missing(collection, records);
     result_.unchanged += records.size() - missing.size();
     const Key in = from_->catalogue().RequireCollection(collection).key;
     std::vector<PictureRef> refs;
     for (const ImageRecord& record : missing) refs.push_back({in, record.id});
-    const auto pictures = from_->catalogue().LoadPictures(refs, Load::kRecordsAndFeatures);
+    Together together;
+    std::uint64_t bytes = 0;
+    for (auto& picture : from_->catalogue().LoadPictures(refs, Load::kRecordsAndFeatures)) {
+      if (!picture) continue;  // removed meanwhile
+      bytes += picture->record.bytes + picture->features.size();
+      together.push_back({.stored = *std::move(picture)});
+      if (bytes < kBytesTogether) continue;
+      ReadAndWrite(collection, std::exchange(together, {}));
+      bytes = 0;
+    }
+    ReadAndWrite(collection, std::move(together));
+  }
+
+  void ReadAndWrite(const std::string& collection, Together together) {
+    Read(collection, together);
+    Written();
+    if (together.empty()) return;
+    writing_ = std::async(std::launch::async, [this, pictures = std::move(together)]() mutable {
+      Write(pictures);
+      return pictures.size();
+    });
+  }
+
+  // Returns when all is written that was read, and counts it.
+  void Written() {
+    if (writing_.valid()) result_.copied += writing_.get();
+    if (options_.progress) options_.progress(result_.copied + result_.unchanged, total_);
+  }
+
+  void Read(const std::string& collection, Together& together) {
     std::atomic<std::size_t> next{0};
     std::mutex mutex;
     std::exception_ptr failure;
     const auto work = [&] {
       try {
-        for (std::size_t i = next++; i < pictures.size(); i = next++) {
-          if (pictures[i]) CopyPicture(collection, *pictures[i]);  // else removed meanwhile
-        }
+        for (std::size_t i = next++; i < together.size(); i = next++) Read(collection, together[i]);
       } catch (...) {
         const std::lock_guard lock(mutex);
         if (!failure) failure = std::current_exception();
-        next = pictures.size();
+        next = together.size();
       }
     };
     {
-      std::vector<std::jthread> writers;
+      std::vector<std::jthread> readers;
       const auto count =
-          std::min<std::size_t>(static_cast<std::size_t>(options_.writers), pictures.size());
-      for (std::size_t i = 0; i < count; ++i) writers.emplace_back(work);
+          std::min<std::size_t>(static_cast<std::size_t>(options_.readers), together.size());
+      for (std::size_t i = 0; i < count; ++i) readers.emplace_back(work);
     }
     if (failure) std::rethrow_exception(failure);
-    result_.copied += pictures.size();
-    result_.without_content += without_content_.exchange(0);
-    if (options_.progress) options_.progress(result_.copied + result_.unchanged, total_);
+    result_.without_content += static_cast<std::uint64_t>(std::count_if(
+        together.begin(), together.end(), [](const Copied& one) { return !one.has_content; }));
   }
 
-  void CopyPicture(const std::string& collection, const StoredPicture& picture) {
-    std::vector<std::uint8_t> content;
-    bool has_content = true;
+  void Read(const std::string& collection, Copied& one) {
+    const ImageRecord& record = one.stored.record;
     try {
-      content = from_->catalogue().ReadContent(collection, picture.record.id);
+      one.content = from_->catalogue().ReadContent(collection, record.id);
     } catch (const Error& error) {
       if (error.reason() != "content_not_kept" && error.reason() != "original_missing" &&
           error.reason() != "original_corrupt") {
         throw;
       }
-      has_content = false;
-      ++without_content_;
+      one.has_content = false;
     }
-    AddRequest request;
-    request.collection = collection;
-    request.id = picture.record.id;
-    request.object = picture.record.object;
-    request.metadata = picture.record.metadata;
-    request.source = picture.record.source;
-    request.bytes = content;
-    PicturePut put{.request = request};
-    put.record = picture.record;
-    put.encoded = picture.features;
-    put.features = DecodeFeatures(picture.features);
-    put.keep_content = has_content;
-    put.keep_times = true;
+    one.request.collection = collection;
+    one.request.id = record.id;
+    one.request.object = record.object;
+    one.request.metadata = record.metadata;
+    one.request.source = record.source;
+    one.request.bytes = one.content;
+    one.features = DecodeFeatures(one.stored.features);
     if (quantizer_) {
-      const Descriptors& descriptors = put.features.descriptors;
-      put.vocabulary = active_;
-      put.bow = quantizer_->BowOf(descriptors, 0, quantizer_->Assign(descriptors, 1));
+      const Descriptors& descriptors = one.features.descriptors;
+      one.bow = quantizer_->BowOf(descriptors, 0, quantizer_->Assign(descriptors, 1));
     }
-    to_->writer().Put(put);
+  }
+
+  void Write(Together& together) {
+    std::vector<PicturePut> puts;
+    for (Copied& one : together) {
+      PicturePut& put = puts.emplace_back(PicturePut{.request = one.request});
+      put.record = std::move(one.stored.record);
+      put.encoded = std::move(one.stored.features);
+      put.features = std::move(one.features);
+      put.vocabulary = active_;
+      put.bow = std::move(one.bow);
+      put.keep_content = one.has_content;
+      put.keep_times = true;
+    }
+    to_->writer().PutAll(puts);
   }
 
   // The vocabulary of the target that is the same; 0 = none.
@@ -241,8 +287,8 @@ class Copy {
   std::uint64_t total_ = 0;
   Key active_ = 0;  // vocabulary of the collection that is copied into
   std::optional<Quantizer> quantizer_;
-  std::atomic<std::uint64_t> without_content_{0};
   CopyResult result_;
+  std::future<std::size_t> writing_;  // last: it uses what stands above
 };
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace pliant {
 struct CopyOptions {
   std::filesystem::path from;  // files, or URLs of clusters
   std::filesystem::path to;    // made when it does not exist
-  int writers = 32;            // pictures that are written at once
+  int readers = 32;            // pictures that are read at once
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // pictures; one at a time
   std::stop_token stop;
 };

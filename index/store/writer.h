@@ -48,7 +48,9 @@ class Writer {
   virtual ~Writer() = default;
 
   // Looks once more whether the same is stored already: kUnchanged. What `put.check` throws.
-  virtual PutOutcome Put(const PicturePut& put) = 0;
+  PutOutcome Put(const PicturePut& put) { return PutAll({&put, 1}).front(); }
+  // In one commit, in this order: all, or none where one of them throws. An outcome for each.
+  virtual std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts) = 0;
   // The bytes of a stored picture, where its file has been lost.
   virtual void RestoreContent(const ImageRecord& stored, Bytes bytes) = 0;
   // The picture, or the object, as it is then. Features, words and bytes stay. kNotFound

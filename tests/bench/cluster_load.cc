@@ -5,20 +5,22 @@
 // noise on their descriptors. Prints how fast they were written, how long loading and ranking take,
 // and how long it takes to fetch candidates.
 //
-//   cluster_load --db URL --folder PICTURES --pictures 1000000 [--keypoints 100] [--writers 64]
+//   cluster_load --db URL --folder PICTURES --pictures 1000000 [--keypoints 100]
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <future>
+#include <memory>
 #include <random>
 #include <thread>
 
 #include <CLI/CLI.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine.h"
 #include "index/store/cluster_scheme.h"
@@ -33,13 +35,13 @@ using Clock = std::chrono::steady_clock;
 
 constexpr Load kAll = Load::kRecordsAndFeatures;
 constexpr std::uint64_t kMostReal = 5000;  // pictures that are described
+constexpr std::uint64_t kTogether = 1000;  // copies in one commit
 
 struct Options {
   std::string database;
   std::filesystem::path folder;
   std::uint64_t pictures = 100000;
   std::size_t keypoints = 100;  // of a copy
-  int writers = 64;
   int words = 4000;
   unsigned seed = 1;
 };
@@ -80,6 +82,13 @@ Features Perturbed(const Features& original, std::size_t keypoints, std::mt19937
   }
   return copy;
 }
+
+struct Prepared {
+  AddRequest request;
+  std::vector<std::uint8_t> encoded;
+  Features features;
+  Bow bow;
+};
 
 class Filler {
  public:
@@ -132,48 +141,65 @@ class Filler {
     }
     real_ = real.size();
     const std::uint64_t there = store->catalogue().CountPictures(in.key);
-    std::atomic<std::uint64_t> next{there};
     const auto start = Clock::now();
-    {
-      std::vector<std::jthread> writers;
-      for (int i = 0; i < options_.writers; ++i) {
-        writers.emplace_back([&] {
-          for (std::uint64_t n = next++; n < options_.pictures; n = next++) {
-            Put(*store, quantizer, in.vocabulary, real[n % real.size()], n);
-          }
-        });
-      }
+    auto told = start;
+    std::future<void> writing;
+    for (std::uint64_t first = there; first < options_.pictures; first += kTogether) {
+      const std::uint64_t end = std::min(first + kTogether, options_.pictures);
+      auto copies = std::make_unique<std::vector<Prepared>>(end - first);
+      ParallelFor(copies->size(), 0, [&](std::size_t i) {
+        Prepare(quantizer, real[(first + i) % real.size()], first + i, (*copies)[i]);
+      });
+      if (writing.valid()) writing.get();
+      writing = std::async(std::launch::async,
+                           [&store, vocabulary = in.vocabulary, pictures = std::move(copies)] {
+                             Write(*store, vocabulary, *pictures);
+                           });
+      if (SecondsSince(told) < 60) continue;
+      told = Clock::now();
+      std::printf("%llu pictures after %.0f s\n", static_cast<unsigned long long>(first),
+                  SecondsSince(start));
     }
+    if (writing.valid()) writing.get();
     const double seconds = SecondsSince(start);
     const double added =
         static_cast<double>(options_.pictures - std::min(there, options_.pictures));
-    std::printf("wrote %.0f copies of %zu pictures in %.0f s: %.0f pictures/s, %d writers\n", added,
-                real.size(), seconds, added / seconds, options_.writers);
+    std::printf("wrote %.0f copies of %zu pictures in %.0f s: %.0f pictures/s, %llu together\n",
+                added, real.size(), seconds, added / seconds,
+                static_cast<unsigned long long>(kTogether));
   }
 
-  void Put(Store& store, const Quantizer& quantizer, Key vocabulary, const Features& original,
-           std::uint64_t number) {
+  void Prepare(const Quantizer& quantizer, const Features& original, std::uint64_t number,
+               Prepared& copy) const {
     std::mt19937 random(options_.seed + static_cast<unsigned>(number));
-    AddRequest request;
-    request.id = "copy-" + std::to_string(number);
-    PicturePut put{.request = request};
-    put.encoded = EncodeFeatures(Perturbed(original, options_.keypoints, random));
-    put.features = DecodeFeatures(put.encoded);
-    const Descriptors& descriptors = put.features.descriptors;
-    put.record.id = *request.id;
-    put.record.collection = "default";
-    put.record.sha256 =
-        Sha256Hex({reinterpret_cast<const std::uint8_t*>(request.id->data()), request.id->size()});
-    put.record.media_type = "image/png";
-    put.record.width = original.width;
-    put.record.height = original.height;
-    put.record.keypoints = static_cast<std::uint32_t>(descriptors.rows);
-    put.vocabulary = vocabulary;
-    put.bow = quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, 1));
-    put.keep_content = false;
+    copy.request.id = "copy-" + std::to_string(number);
+    copy.encoded = EncodeFeatures(Perturbed(original, options_.keypoints, random));
+    copy.features = DecodeFeatures(copy.encoded);
+    const Descriptors& descriptors = copy.features.descriptors;
+    copy.bow = quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, 1));
+  }
+
+  static void Write(Store& store, Key vocabulary, const std::vector<Prepared>& copies) {
+    std::vector<PicturePut> puts;
+    for (const Prepared& copy : copies) {
+      PicturePut& put = puts.emplace_back(PicturePut{.request = copy.request});
+      const std::string& id = *copy.request.id;
+      put.encoded = copy.encoded;
+      put.features = copy.features;
+      put.record.id = id;
+      put.record.collection = "default";
+      put.record.sha256 = Sha256Hex({reinterpret_cast<const std::uint8_t*>(id.data()), id.size()});
+      put.record.media_type = "image/png";
+      put.record.width = copy.features.width;
+      put.record.height = copy.features.height;
+      put.record.keypoints = static_cast<std::uint32_t>(copy.features.descriptors.rows);
+      put.vocabulary = vocabulary;
+      put.bow = copy.bow;
+      put.keep_content = false;
+    }
     for (int attempt = 0;; ++attempt) {
       try {
-        store.writer().Put(put);
+        store.writer().PutAll(puts);
         return;
       } catch (const Error& error) {
         if (error.code() != ErrorCode::kUnavailable || attempt == 20) throw;
@@ -234,7 +260,6 @@ int main(int argc, char** argv) {
   app.add_option("--folder", options.folder, "pictures to describe")->required();
   app.add_option("--pictures", options.pictures)->capture_default_str();
   app.add_option("--keypoints", options.keypoints, "of a copy, at most")->capture_default_str();
-  app.add_option("--writers", options.writers)->capture_default_str();
   app.add_option("--words", options.words)->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);

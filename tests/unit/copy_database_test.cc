@@ -23,7 +23,7 @@ class CopyDatabaseTest : public EngineTest {
     CopyOptions options;
     options.from = Options().database;
     options.to = Database(folder_ / to);
-    options.writers = 4;
+    options.readers = 4;
     return options;
   }
   static void ExpectSame(const ImageRecord& a, const ImageRecord& b) {

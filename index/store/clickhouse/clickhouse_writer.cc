@@ -38,16 +38,20 @@ const std::string& FirstId(const std::vector<PictureOutline>& pictures) {
 
 }  // namespace
 
-PutOutcome ClickhouseWriter::Put(const PicturePut& put) {
+std::vector<PutOutcome> ClickhouseWriter::PutAll(std::span<const PicturePut> puts) {
   Foreseen foreseen;
-  foreseen.pictures.emplace_back(put.request.collection, put.record.id);
-  if (!put.request.id) {
+  for (const PicturePut& put : puts) {
+    foreseen.pictures.emplace_back(put.request.collection, put.record.id);
+    if (put.request.id) continue;
     foreseen.pictures.emplace_back(put.request.collection, put.record.sha256);
     foreseen.sha256.push_back(put.record.sha256);
   }
-  PutOutcome outcome;
-  commits_.Run([&](Change& change) { outcome = Store(change, put); }, foreseen);
-  return outcome;
+  std::vector<PutOutcome> outcomes(puts.size());
+  const auto store = [&](Change& change) {
+    for (std::size_t i = 0; i < puts.size(); ++i) outcomes[i] = Store(change, puts[i]);
+  };
+  commits_.Run(store, foreseen);
+  return outcomes;
 }
 
 PutOutcome ClickhouseWriter::Store(Change& change, const PicturePut& put) {

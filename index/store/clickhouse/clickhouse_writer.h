@@ -17,7 +17,7 @@ class ClickhouseWriter : public Writer {
   ClickhouseWriter(ClusterLink* link, ClusterCommits* commits, ClickhouseCatalogue* catalogue)
       : link_(*link), commits_(*commits), catalogue_(*catalogue) {}
 
-  PutOutcome Put(const PicturePut& put) override;
+  std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts) override;
   void RestoreContent(const ImageRecord& stored, Bytes bytes) override;
   ImageRecord ChangePicture(const std::string& collection, const std::string& id,
                             const PictureChange& change) override;

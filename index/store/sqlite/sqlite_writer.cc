@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/sqlite_writer.h"
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 
@@ -34,24 +35,37 @@ void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantize
 
 }  // namespace
 
-PutOutcome SqliteWriter::Put(const PicturePut& put) {
-  access_.RequireSpace(put.request.bytes.size());
+std::vector<PutOutcome> SqliteWriter::PutAll(std::span<const PicturePut> puts) {
+  std::uint64_t bytes = 0;
+  for (const PicturePut& put : puts) bytes += put.request.bytes.size();
+  access_.RequireSpace(bytes);
   if (const OriginalStore* store = originals_.originals().store()) {
-    access_.RequireSpace(put.request.bytes.size(), store->directory());
+    access_.RequireSpace(bytes, store->directory());
   }
-  std::unique_ptr<IncomingOriginal> original;  // nullptr: into the database, or nowhere
-  if (put.keep_content) {
-    original = originals_.originals().Receive(put.record.sha256, put.request.bytes);
-  }
-  PutOutcome outcome;
+  std::vector<std::unique_ptr<IncomingOriginal>> originals(puts.size());
+  const auto receive = [&](std::size_t i) {  // nullptr: into the database, or nowhere
+    if (!puts[i].keep_content) return;
+    originals[i] = originals_.originals().Receive(puts[i].record.sha256, puts[i].request.bytes);
+  };
+  std::vector<PutOutcome> outcomes(puts.size());
   try {
-    access_.Write([&](Connection& db) { outcome = Store(db, put, original.get()); });
+    for (std::size_t i = 0; i < puts.size(); ++i) receive(i);
+    access_.Write([&](Connection& db) {
+      for (std::size_t i = 0; i < puts.size(); ++i) {
+        outcomes[i] = Store(db, puts[i], originals[i].get());
+      }
+    });
   } catch (...) {
-    if (original) originals_.Forget(put.record.sha256);
+    for (std::size_t i = 0; i < puts.size(); ++i) {
+      if (originals[i]) originals_.Forget(puts[i].record.sha256);
+    }
     throw;
   }
-  if (outcome.outcome == AddOutcome::kReplaced) originals_.Tidy();
-  return outcome;
+  const bool replaced = std::any_of(outcomes.begin(), outcomes.end(), [](const PutOutcome& one) {
+    return one.outcome == AddOutcome::kReplaced;
+  });
+  if (replaced) originals_.Tidy();
+  return outcomes;
 }
 
 PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,

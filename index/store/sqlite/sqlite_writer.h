@@ -15,7 +15,7 @@ class SqliteWriter : public Writer {
   SqliteWriter(Access* access, OriginalsKeeper* originals, const ModelRow* model)
       : access_(*access), originals_(*originals), model_(*model) {}
 
-  PutOutcome Put(const PicturePut& put) override;
+  std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts) override;
   void RestoreContent(const ImageRecord& stored, Bytes bytes) override {
     originals_.Restore(stored, bytes);
   }
