@@ -141,8 +141,9 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
       {{"none", Verification::kNone}, {"tps", Verification::kTps}});
   app->add_option("--verify-depth", search.verify_depth,
-                  "how many of the best pictures are verified (default: 100, or the square root of "
-                  "the collection's size if that is more; twice that where none of these agrees)")
+                  "how many of the best pictures are verified (default: 30, and up to 100, or the "
+                  "square root of the collection's size, as far as there are some that agree; "
+                  "twice that where none agrees)")
       ->check(AboveZero())
       ->option_text("N");
   app->add_option(

@@ -14,8 +14,10 @@
 namespace pliant {
 namespace {
 
-// Features of so many pictures are in memory at a time: of all that are verified by default.
+// Features of so many pictures are in memory at a time.
 constexpr std::size_t kPicturesABatch = 256;
+// So many are looked at before it is asked whether they are enough.
+constexpr std::size_t kFirstPictures = 30;
 
 // An undecided search looks at so many times the pictures.
 constexpr std::size_t kDeeper = 2;
@@ -45,6 +47,14 @@ bool Verifies(const SearchOptions& options) {
 int ExpansionsOf(const SearchOptions& options) {
   constexpr int kByPicture = 3;
   return options.expand.value_or(options.group_by == GroupBy::kImage ? kByPicture : 0);
+}
+
+// Whether what was looked at, in the ranking's order, reaches twice as far as the last picture that
+// agrees with the query: what shows the same, or something else in the query, is hardly ever
+// further behind.
+bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
+  const auto last = std::find_if(looked_at.rbegin(), looked_at.rend(), Agrees);
+  return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
 }
 
 // Why there is nothing to say about a hit.
@@ -86,7 +96,7 @@ SearchResult SearchRun::Run() {
   Fetch(ranking);
   std::vector<VerifiedPicture> hits;
   if (Verifies(options_)) {
-    hits = Verify(std::move(ranking.candidates));
+    hits = Verify(std::move(ranking.candidates), /*all=*/false);
     LookDeeper(&hits, &ranking);
     SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
@@ -154,13 +164,13 @@ RankOptions SearchRun::ToRankOptions() const {
   return rank;
 }
 
-// The one batch: what is verified, or else the page. Only a page that reaches behind the verified
+// The first batch: what is verified, or else the page. Only a page that reaches behind the verified
 // pictures reads once more (PageOf).
 void SearchRun::Fetch(const Ranking& ranking) {
   const Stopwatch watch(&timings_.database_ms);
   const std::span<const RankedPicture> candidates = ranking.candidates;
   if (!candidates.empty()) {
-    shelf_.Fetch(candidates.first(std::min(candidates.size(), kPicturesABatch)),
+    shelf_.Fetch(candidates.first(std::min(candidates.size(), NextBatch(0))),
                  Load::kRecordsAndFeatures);
   } else {
     const std::span<const RankedPicture> best = ranking.best;
@@ -168,10 +178,11 @@ void SearchRun::Fetch(const Ranking& ranking) {
   }
 }
 
-std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candidates) {
+std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candidates, bool all) {
   std::vector<VerifiedPicture> verified;
-  for (std::size_t begin = 0; begin < candidates.size(); begin += kPicturesABatch) {
-    const std::size_t end = std::min(candidates.size(), begin + kPicturesABatch);
+  while (verified.size() < candidates.size()) {
+    const std::size_t begin = verified.size();
+    const std::size_t end = std::min(candidates.size(), begin + NextBatch(begin));
     std::vector<RankedPicture> batch(
         std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(begin)),
         std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(end)));
@@ -187,8 +198,19 @@ std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candid
                         .threads = options_.threads},
                        [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
     std::move(hits.begin(), hits.end(), std::back_inserter(verified));
+    if (!all && options_.verify_depth == 0 && IsEnough(verified)) break;
+  }
+  for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
+    const double score = candidates[i].score;
+    verified.push_back({.picture = std::move(candidates[i]), .ranking_score = score});
   }
   return verified;
+}
+
+// How many pictures are looked at next, after so many.
+std::size_t SearchRun::NextBatch(std::size_t looked_at) const {
+  if (options_.verify_depth != 0) return kPicturesABatch;
+  return std::clamp(looked_at, kFirstPictures, kPicturesABatch);
 }
 
 // Verifies more of the ranking where no picture agrees with the query and the depth is left to the
@@ -205,7 +227,7 @@ void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking)
   std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
     return looked_at.contains(picture.ref.version);
   });
-  for (VerifiedPicture& hit : Verify(std::move(ranking->candidates))) {
+  for (VerifiedPicture& hit : Verify(std::move(ranking->candidates), /*all=*/true)) {
     hits->push_back(std::move(hit));
   }
 }
@@ -246,7 +268,7 @@ void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
     std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
       return !std::binary_search(again.also.begin(), again.also.end(), picture.ref.version);
     });
-    for (VerifiedPicture& hit : Verify(std::move(ranking->candidates))) {
+    for (VerifiedPicture& hit : Verify(std::move(ranking->candidates), /*all=*/true)) {
       hits->push_back(std::move(hit));
     }
     SettleClaims(hits);

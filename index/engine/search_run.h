@@ -30,7 +30,10 @@ class SearchRun {
   Bow Quantize(const Features& features) const;
   RankOptions ToRankOptions() const;
   void Fetch(const Ranking& ranking);
-  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+  // In their order; unless `all` or a depth is asked for, as many as it takes. The others as they
+  // were ranked.
+  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates, bool all);
+  std::size_t NextBatch(std::size_t looked_at) const;
   void LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);

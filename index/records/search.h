@@ -66,8 +66,9 @@ struct SearchOptions {
   // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
   // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
-  std::size_t verify_depth = 0;  // pictures verified; 0 = 100, or sqrt(pictures) where more,
-                                 // and twice that where none of these agrees
+  // Pictures verified. 0 = 30, and more until it is twice as far down the ranking as the last that
+  // agrees, up to 100 or sqrt(pictures) where that is more; twice that where none agrees.
+  std::size_t verify_depth = 0;
   // Query expansion (index/verify/expansion.h), only with verification: the region of the object in
   // this many of the best verified pictures is used as a further query, and pictures that agree
   // with them rise. 0 to kMostExpansions. Absent: 3 by picture, 0 by object, where further pictures

@@ -85,10 +85,13 @@ std::vector<VerifiedPicture> Rerank(
   return pictures;
 }
 
-bool IsDecided(const std::vector<VerifiedPicture>& pictures) {
+bool Agrees(const VerifiedPicture& picture) {
   constexpr double kDecided = 2;
-  return std::any_of(pictures.begin(), pictures.end(),
-                     [](const VerifiedPicture& picture) { return picture.evidence >= kDecided; });
+  return picture.evidence >= kDecided;
+}
+
+bool IsDecided(const std::vector<VerifiedPicture>& pictures) {
+  return std::any_of(pictures.begin(), pictures.end(), Agrees);
 }
 
 void DropHints(std::vector<VerifiedPicture>* pictures) {

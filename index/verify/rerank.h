@@ -39,8 +39,9 @@ struct VerifiedPicture {
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
 };
 
-// Default number of verified pictures: 100, or the square root of the collection's size if that is
-// more, so that correct pictures do not fall below a fixed depth as the collection grows.
+// Largest number of verified pictures by default: 100, or the square root of the collection's size
+// if that is more, so that correct pictures do not fall below a fixed depth as the collection
+// grows.
 std::size_t DefaultVerifyDepth(std::size_t pictures);
 
 struct RerankOptions {
@@ -56,7 +57,9 @@ std::vector<VerifiedPicture> Rerank(
     const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
-// Whether one of the pictures agrees with the query as hardly any wrong one does (evidence of 2).
+// Whether the picture, or one of them, agrees with the query as hardly any wrong one does (evidence
+// of 2).
+bool Agrees(const VerifiedPicture& picture);
 bool IsDecided(const std::vector<VerifiedPicture>& pictures);
 
 // Five inliers are a hint where nothing better is known. In a decided search, pictures with no more

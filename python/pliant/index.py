@@ -198,10 +198,10 @@ class Index:
             offset: hits to leave out before the first.
             group_by: "object" (each once, by its best picture) or "image".
             rank: "neighbours", "tfidf" or "histogram".
-            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 100
-                or more in large collections, and twice that where none of these agrees; expand: query expansion
-                through so many verified pictures, None = 3 by image, 0 by object; instances: of one object that are
-                looked for, 4.
+            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 30
+                and up to 100, or the square root of their number, as far as there are some that agree, and twice that
+                where none agrees; expand: query expansion through so many verified pictures, None = 3 by image, 0 by
+                object; instances: of one object that are looked for, 4.
             region: (x, y, width, height) in pixels of the query; only key points inside count.
             min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and

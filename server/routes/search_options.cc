@@ -145,8 +145,10 @@ std::vector<Parameter> SearchParameters() {
           .Choice({"none", "tps"}),
       Parameter(
           "verify_depth",
-          "how many of the best pictures are verified; by default 100, or the square "
-          "root of the collection's size if that is more; twice that where none of these agrees")
+          "how many of the best pictures are verified; by default 30, and up to 100, or the square "
+          "root of the collection's size, as far as there are some that agree; twice that where "
+          "none "
+          "agrees")
           .Integer(1, kLargestDepth),
       Parameter("expand",
                 "query expansion: how many of the best verified pictures are used as further "

@@ -6,6 +6,7 @@
 // and how long it takes to fetch candidates.
 //
 //   cluster_load --db URL --folder PICTURES --pictures 1000000 [--keypoints 100]
+//                [--collection NAME] [--descriptor deal]
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -39,6 +40,8 @@ constexpr std::uint64_t kTogether = 1000;  // copies in one commit
 
 struct Options {
   std::string database;
+  std::string collection = kDefaultCollection;
+  std::string descriptor = "rootsift";
   std::filesystem::path folder;
   std::uint64_t pictures = 100000;
   std::size_t keypoints = 100;  // of a copy
@@ -53,7 +56,7 @@ double SecondsSince(Clock::time_point start) {
 EngineOptions OptionsOf(const Options& options) {
   EngineOptions engine;
   engine.database = options.database;
-  engine.descriptor = "rootsift";
+  engine.descriptor = options.descriptor;
   engine.keep_originals = false;
   return engine;
 }
@@ -103,7 +106,7 @@ class Filler {
  private:
   void Describe() {
     Engine engine(OptionsOf(options_));
-    if (engine.GetCollection("default").images > 0) return;
+    if (IsDescribed(engine)) return;
     const auto start = Clock::now();
     std::uint64_t added = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(options_.folder)) {
@@ -111,6 +114,7 @@ class Filler {
       std::ifstream file(entry.path(), std::ios::binary);
       const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(file), {}};
       AddRequest request;
+      request.collection = options_.collection;
       request.bytes = bytes;
       request.id = "real-" + std::to_string(added);
       try {
@@ -119,18 +123,31 @@ class Filler {
       } catch (const Error&) {  // no picture, or too plain
       }
     }
-    TrainOptions train;
-    train.words = options_.words;
-    engine.TrainVocabulary(train);
-    std::printf("described %llu pictures and trained in %.0f s\n",
-                static_cast<unsigned long long>(added), SecondsSince(start));
+    if (!engine.GetCollection(options_.collection).vocabulary) {
+      TrainOptions train;
+      train.collection = options_.collection;
+      train.words = options_.words;
+      engine.TrainVocabulary(train);
+    }
+    std::printf("described %llu pictures in %.0f s\n", static_cast<unsigned long long>(added),
+                SecondsSince(start));
+  }
+
+  bool IsDescribed(Engine& engine) const {
+    try {
+      engine.Get(options_.collection, "real-0");
+      return true;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kNotFound) throw;
+      return false;
+    }
   }
 
   void Copy() {
     const auto store =
         OpenStore({.database = options_.database, .create = false, .model_of_new = {}});
     store->BeginWriting([] {});
-    const CollectionState in = store->catalogue().RequireCollection("default");
+    const CollectionState in = store->catalogue().RequireCollection(options_.collection);
     const Quantizer quantizer(store->catalogue().ReadVocabulary(in.vocabulary));
     std::vector<PictureRef> refs;
     for (std::uint64_t i = 0; i < kMostReal; ++i)
@@ -172,6 +189,7 @@ class Filler {
   void Prepare(const Quantizer& quantizer, const Features& original, std::uint64_t number,
                Prepared& copy) const {
     std::mt19937 random(options_.seed + static_cast<unsigned>(number));
+    copy.request.collection = options_.collection;
     copy.request.id = "copy-" + std::to_string(number);
     copy.encoded = EncodeFeatures(Perturbed(original, options_.keypoints, random));
     copy.features = DecodeFeatures(copy.encoded);
@@ -187,7 +205,7 @@ class Filler {
       put.encoded = copy.encoded;
       put.features = copy.features;
       put.record.id = id;
-      put.record.collection = "default";
+      put.record.collection = copy.request.collection;
       put.record.sha256 = Sha256Hex({reinterpret_cast<const std::uint8_t*>(id.data()), id.size()});
       put.record.media_type = "image/png";
       put.record.width = copy.features.width;
@@ -214,12 +232,12 @@ class Filler {
     read.read_only = true;
     Engine engine(read);
     const double loaded_s = SecondsSince(start);
-    const std::uint64_t all = engine.GetCollection("default").images;
+    const std::uint64_t all = engine.GetCollection(options_.collection).images;
     std::printf("loaded %llu pictures in %.1f s\n", static_cast<unsigned long long>(all), loaded_s);
     const std::uint64_t copies = std::max<std::uint64_t>(all - std::min(all, real_), 1);
     const auto store = OpenStore(
         {.database = options_.database, .create = false, .read_only = true, .model_of_new = {}});
-    const Key in = store->catalogue().RequireCollection("default").key;
+    const Key in = store->catalogue().RequireCollection(options_.collection).key;
     std::mt19937 random(options_.seed);
     for (const std::size_t count : {100U, 1000U}) {
       std::vector<double> ms;
@@ -238,6 +256,7 @@ class Filler {
     std::vector<double> ranked;
     for (int i = 0; i < 20; ++i) {
       SearchOptions search;
+      search.collection = options_.collection;
       search.verify = Verification::kNone;
       const SearchResult found = engine.SearchStored("real-" + std::to_string(i), search);
       ranked.push_back(found.timings.rank_ms);
@@ -258,6 +277,8 @@ int main(int argc, char** argv) {
   pliant::Options options;
   app.add_option("--db", options.database)->required();
   app.add_option("--folder", options.folder, "pictures to describe")->required();
+  app.add_option("--collection", options.collection)->capture_default_str();
+  app.add_option("--descriptor", options.descriptor)->capture_default_str();
   app.add_option("--pictures", options.pictures)->capture_default_str();
   app.add_option("--keypoints", options.keypoints, "of a copy, at most")->capture_default_str();
   app.add_option("--words", options.words)->capture_default_str();
