@@ -49,14 +49,6 @@ int ExpansionsOf(const SearchOptions& options) {
   return options.expand.value_or(options.group_by == GroupBy::kImage ? kByPicture : 0);
 }
 
-// Whether what was looked at, in the ranking's order, reaches twice as far as the last picture that
-// agrees with the query: what shows the same, or something else in the query, is hardly ever
-// further behind.
-bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
-  const auto last = std::find_if(looked_at.rbegin(), looked_at.rend(), Agrees);
-  return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
-}
-
 // Why there is nothing to say about a hit.
 Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
   Explanation explanation;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -92,6 +93,11 @@ bool Agrees(const VerifiedPicture& picture) {
 
 bool IsDecided(const std::vector<VerifiedPicture>& pictures) {
   return std::any_of(pictures.begin(), pictures.end(), Agrees);
+}
+
+bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
+  const auto last = std::find_if(looked_at.rbegin(), looked_at.rend(), Agrees);
+  return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
 }
 
 void DropHints(std::vector<VerifiedPicture>* pictures) {

@@ -62,6 +62,10 @@ std::vector<VerifiedPicture> Rerank(
 bool Agrees(const VerifiedPicture& picture);
 bool IsDecided(const std::vector<VerifiedPicture>& pictures);
 
+// Whether what was looked at, in the ranking's order, reaches twice as far as the last picture that
+// agrees: what shows the same, or something else in the query, is hardly ever further behind.
+bool IsEnough(const std::vector<VerifiedPicture>& looked_at);
+
 // Five inliers are a hint where nothing better is known. In a decided search, pictures with no more
 // (evidence below 1, their own or through `via`) have the ranking's score again: what is left there
 // is nearly all wrong, and not better ordered by what agrees by chance.
