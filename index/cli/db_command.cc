@@ -260,6 +260,10 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->required();
   copy->add_option("--compare", options->copy.compare, "rankings of both to compare afterwards")
       ->capture_default_str();
+  copy->add_option("--commit-every", options->copy.commit_every,
+                   "pictures written in one commit; fewer where 64 MiB are reached before")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
   CLI::App* exporting =
       add("export", "Write the features of a collection, or its records, to a file", Export,
           "export features.npz --db my.db");

@@ -32,6 +32,7 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
   CopyOptions copy;
   copy.from = options.from;
   copy.to = options.to;
+  copy.commit_every = options.commit_every;
   Interrupt interrupt;
   copy.stop = interrupt.token();
   CopyResult result;

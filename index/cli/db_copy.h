@@ -14,6 +14,7 @@ struct CopyCommandOptions {
   std::filesystem::path from;
   std::filesystem::path to;
   std::uint64_t compare = 100;  // rankings, afterwards
+  int commit_every = 250;
   bool json = false;
 };
 

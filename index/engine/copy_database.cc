@@ -21,7 +21,6 @@
 namespace pliant {
 namespace {
 
-constexpr int kPage = 250;  // pictures that are written in one commit, at most
 constexpr std::uint64_t kBytesTogether = 64 << 20;  // of features and uploaded bytes, in one commit
 
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
@@ -46,6 +45,10 @@ class Copy {
     if (options.from == options.to) {
       throw Error(ErrorCode::kInvalidArgument, "same_database",
                   "a database cannot be copied into itself");
+    }
+    if (options.commit_every < 1) {
+      throw Error(ErrorCode::kInvalidArgument, "commit_every_invalid",
+                  "a commit has at least one picture, not " + std::to_string(options.commit_every));
     }
     from_ = OpenStore(
         {.database = options.from, .create = false, .read_only = true, .model_of_new = {}});
@@ -96,7 +99,7 @@ class Copy {
     if (active_ != 0) quantizer_.emplace(to_->catalogue().ReadVocabulary(active_));
     PictureListing list;
     list.which.collection = label.name;
-    list.limit = kPage;
+    list.limit = options_.commit_every;
     std::uint64_t seen = 0;
     from_->catalogue().ForEachPicturePage(list, [&](const PicturePage& page) {
       ThrowIfStopped();

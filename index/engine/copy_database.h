@@ -19,6 +19,7 @@ struct CopyOptions {
   std::filesystem::path from;  // files, or URLs of clusters
   std::filesystem::path to;    // made when it does not exist
   int readers = 32;            // pictures that are read at once
+  int commit_every = 250;      // pictures that are written in one commit, or as many as 64 MiB hold
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // pictures; one at a time
   std::stop_token stop;
 };

@@ -98,11 +98,34 @@ TEST_F(CopyDatabaseTest, GoesOnWhereItWasAndNamesWhatIsMore) {
   EXPECT_FALSE(CompareRankings(engine, copy, 100).differences.empty());
 }
 
+TEST_F(CopyDatabaseTest, WhatWasCommittedBeforeAStopStays) {
+  Engine engine(Options());
+  AddMany(engine, 6);
+  std::stop_source stop;
+  CopyOptions stopped = Copy();
+  stopped.commit_every = 2;
+  stopped.stop = stop.get_token();
+  std::vector<std::uint64_t> done;
+  stopped.progress = [&](std::uint64_t pictures, std::uint64_t) {
+    done.push_back(pictures);
+    if (pictures >= 2) stop.request_stop();
+  };
+  ExpectError(ErrorCode::kCancelled, "cancelled", [&] { CopyDatabase(stopped); });
+  EXPECT_THAT(done, ElementsAre(0, 2));
+  // The second two were on their way when it stopped: they are there, too.
+  const CopyResult rest = CopyDatabase(Copy());
+  EXPECT_EQ(rest.unchanged, 4U);
+  EXPECT_EQ(rest.copied, 2U);
+}
+
 TEST_F(CopyDatabaseTest, RefusesWhatCannotBeCopied) {
   Engine engine(Options());
   CopyOptions itself = Copy();
   itself.to = itself.from;
   ExpectError(ErrorCode::kInvalidArgument, "same_database", [&] { CopyDatabase(itself); });
+  CopyOptions none = Copy();
+  none.commit_every = 0;
+  ExpectError(ErrorCode::kInvalidArgument, "commit_every_invalid", [&] { CopyDatabase(none); });
   CopyOptions nothing = Copy();
   nothing.from = folder_ / "no.db";
   ExpectError(ErrorCode::kNotFound, "database_not_found", [&] { CopyDatabase(nothing); });
