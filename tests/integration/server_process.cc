@@ -64,6 +64,8 @@ std::string DatabaseOf(const std::filesystem::path& file) {
   return url;
 }
 
+int ShardsOfDatabases() { return std::getenv("PLIANT_TEST_CLUSTER") == nullptr ? 1 : 2; }
+
 ServerProcess::ServerProcess(const std::filesystem::path& database,
                              const std::vector<std::string>& flags)
     : program_(CommandLine(database, flags), {}, ServerPath()) {

@@ -24,6 +24,9 @@ std::filesystem::path ServerPath();
 // same for the same file, its tables made by the first call.
 std::string DatabaseOf(const std::filesystem::path& file);
 
+// How many parts of a database answer a search: 1 of a file, 2 of tests/cluster/on_cluster.sh.
+int ShardsOfDatabases();
+
 class ServerProcess {
  public:
   // Waits until the server says that it listens; throws when it does not. Pictures are described
