@@ -3,10 +3,10 @@
 #include "index/engine/search_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <unordered_set>
 #include <utility>
 
+#include "index/engine/stopwatch.h"
 #include "index/verify/expansion.h"
 #include "index/verify/places.h"
 #include "index/verify/verification.h"
@@ -14,29 +14,8 @@
 namespace pliant {
 namespace {
 
-// Features of so many pictures are in memory at a time.
-constexpr std::size_t kPicturesABatch = 256;
-// So many are looked at before it is asked whether they are enough.
-constexpr std::size_t kFirstPictures = 30;
-
 // An undecided search looks at so many times the pictures.
 constexpr std::size_t kDeeper = 2;
-
-// Adds the time that it lives to a sum.
-class Stopwatch {
- public:
-  explicit Stopwatch(double* sum_ms) : sum_ms_(*sum_ms) {}
-  ~Stopwatch() {
-    sum_ms_ += std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
-  }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  using Clock = std::chrono::steady_clock;
-  double& sum_ms_;
-  Clock::time_point start_ = Clock::now();
-};
 
 bool Verifies(const SearchOptions& options) {
   if (options.verify == Verification::kAuto) return options.rank != RankMethod::kHistogram;
@@ -77,7 +56,8 @@ SearchRun::SearchRun(Ranker* ranker, SearchSource* source, const CollectionView&
         const Stopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
-      shelf_(source, &rank_.admission, query.model_id) {}
+      shelf_(source, &rank_.admission, query.model_id),
+      verifier_(query, options, &shelf_, &timings_) {}
 
 SearchResult SearchRun::Run() {
   Ranking ranking;
@@ -88,7 +68,7 @@ SearchResult SearchRun::Run() {
   Fetch(ranking);
   std::vector<VerifiedPicture> hits;
   if (Verifies(options_)) {
-    hits = Verify(std::move(ranking.candidates), /*all=*/false);
+    hits = verifier_.Verify(std::move(ranking.candidates));
     LookDeeper(&hits, &ranking);
     SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
@@ -162,47 +142,11 @@ void SearchRun::Fetch(const Ranking& ranking) {
   const Stopwatch watch(&timings_.database_ms);
   const std::span<const RankedPicture> candidates = ranking.candidates;
   if (!candidates.empty()) {
-    shelf_.Fetch(candidates.first(std::min(candidates.size(), NextBatch(0))),
-                 Load::kRecordsAndFeatures);
+    shelf_.Fetch(verifier_.FirstBatch(candidates), Load::kRecordsAndFeatures);
   } else {
     const std::span<const RankedPicture> best = ranking.best;
     shelf_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
   }
-}
-
-std::vector<VerifiedPicture> SearchRun::Verify(std::vector<RankedPicture> candidates, bool all) {
-  std::vector<VerifiedPicture> verified;
-  while (verified.size() < candidates.size()) {
-    const std::size_t begin = verified.size();
-    const std::size_t end = std::min(candidates.size(), begin + NextBatch(begin));
-    std::vector<RankedPicture> batch(
-        std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(begin)),
-        std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(end)));
-    {
-      const Stopwatch watch(&timings_.database_ms);
-      if (begin > 0) shelf_.DropFeatures();
-      shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
-    }
-    const Stopwatch watch(&timings_.verify_ms);
-    auto hits = Rerank(query_, std::move(batch),
-                       {.max_instances = options_.max_instances,
-                        .explain = options_.explain,
-                        .threads = options_.threads},
-                       [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
-    std::move(hits.begin(), hits.end(), std::back_inserter(verified));
-    if (!all && options_.verify_depth == 0 && IsEnough(verified)) break;
-  }
-  for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
-    const double score = candidates[i].score;
-    verified.push_back({.picture = std::move(candidates[i]), .ranking_score = score});
-  }
-  return verified;
-}
-
-// How many pictures are looked at next, after so many.
-std::size_t SearchRun::NextBatch(std::size_t looked_at) const {
-  if (options_.verify_depth != 0) return kPicturesABatch;
-  return std::clamp(looked_at, kFirstPictures, kPicturesABatch);
 }
 
 // Verifies more of the ranking where no picture agrees with the query and the depth is left to the
@@ -219,7 +163,7 @@ void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking)
   std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
     return looked_at.contains(picture.ref.version);
   });
-  for (VerifiedPicture& hit : Verify(std::move(ranking->candidates), /*all=*/true)) {
+  for (VerifiedPicture& hit : verifier_.VerifyAll(std::move(ranking->candidates))) {
     hits->push_back(std::move(hit));
   }
 }
@@ -260,7 +204,7 @@ void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
     std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
       return !std::binary_search(again.also.begin(), again.also.end(), picture.ref.version);
     });
-    for (VerifiedPicture& hit : Verify(std::move(ranking->candidates), /*all=*/true)) {
+    for (VerifiedPicture& hit : verifier_.VerifyAll(std::move(ranking->candidates))) {
       hits->push_back(std::move(hit));
     }
     SettleClaims(hits);

@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "index/engine/candidate_verifier.h"
 #include "index/engine/picture_shelf.h"
 #include "index/rank/ranker.h"
 #include "index/records/search.h"
@@ -30,10 +31,6 @@ class SearchRun {
   Bow Quantize(const Features& features) const;
   RankOptions ToRankOptions() const;
   void Fetch(const Ranking& ranking);
-  // In their order; unless `all` or a depth is asked for, as many as it takes. The others as they
-  // were ranked.
-  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates, bool all);
-  std::size_t NextBatch(std::size_t looked_at) const;
   void LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
@@ -47,6 +44,7 @@ class SearchRun {
   const Bow bow_;
   RankOptions rank_;
   PictureShelf shelf_;
+  CandidateVerifier verifier_;
 };
 
 }  // namespace pliant
