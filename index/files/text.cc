@@ -12,6 +12,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
+#include "index/files/owned_json.h"
 
 namespace pliant {
 namespace {
@@ -231,10 +232,10 @@ std::string CanonicalMetadata(const std::string& metadata) {
     too_deep = too_deep || depth > kMaxMetadataDepth;
     return !too_deep;
   };
-  const nlohmann::json json = nlohmann::json::parse(metadata, watch_depth, false);
+  OwnedJson json(nlohmann::json::parse(metadata, watch_depth, false));
   if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
-  if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
-  std::string canonical = json.dump();  // may be longer: 1e9 is 1000000000.0
+  if (!json->is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
+  std::string canonical = json->dump();  // may be longer: 1e9 is 1000000000.0
   if (canonical.size() > kMaxMetadataBytes) {
     ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
   }

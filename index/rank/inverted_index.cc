@@ -161,6 +161,7 @@ void InvertedIndex::Apply(std::vector<IndexedPicture> added,
   if (added.empty() && removed.empty() && !staged_) return;
   auto next =
       staged_ ? std::exchange(staged_, nullptr) : std::make_shared<IndexSnapshot>(*snapshot());
+  is_changing_ = true;
   for (const std::int64_t key : removed) Remove(*next, key);
   AddParts(*next, std::move(added));
   const bool renew = changes_ * kEpochShare > next->pictures;
@@ -172,10 +173,12 @@ void InvertedIndex::Apply(std::vector<IndexedPicture> added,
   MergeParts(*next);
   if (renew) RenewStatistics(*next);
   Publish(std::move(next));
+  is_changing_ = false;
 }
 
 void InvertedIndex::Stage(std::vector<IndexedPicture> added) {
   if (!staged_) staged_ = std::make_shared<IndexSnapshot>(*snapshot());
+  is_changing_ = true;
   AddParts(*staged_, std::move(added));
 }
 

@@ -74,7 +74,9 @@ class InvertedIndex {
   // Adds pictures that the next Apply publishes together with its own: a change of any size is one
   // snapshot without being in memory as one list.
   void Stage(std::vector<IndexedPicture> added);
-  bool is_staged() const { return staged_ != nullptr; }  // something is not published yet
+  // False from Stage, or from an Apply that an exception ended, to the end of the next Apply: what
+  // is counted and what is shown differ.
+  bool is_whole() const { return !is_changing_; }
   // For loading: adds without merges and statistics. Refresh() must follow before any search.
   void Append(std::vector<IndexedPicture> added);
   void Refresh();
@@ -95,6 +97,7 @@ class InvertedIndex {
   mutable std::mutex mutex_;              // guards snapshot_
   std::shared_ptr<const IndexSnapshot> snapshot_;
   std::shared_ptr<IndexSnapshot> staged_;  // nullptr: nothing is
+  bool is_changing_ = false;
 };
 
 }  // namespace pliant

@@ -174,8 +174,8 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
     try {
       if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
     } catch (...) {
-      // Where nothing was read yet, it is as it was.
-      if (known != entries_.end() && !shown.index->is_staged()) {
+      // Where nothing was changed yet, it is as it was.
+      if (known != entries_.end() && shown.index->is_whole()) {
         known->second.shown = std::move(shown);
       }
       throw;
@@ -196,12 +196,13 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
 bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
   const auto removed = view.RemovedSince(loaded.at.removal);
   if (!removed) return false;
+  const FeedPosition at = view.Position();  // may fail: after the change it would be done again
   view.ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.picture,
                       IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
                         loaded.index->Stage(std::move(chunk));
                       });
   loaded.index->Apply({}, *removed);
-  loaded.at = view.Position();
+  loaded.at = at;
   return true;
 }
 

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <exception>
 #include <map>
+#include <new>
 #include <set>
 #include <string>
 #include <utility>
@@ -16,6 +17,7 @@
 
 #include <gtest/gtest.h>
 
+#include "index/files/merge_patch.h"
 #include "tests/chaos/faults/campaign.h"
 #include "tests/chaos/faults/failing_memory.h"
 
@@ -148,6 +150,24 @@ TEST_P(Memory, IsShort) {
 
 INSTANTIATE_TEST_SUITE_P(Of, Memory, ::testing::ValuesIn(WithoutDescribing()),
                          [](const auto& scenario) { return scenario.param.name; });
+
+// At every allocation: few of those of a whole operation are a destructor's.
+TEST(MemoryOfMetadata, IsShort) {
+  const std::string metadata = R"({"a": {"b": [1, {"c": 2}], "d": "text"}, "e": [[3]]})";
+  const std::string patch = R"({"a": {"b": null, "f": {"g": [4]}}, "e": {"h": {}}})";
+  std::uint64_t at = 0;
+  for (bool struck = true; struck;) {
+    running = "merging metadata, no memory at " + std::to_string(++at);
+    const FailingMemory memory(at);
+    try {
+      MergeMetadata(metadata, patch);
+    } catch (const std::bad_alloc&) {
+      EXPECT_TRUE(FailingMemory::struck());
+    }
+    struck = FailingMemory::struck();
+  }
+  EXPECT_GT(at, 20U);
+}
 
 }  // namespace
 }  // namespace pliant::chaos

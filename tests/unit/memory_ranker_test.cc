@@ -27,6 +27,7 @@ struct Content {
   std::vector<std::pair<std::int64_t, std::int64_t>> removals;  // number, version
   std::int64_t forgotten = 0;                                   // removals up to this number
   Key unreadable = 0;                                           // a vocabulary
+  bool position_unreadable = false;
 };
 
 // Loading a vocabulary that is held waits until it is released.
@@ -64,7 +65,12 @@ class Gate {
 class FakeView : public FeedView {
  public:
   FakeView(Content content, Gate* gate) : content_(std::move(content)), gate_(*gate) {}
-  FeedPosition Position() override { return content_.position; }
+  FeedPosition Position() override {
+    if (content_.position_unreadable) {
+      throw Error(ErrorCode::kUnavailable, "shard_unavailable", "nobody knows how far it is");
+    }
+    return content_.position;
+  }
   std::vector<CollectionState> Collections() override { return content_.collections; }
   std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) override {
     if (removal < content_.forgotten) return std::nullopt;
@@ -205,6 +211,19 @@ TEST_F(MemoryRankerTest, WhatCannotBeFollowedLeavesTheLastView) {
   EXPECT_EQ(Versions("a"), (Found{1, 2, 14}));
   EXPECT_EQ(Versions(ranker_->LastView("b").value()), (Found{3, 24}));
   gate_.Release();
+}
+
+TEST_F(MemoryRankerTest, WhatFailsAtItsEndIsNotFollowedTwice) {
+  EXPECT_EQ(Versions("a"), (Found{1, 2}));
+  feed_->Commit([](Content& c) {  // p2 replaced
+    c.pictures[10] = {Picture(1, "p1"), Picture(4, "p2")};
+    c.removals = {{1, 2}};
+    c.position = {4, 1};
+    c.position_unreadable = true;
+  });
+  testing::ExpectError(ErrorCode::kUnavailable, "shard_unavailable", [&] { ranker_->View("a"); });
+  feed_->Commit([](Content& c) { c.position_unreadable = false; });
+  EXPECT_EQ(Versions("a"), (Found{1, 4}));
 }
 
 TEST_F(MemoryRankerTest, SearchesGoOnWhileAVocabularyIsLoaded) {
