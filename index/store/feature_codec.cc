@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "descriptor/base/error.h"
@@ -17,6 +18,7 @@ constexpr std::uint8_t kFeatureVersion = 1;
 constexpr std::size_t kFeatureHeaderBytes = 24;
 constexpr std::size_t kKeypointBytes = 24;
 constexpr std::uint32_t kMaxRows = 1u << 20;
+constexpr float kLargestScale = std::numeric_limits<float>::max() / 128.0F;  // of 8-bit steps
 
 DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
   if (descriptors.kind == DescriptorKind::kBinary) return DescriptorEncoding::kBits;
@@ -35,10 +37,12 @@ std::size_t RowBytes(DescriptorEncoding encoding, std::size_t dim) {
   return encoding == DescriptorEncoding::kScaledInt8 ? dim + sizeof(float) : dim;
 }
 
+// At most kLargestScale, so that every step of the row can be read: values beyond it are cut off
+// there.
 float ScaleOf(std::span<const float> row) {
   float largest = 0;
   for (const float value : row) largest = std::max(largest, std::abs(value));
-  return largest / 127.0F;
+  return std::min(largest / 127.0F, kLargestScale);
 }
 
 std::int8_t StepOf(float value, float scale) {
@@ -83,8 +87,9 @@ Descriptors GetDescriptors(Bytes body, DescriptorEncoding encoding, std::size_t 
   for (std::size_t i = 0; i < rows; ++i) {
     const std::size_t offset = i * RowBytes(encoding, width);
     const auto scale = GetValue<float>(body, offset);
-    if (!std::isfinite(scale * 128.0F))
+    if (!(std::abs(scale) <= kLargestScale)) {
       ThrowCorruptBlob("features have values that are not finite");
+    }
     for (std::size_t d = 0; d < width; ++d) {
       result.floats[i * width + d] =
           scale * static_cast<float>(static_cast<std::int8_t>(body[offset + sizeof(float) + d]));

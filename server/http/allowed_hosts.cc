@@ -35,8 +35,11 @@ std::string MachineName() {
 
 // Without ":PORT"; unchanged where that is malformed.
 std::string WithoutPort(const std::string& host) {
+  constexpr std::size_t kMostDigits = 5;
   const std::size_t end = host.find_last_not_of("0123456789");
-  return end != std::string::npos && host[end] == ':' ? host.substr(0, end) : host;
+  const bool is_port =
+      end != std::string::npos && host[end] == ':' && host.size() - end - 1 <= kMostDigits;
+  return is_port ? host.substr(0, end) : host;
 }
 
 }  // namespace

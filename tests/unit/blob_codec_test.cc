@@ -110,6 +110,16 @@ TEST(BlobCodec, ScaledRowsStayWithinHalfAStep) {
   }
 }
 
+TEST(BlobCodec, TheLargestFloatComesBackNearly) {
+  constexpr float kLargest = std::numeric_limits<float>::max();
+  Features features = RandomFeatures(1, Values::kUnit, 4);
+  features.descriptors.floats[0] = kLargest;
+  features.descriptors.floats[1] = -kLargest;
+  const Features back = DecodeFeatures(EncodeFeatures(features));
+  EXPECT_NEAR(back.descriptors.floats[0] / kLargest, 1, 0.01);
+  EXPECT_NEAR(back.descriptors.floats[1] / kLargest, -1, 0.01);
+}
+
 TEST(BlobCodec, RowsOfZerosAndKeptModelId) {
   Features features = RandomFeatures(2, Values::kUnit, 6);
   std::fill_n(features.descriptors.floats.begin(), 128, 0.0F);

@@ -38,6 +38,7 @@ TEST(AllowedHosts, RefusesOtherNamesAndWhatIsMalformed) {
                                  "xlocalhost",
                                  "localhost:8080:8080",
                                  "localhost:80x",
+                                 "localhost:808080",
                                  "[::1",
                                  "[::1]x",
                                  "[evil.example]",
