@@ -63,13 +63,19 @@ ScannedImage ScanWebp(Bytes bytes) {
   scanned.complete = std::uint64_t{reader.U32(4).value_or(0)} + 8 <= bytes.size();
   bool exif = false;
   WalkWebp(bytes, [&](std::size_t at, Bytes chunk) {
-    if (header.width == 0) ReadWebpCanvas(reader, at + kChunkHeaderBytes, header);
+    // Of the first chunk alone: where that is another one, libwebp takes its name and what follows
+    // for a picture without container, of any size.
+    if (at == kFileHeaderBytes) ReadWebpCanvas(reader, at + kChunkHeaderBytes, header);
     if (exif || !reader.StartsWith(at, "EXIF")) return;
     const std::size_t skip = reader.StartsWith(at + kChunkHeaderBytes, "Exif") ? 6 : 0;
     header.exif_orientation =
         ReadOrientation(ByteReader(chunk, false).From(kChunkHeaderBytes + skip));
     exif = true;
   });
+  const bool has_first_chunk = bytes.size() >= kFileHeaderBytes + kChunkHeaderBytes;
+  if (has_first_chunk && !reader.StartsWith(kFileHeaderBytes, "VP8")) {
+    scanned.defect = "its first chunk is no picture";
+  }
   return scanned;
 }
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <random>
 #include <set>
+#include <string>
 
 #include <gtest/gtest.h>
 
@@ -199,6 +200,16 @@ TEST(DecodeImage, RefusesWhatContradictsItself) {
   testing::Append(crc, testing::PngCrc(png.data() + 12, 17), 4, true);
   std::copy(crc.begin(), crc.end(), png.begin() + 29);
   EXPECT_EQ(ReasonOf(png), "image_corrupt") << "a megabyte of data for ten kilobytes of rows";
+}
+
+// libwebp reads "/" as the first byte of a picture without chunks, here of 14417 x 10593 pixels.
+TEST(DecodeImage, RefusesAWebpThatHidesItsSize) {
+  FileBytes webp = EncodeAs(CornerPicture(), ".webp");
+  const std::string chunk("/P8X\x0A\0\0\0\x08\0\0\0\x13\0\0\x17\0\0", 18);
+  webp.insert(webp.begin() + 12, chunk.begin(), chunk.end());
+  webp[4] = static_cast<std::uint8_t>(webp[4] + chunk.size());
+  EXPECT_THROW(ReadImageHeader(webp), Error);
+  EXPECT_EQ(ReasonOf(webp), "image_corrupt");
 }
 
 TEST(DecodeImage, MetadataDoNotMatter) {
