@@ -7,6 +7,7 @@
 #include <new>
 #include <utility>
 
+#include <arpa/inet.h>
 #include <curl/curl.h>
 
 #include "descriptor/base/error.h"
@@ -26,9 +27,22 @@ bool IsHostCharacter(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' || c == '_';
 }
 
-// An IPv6 address is in brackets; the library has read it already.
+// Whoever resolves it takes it for an IPv4 address, in one of the forms of inet_aton(). The library
+// has written these as four numbers, unless a part was percent-encoded.
+bool EndsInANumber(std::string host) {
+  if (host.ends_with('.')) host.pop_back();
+  const std::string last = host.substr(host.rfind('.') + 1);
+  const bool hexadecimal = last.starts_with("0x");
+  return !last.empty() && last.find_first_not_of(hexadecimal ? "0123456789abcdef" : "0123456789",
+                                                 hexadecimal ? 2 : 0) == std::string::npos;
+}
+
+// `host` is canonical. An IPv6 address is in brackets; the library has read it already.
 bool IsHost(const std::string& host) {
-  return host.starts_with('[') || std::all_of(host.begin(), host.end(), IsHostCharacter);
+  if (host.starts_with('[')) return true;
+  if (!std::all_of(host.begin(), host.end(), IsHostCharacter)) return false;
+  in_addr address{};
+  return !EndsInANumber(host) || inet_pton(AF_INET, host.c_str(), &address) == 1;
 }
 
 }  // namespace

@@ -213,6 +213,19 @@ TEST(WebAddress, IsTakenApart) {
   }
 }
 
+// Some versions of the library decode such a host after they have looked for an IPv4 address.
+TEST(WebAddress, AnEncodedAddressIsRefusedOrWrittenAsOne) {
+  for (const auto& [text, host] :
+       {std::pair("http://2%33/", "0.0.0.23"), std::pair("http://127%2e1/", "127.0.0.1"),
+        std::pair("http://0x7%66%2e1/", "127.0.0.1")}) {
+    try {
+      EXPECT_EQ(WebAddress(text).host(), host);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.reason(), "image_url_invalid") << text;
+    }
+  }
+}
+
 TEST(WebAddress, FollowsARedirectionFromWhereItIs) {
   const WebAddress from("https://a.example/x/y.jpg?q");
   EXPECT_EQ(from.Redirected("z.png").Display(), "https://a.example/x/z.png");
@@ -251,6 +264,8 @@ TEST(WebAddress, RefusesWhatIsNoneOrSuspicious) {
                                  "http://a.example/\x7f",
                                  "http://m\xc3\xbctze.example/",
                                  "http://a%2eexample%00/",
+                                 "http://a.example.0x1/",
+                                 "http://1.2.3.4.5/",
                                  "http://a.example%2f/",
                                  "http://[::1/",
                                  "http://[fe80::1%25eth0]/",
