@@ -137,6 +137,12 @@ IndexedPicture Picture(std::int64_t key, const std::string& id) {
   return picture;
 }
 
+void ReplaceP2(Content& c) {
+  c.pictures[10] = {Picture(1, "p1"), Picture(4, "p2")};
+  c.removals = {{1, 2}};
+  c.position = {4, 1};
+}
+
 class MemoryRankerTest : public ::testing::Test {
  protected:
   MemoryRankerTest() {
@@ -175,11 +181,7 @@ class MemoryRankerTest : public ::testing::Test {
 
 TEST_F(MemoryRankerTest, FollowsWhatIsCommitted) {
   EXPECT_EQ(Versions("a"), (Found{1, 2}));
-  feed_->Commit([](Content& c) {  // p2 replaced
-    c.pictures[10] = {Picture(1, "p1"), Picture(4, "p2")};
-    c.removals = {{1, 2}};
-    c.position = {4, 1};
-  });
+  feed_->Commit(ReplaceP2);
   EXPECT_EQ(Versions("a"), (Found{1, 4}));
   EXPECT_EQ(Versions("b"), (Found{3}));
   testing::ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { ranker_->View("c"); });
@@ -215,10 +217,8 @@ TEST_F(MemoryRankerTest, WhatCannotBeFollowedLeavesTheLastView) {
 
 TEST_F(MemoryRankerTest, WhatFailsAtItsEndIsNotFollowedTwice) {
   EXPECT_EQ(Versions("a"), (Found{1, 2}));
-  feed_->Commit([](Content& c) {  // p2 replaced
-    c.pictures[10] = {Picture(1, "p1"), Picture(4, "p2")};
-    c.removals = {{1, 2}};
-    c.position = {4, 1};
+  feed_->Commit([](Content& c) {
+    ReplaceP2(c);
     c.position_unreadable = true;
   });
   testing::ExpectError(ErrorCode::kUnavailable, "shard_unavailable", [&] { ranker_->View("a"); });
