@@ -11,6 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance_kernels.h"
+#include "descriptor/match/nearest_scan.h"
 
 namespace pliant {
 namespace {
@@ -19,7 +20,6 @@ using kernels::Kernels;
 
 constexpr std::size_t kPanel = PackedDescriptors::kPanel;
 static_assert(kPanel == kernels::kPanel);
-constexpr std::size_t kRowBlock = 64;  // query rows a panel is kept in the cache for
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 std::size_t WordsOf(int bytes) { return (static_cast<std::size_t>(bytes) + 7) / 8; }
@@ -32,32 +32,6 @@ std::vector<std::uint64_t> PackBits(const Descriptors& d, std::size_t first, std
     std::memcpy(bits.data() + r * words, d.bytes.data() + (first + r) * d.dim, d.dim);
   }
   return bits;
-}
-
-void StartState(kernels::RowState* state, std::size_t rows) {
-  for (std::size_t r = 0; r < rows; ++r) {
-    std::fill_n(state[r].best, kPanel, kInfinity);
-    std::fill_n(state[r].second, kPanel, kInfinity);
-    std::fill_n(state[r].panel, kPanel, 0U);
-  }
-}
-
-// Joins the columns of a row's state; of equal values the lowest index wins. The second nearest of
-// all is the nearest of its own column or the second there, so two values a column are enough.
-NearestTwo Finish(const kernels::RowState& state) {
-  NearestTwo result{0, kInfinity, kInfinity};
-  for (std::size_t j = 0; j < kPanel; ++j) {
-    const float v = state.best[j];
-    const auto index = static_cast<std::uint32_t>(state.panel[j] * kPanel + j);
-    if (v < result.distance || (v == result.distance && v < kInfinity && index < result.index)) {
-      result.second = std::min(result.distance, state.second[j]);
-      result.distance = v;
-      result.index = index;
-    } else {
-      result.second = std::min(result.second, v);
-    }
-  }
-  return result;
 }
 
 }  // namespace
@@ -119,20 +93,6 @@ PackedDescriptors::PackedDescriptors(const Descriptors& d)
   Kernels().squared_norms(d.floats.data(), rows_, dim_, squared_norms_.data());
 }
 
-void PackedDescriptors::CheckQueries(const Descriptors& queries, std::size_t first,
-                                     std::size_t count) const {
-  if (queries.kind != kind_ || queries.dim != dim_) {
-    throw Error(ErrorCode::kConflict, "descriptor_mismatch",
-                "Descriptors of " + std::to_string(queries.dim) + " and " + std::to_string(dim_) +
-                    " components, or of different kinds, cannot be compared.");
-  }
-  if (first > queries.rows || count > queries.rows - first) {
-    throw Error(ErrorCode::kInvalidArgument, "rows_out_of_range",
-                "Rows " + std::to_string(first) + " to " + std::to_string(first + count) +
-                    " are beyond the " + std::to_string(queries.rows) + " there are.");
-  }
-}
-
 void PackedDescriptors::Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                                   float* out) const {
   AllDistances(queries, first, count, false, out);
@@ -145,14 +105,15 @@ void PackedDescriptors::DistancesByProduct(const Descriptors& queries, std::size
 
 void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t first,
                                      std::size_t count, bool by_product, float* out) const {
-  CheckQueries(queries, first, count);
+  CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first, count,
+               queries.rows);
   const bool is_float = kind_ == DescriptorKind::kFloat;
   const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
   const auto& kernel = Kernels();
-  alignas(64) float tile[kRowBlock * kPanel];
-  float norms[kRowBlock] = {};
-  for (std::size_t r0 = 0; r0 < count; r0 += kRowBlock) {
-    const std::size_t block = std::min(kRowBlock, count - r0);
+  alignas(64) float tile[kScanRows * kPanel];
+  float norms[kScanRows] = {};
+  for (std::size_t r0 = 0; r0 < count; r0 += kScanRows) {
+    const std::size_t block = std::min(kScanRows, count - r0);
     const float* a = is_float ? queries.floats.data() + (first + r0) * dim_ : nullptr;
     if (is_float && by_product) kernel.squared_norms(a, block, dim_, norms);
     for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
@@ -180,46 +141,25 @@ void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t fir
 void PackedDescriptors::FindNearest(const Descriptors& queries, std::size_t first,
                                     std::size_t count, NearestTwo* nearest,
                                     NearestOne* nearest_query) const {
-  CheckQueries(queries, first, count);
+  CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first, count,
+               queries.rows);
   const bool is_float = kind_ == DescriptorKind::kFloat;
   const auto& kernel = Kernels();
   const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
-  const std::size_t padded = (rows_ + kPanel - 1) / kPanel * kPanel;
-  std::vector<float> column_best(nearest_query != nullptr ? padded : 0, kInfinity);
-  std::vector<std::uint32_t> column_index(column_best.size(), 0);
-  std::vector<kernels::RowState> state(std::min(kRowBlock, count));
-  alignas(64) float tile[kRowBlock * kPanel];
-  float norms[kRowBlock] = {};
-  for (std::size_t r0 = 0; r0 < count; r0 += kRowBlock) {
-    const std::size_t block = std::min(kRowBlock, count - r0);
-    const float* a = is_float ? queries.floats.data() + (first + r0) * dim_ : nullptr;
-    if (is_float) kernel.squared_norms(a, block, dim_, norms);
-    StartState(state.data(), block);
-    for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
-      if (is_float) {
-        kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
-      } else {
-        std::fill_n(tile, block * kPanel, kInfinity);
-        kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
-                            std::min(kPanel, rows_ - j0), tile);
-      }
-      if (is_float) kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
-      kernel.update_rows(tile, block, static_cast<std::uint32_t>(j0 / kPanel), state.data());
-      if (nearest_query == nullptr) continue;
-      kernel.update_columns(tile, block, static_cast<std::uint32_t>(first + r0),
-                            column_best.data() + j0, column_index.data() + j0);
+  float norms[kScanRows] = {};
+  const auto fill_tile = [&](std::size_t r0, std::size_t block, std::size_t j0, float* tile) {
+    if (is_float) {
+      const float* a = queries.floats.data() + (first + r0) * dim_;
+      if (j0 == 0) kernel.squared_norms(a, block, dim_, norms);
+      kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
+      kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
+    } else {
+      std::fill_n(tile, block * kPanel, kInfinity);
+      kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
+                          std::min(kPanel, rows_ - j0), tile);
     }
-    for (std::size_t r = 0; r < block; ++r) nearest[r0 + r] = Finish(state[r]);
-  }
-  const auto root = [&](float v) { return is_float ? std::sqrt(v) : v; };
-  for (std::size_t r = 0; r < count; ++r) {
-    nearest[r].distance = root(nearest[r].distance);
-    nearest[r].second = root(nearest[r].second);
-  }
-  if (nearest_query == nullptr) return;
-  for (std::size_t j = 0; j < rows_; ++j) {
-    nearest_query[j] = {column_index[j], root(column_best[j])};
-  }
+  };
+  ScanForNearest(first, count, rows_, is_float, fill_tile, nearest, nearest_query);
 }
 
 }  // namespace pliant

@@ -69,7 +69,6 @@ class PackedDescriptors {
  private:
   void AllDistances(const Descriptors& queries, std::size_t first, std::size_t count,
                     bool by_product, float* out) const;
-  void CheckQueries(const Descriptors& queries, std::size_t first, std::size_t count) const;
 
   DescriptorKind kind_;
   int dim_;

@@ -8,6 +8,7 @@
 
 #include "descriptor/features/features.h"
 #include "descriptor/match/distance.h"
+#include "descriptor/match/stepped.h"
 
 namespace pliant {
 
@@ -31,6 +32,9 @@ struct MatchOptions {
 // many references can be matched against it. Throws kConflict "descriptor_mismatch" when kind or
 // dim differ, kInvalidArgument for options out of range. Values must be finite. Thread-safe.
 std::vector<Match> MatchDescriptors(const PackedDescriptors& query, const Descriptors& reference,
+                                    const MatchOptions& options = {});
+std::vector<Match> MatchDescriptors(const SteppedDescriptors& query,
+                                    const SteppedDescriptors& reference,
                                     const MatchOptions& options = {});
 
 }  // namespace pliant

@@ -124,7 +124,9 @@ class Found {
 }  // namespace
 
 Verifier::Verifier(const Features& query, const VerificationOptions& options)
-    : query_(Checked(query)), options_(options) {
+    : query_(Checked(query)),
+      query_steps_(SteppedDescriptors::Of(query.descriptors)),
+      options_(options) {
   if (!(options.tolerance > 0 && options.tolerance < 1)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
                 "tolerance must be above 0 and below 1.");
@@ -151,6 +153,15 @@ std::vector<Correspondence> Verifier::Correspondences(const Features& reference,
   return correspondences;
 }
 
+std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
+  const MatchOptions options{.max_ratio = options_.max_ratio, .threads = options_.threads};
+  if (query_steps_) {
+    const auto steps = SteppedDescriptors::Of(reference.descriptors);
+    if (steps) return MatchDescriptors(*steps, *query_steps_, options);
+  }
+  return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors, options);
+}
+
 VerificationResult Verifier::Verify(const Features& reference) const {
   if (reference.model_id != query_.model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
@@ -162,9 +173,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   VerificationResult result;
   if (query_.keypoints.empty() || reference.keypoints.empty()) return result;
   Check(reference, "reference");
-  const auto matches =
-      MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors,
-                       {.max_ratio = options_.max_ratio, .threads = options_.threads});
+  const std::vector<Match> matches = MatchesWith(reference);
   std::vector<Match> mutual;
   std::copy_if(matches.begin(), matches.end(), std::back_inserter(mutual),
                [](const Match& match) { return match.mutual; });

@@ -71,12 +71,14 @@ class Verifier {
   VerificationResult Verify(const Features& reference) const;
 
  private:
+  std::vector<Match> MatchesWith(const Features& reference) const;
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
   std::vector<Correspondence> Correspondences(const Features& reference,
                                               const std::vector<Match>& matches) const;
 
   const Features& query_;
+  std::optional<SteppedDescriptors> query_steps_;  // in the precision of the database
   VerificationOptions options_;
 };
 

@@ -10,6 +10,7 @@
 
 #include "descriptor/base/parallel.h"
 #include "descriptor/match/matching.h"
+#include "index/store/feature_codec.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
@@ -69,9 +70,29 @@ BENCHMARK(MatchPair)
     ->ArgsProduct({{700, 1000, 2000}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
 
+// In the precision of the database; the reference is laid out anew for every pair, as in a search.
+void MatchSteppedPair(benchmark::State& state) {
+  const auto n = static_cast<std::size_t>(state.range(0));
+  Features query = Picture(n, 1, nullptr, 0, false);
+  Features reference = InStoredPrecision(Picture(n, 2, &query, n / 5, false));
+  query = InStoredPrecision(query);
+  const auto packed = SteppedDescriptors::Of(query.descriptors);
+  for (auto _ : state) {
+    const auto steps = SteppedDescriptors::Of(reference.descriptors);
+    benchmark::DoNotOptimize(MatchDescriptors(*packed, *steps));
+  }
+}
+BENCHMARK(MatchSteppedPair)
+    ->ArgName("descriptors")
+    ->Arg(700)
+    ->Arg(1000)
+    ->Arg(2000)
+    ->Unit(benchmark::kMillisecond);
+
 void VerifyPair(benchmark::State& state) {
-  const auto query = Picture(1000, 1, nullptr, 0, false);
-  const auto reference = Picture(1000, 2, &query, static_cast<std::size_t>(state.range(0)), false);
+  const auto query = InStoredPrecision(Picture(1000, 1, nullptr, 0, false));
+  const auto reference =
+      InStoredPrecision(Picture(1000, 2, &query, static_cast<std::size_t>(state.range(0)), false));
   const Verifier verifier(query);
   VerificationResult result;
   for (auto _ : state) result = verifier.Verify(reference);
@@ -84,10 +105,11 @@ BENCHMARK(VerifyPair)->ArgName("shared")->Arg(0)->Arg(50)->Arg(300)->Unit(benchm
 void VerifyHundred(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0));
   const bool binary = state.range(1) != 0;
-  const auto query = Picture(n, 1, nullptr, 0, binary);
+  const auto query = InStoredPrecision(Picture(n, 1, nullptr, 0, binary));
   std::vector<Features> candidates;
   for (std::uint64_t i = 0; i < 100; ++i) {
-    candidates.push_back(Picture(n, 2 + i, &query, i % 10 == 0 ? n / 5 : 0, binary));
+    candidates.push_back(
+        InStoredPrecision(Picture(n, 2 + i, &query, i % 10 == 0 ? n / 5 : 0, binary)));
   }
   int verified = 0;
   for (auto _ : state) {

@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Nearest neighbours of descriptors in the precision of the database: rows of 8-bit steps with a
+// scale each. Their products are sums of whole numbers, which a processor does two to four times as
+// fast as those of floats.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "descriptor/match/distance.h"
+
+namespace pliant {
+
+// Rows laid out for the kernels, for either side of a comparison. Immutable and thread-safe. Keeps
+// a copy; the source may be destroyed.
+//
+// As with PackedDescriptors a distance depends on its two rows only: identical rows are exactly 0
+// apart, d(a, b) == d(b, a) bit for bit. It agrees with PackedDescriptors::FindNearest to the
+// rounding of a float.
+class SteppedDescriptors {
+ public:
+  // Nothing unless every row is a scale times whole numbers -127..127 of which the largest is 127,
+  // as features read from the database are (index/store/feature_codec.h); nor for bits, for more
+  // than 1024 components, or on a processor without AVX2.
+  static std::optional<SteppedDescriptors> Of(const Descriptors& descriptors);
+
+  int dim() const { return dim_; }
+  std::size_t rows() const { return rows_; }
+
+  // As PackedDescriptors::FindNearest, with what that throws.
+  void FindNearest(const SteppedDescriptors& queries, std::size_t first, std::size_t count,
+                   NearestTwo* nearest, NearestOne* nearest_query = nullptr) const;
+
+ private:
+  SteppedDescriptors() = default;
+  bool Split(const Descriptors& descriptors);
+  void Transpose();
+
+  int dim_ = 0;
+  std::size_t rows_ = 0;
+  std::size_t groups_ = 0;           // of kStepGroup steps a row
+  std::vector<std::int8_t> steps_;   // rows x groups_ x kStepGroup
+  std::vector<std::int8_t> panels_;  // panels x groups_ x kPanel x kStepGroup
+  std::vector<float> scales_;        // rows, padded to whole panels with 0
+  std::vector<float> norms_;         // squared; padded with infinity
+  std::vector<std::int32_t> sums_;   // of the steps
+};
+
+}  // namespace pliant
