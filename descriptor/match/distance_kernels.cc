@@ -20,6 +20,9 @@ struct Vec {
   using Stored
       [[gnu::vector_size(kLanes * sizeof(float)), gnu::aligned(alignof(float)), gnu::may_alias]] =
           float;
+  using Whole [[gnu::vector_size(kLanes * sizeof(std::uint32_t))]] = std::uint32_t;
+  using StoredWhole [[gnu::vector_size(kLanes * sizeof(std::uint32_t)),
+                      gnu::aligned(alignof(std::uint32_t)), gnu::may_alias]] = std::uint32_t;
 };
 
 // kRows x (kVectors * kLanes) sums at once in registers. Sums run over the components in order,
@@ -121,34 +124,50 @@ PLIANT_INLINE void DotsToSquared(float* __restrict values, std::size_t rows, con
   }
 }
 
-PLIANT_INLINE void UpdateRows(const float* __restrict values, std::size_t rows, std::uint32_t panel,
-                              RowState* __restrict states) {
+// Both updates are written with vectors: of the plain loop GCC makes stores that it jumps over
+// where no lane is better, and these jumps cannot be foreseen.
+template <int kLanes>
+PLIANT_INLINE void UpdateRows(const float* values, std::size_t rows, std::uint32_t panel,
+                              RowState* states) {
+  using V = typename Vec<kLanes>::Type;
+  using Stored = typename Vec<kLanes>::Stored;
+  using Whole = typename Vec<kLanes>::Whole;
+  using StoredWhole = typename Vec<kLanes>::StoredWhole;
+  const Whole here = Whole{} + panel;
   for (std::size_t r = 0; r < rows; ++r) {
-    RowState& state = states[r];
-    for (std::size_t j = 0; j < kPanel; ++j) {
-      const float v = values[r * kPanel + j];
-      const float best = state.best[j];
-      const float second = state.second[j];
-      const bool better = v < best;
-      const float runner_up = v < second ? v : second;
-      state.second[j] = better ? best : runner_up;
-      state.best[j] = better ? v : best;
-      state.panel[j] = better ? panel : state.panel[j];
+#pragma GCC unroll 8
+    for (std::size_t j = 0; j < kPanel; j += kLanes) {
+      const V v = *reinterpret_cast<const Stored*>(values + r * kPanel + j);
+      Stored* best = reinterpret_cast<Stored*>(states[r].best + j);
+      Stored* second = reinterpret_cast<Stored*>(states[r].second + j);
+      StoredWhole* index = reinterpret_cast<StoredWhole*>(states[r].panel + j);
+      const V old = *best;
+      const V runner_up = v > old ? v : old;
+      *second = runner_up < *second ? runner_up : V(*second);
+      *index = v < old ? here : Whole(*index);
+      *best = v < old ? v : old;
     }
   }
 }
 
-PLIANT_INLINE void UpdateColumns(const float* __restrict values, std::size_t rows,
-                                 std::uint32_t row, float* __restrict best,
-                                 std::uint32_t* __restrict index) {
-  for (std::size_t r = 0; r < rows; ++r) {
-    const auto here = static_cast<std::uint32_t>(row + r);
-    for (std::size_t j = 0; j < kPanel; ++j) {
-      const float v = values[r * kPanel + j];
-      const bool better = v < best[j];
-      index[j] = better ? here : index[j];
-      best[j] = better ? v : best[j];
+template <int kLanes>
+PLIANT_INLINE void UpdateColumns(const float* values, std::size_t rows, std::uint32_t row,
+                                 float* best, std::uint32_t* index) {
+  using V = typename Vec<kLanes>::Type;
+  using Stored = typename Vec<kLanes>::Stored;
+  using Whole = typename Vec<kLanes>::Whole;
+  using StoredWhole = typename Vec<kLanes>::StoredWhole;
+  for (std::size_t j = 0; j < kPanel; j += kLanes) {
+    V nearest = *reinterpret_cast<const Stored*>(best + j);
+    Whole found = *reinterpret_cast<const StoredWhole*>(index + j);
+    for (std::size_t r = 0; r < rows; ++r) {
+      const V v = *reinterpret_cast<const Stored*>(values + r * kPanel + j);
+      const Whole here = Whole{} + static_cast<std::uint32_t>(row + r);
+      found = v < nearest ? here : found;
+      nearest = v < nearest ? v : nearest;
     }
+    *reinterpret_cast<Stored*>(best + j) = nearest;
+    *reinterpret_cast<StoredWhole*>(index + j) = found;
   }
 }
 
@@ -180,11 +199,11 @@ PLIANT_INLINE void UpdateColumns(const float* __restrict values, std::size_t row
   }                                                                                                \
   TARGET void UpdateRows##NAME(const float* values, std::size_t rows, std::uint32_t panel,         \
                                RowState* states) {                                                 \
-    UpdateRows(values, rows, panel, states);                                                       \
+    UpdateRows<LANES>(values, rows, panel, states);                                                \
   }                                                                                                \
   TARGET void UpdateColumns##NAME(const float* values, std::size_t rows, std::uint32_t row,        \
                                   float* best, std::uint32_t* index) {                             \
-    UpdateColumns(values, rows, row, best, index);                                                 \
+    UpdateColumns<LANES>(values, rows, row, best, index);                                          \
   }                                                                                                \
   constexpr KernelSet k##NAME = {#NAME,                                                            \
                                  DotTile##NAME,                                                    \

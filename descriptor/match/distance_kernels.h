@@ -11,7 +11,7 @@ namespace pliant::kernels {
 inline constexpr std::size_t kPanel = 32;
 
 // Running two smallest values of a row, kept apart for each column of a panel.
-struct RowState {
+struct alignas(64) RowState {
   float best[kPanel];
   float second[kPanel];
   std::uint32_t panel[kPanel];  // of best
