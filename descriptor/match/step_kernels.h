@@ -38,7 +38,8 @@ struct StepKernelSet {
                        const StepPanel& panel, float* out);
 };
 
-// The sets that this processor runs, the fastest last; none without AVX2.
+// The sets that this processor runs, the fastest last; none where floats are compared faster:
+// without AVX2, and with AVX-512 but no VNNI.
 const std::vector<StepKernelSet>& StepKernels();
 
 }  // namespace pliant::kernels

@@ -52,7 +52,7 @@ SteppedDescriptors Steps(const Descriptors& descriptors) {
 class Stepped : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (StepKernels().empty()) GTEST_SKIP() << "This processor has no AVX2.";
+    if (StepKernels().empty()) GTEST_SKIP() << "This processor compares floats faster.";
   }
 };
 
