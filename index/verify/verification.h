@@ -9,6 +9,7 @@
 
 #include "descriptor/features/features.h"
 #include "descriptor/match/matching.h"
+#include "descriptor/match/stepped.h"
 #include "descriptor/warp/tps.h"
 #include "descriptor/warp/tps_ransac.h"
 #include "index/records/location.h"
