@@ -2,15 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/match/distance.h"
 
-#include <algorithm>
+#include <functional>
 #include <limits>
-#include <tuple>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance_kernels.h"
+#include "tests/unit/nearest_oracle.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant::testing {
@@ -60,38 +61,18 @@ TEST_P(DistanceShapes, ByProductTheyAreSquaredFloats) {
   }
 }
 
-// Oracle with the tie rule, on values where both sides are exact.
-void ExpectNearest(const Descriptors& a, const Descriptors& b) {
+void ExpectNearestOfPacked(const Descriptors& a, const Descriptors& b) {
   const PackedDescriptors packed(b);
   std::vector<NearestTwo> nearest(a.rows);
   std::vector<NearestOne> back(b.rows);
   packed.FindNearest(a, 0, a.rows, nearest.data(), back.data());
-  for (std::size_t i = 0; i < a.rows; ++i) {
-    std::vector<std::pair<double, std::size_t>> all;
-    for (std::size_t j = 0; j < b.rows; ++j) all.emplace_back(PlainDistance(a, i, b, j), j);
-    std::sort(all.begin(), all.end());
-    ASSERT_EQ(nearest[i].index, all[0].second) << "row " << i;
-    ASSERT_FLOAT_EQ(nearest[i].distance, static_cast<float>(all[0].first));
-    if (b.rows > 1) {
-      ASSERT_FLOAT_EQ(nearest[i].second, static_cast<float>(all[1].first));
-    } else {
-      ASSERT_EQ(nearest[i].second, std::numeric_limits<float>::infinity());
-    }
-  }
-  for (std::size_t j = 0; j < b.rows; ++j) {
-    std::pair<double, std::size_t> best{1e30, 0};
-    for (std::size_t i = 0; i < a.rows; ++i) {
-      best = std::min(best, {PlainDistance(a, i, b, j), i});
-    }
-    ASSERT_EQ(back[j].index, best.second) << "column " << j;
-    ASSERT_FLOAT_EQ(back[j].distance, static_cast<float>(best.first));
-  }
+  ExpectNearest(a, b, nearest, back);
 }
 
 TEST_P(DistanceShapes, NearestAgreeWithSortingAll) {
   const auto [queries, rows, dim] = GetParam();
-  ExpectNearest(RandomGrid(queries, dim, 3, 5), RandomGrid(rows, dim, 3, 6));
-  ExpectNearest(RandomBits(queries, dim, 7), RandomBits(rows, dim, 8));
+  ExpectNearestOfPacked(RandomGrid(queries, dim, 3, 5), RandomGrid(rows, dim, 3, 6));
+  ExpectNearestOfPacked(RandomBits(queries, dim, 7), RandomBits(rows, dim, 8));
 }
 
 INSTANTIATE_TEST_SUITE_P(Shapes, DistanceShapes,

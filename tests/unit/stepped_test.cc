@@ -8,7 +8,6 @@
 #include <random>
 #include <stdexcept>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -17,6 +16,7 @@
 #include "descriptor/match/distance_kernels.h"
 #include "descriptor/match/matching.h"
 #include "descriptor/match/step_kernels.h"
+#include "tests/unit/nearest_oracle.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant::testing {
@@ -71,22 +71,7 @@ TEST_F(Stepped, AgreesWithSortingAll) {
     std::vector<NearestTwo> nearest(a.rows);
     std::vector<NearestOne> back(b.rows);
     Steps(b).FindNearest(Steps(a), 0, a.rows, nearest.data(), back.data());
-    for (std::size_t i = 0; i < a.rows; ++i) {
-      std::vector<std::pair<double, std::size_t>> all;
-      for (std::size_t j = 0; j < b.rows; ++j) all.emplace_back(PlainDistance(a, i, b, j), j);
-      std::sort(all.begin(), all.end());
-      ASSERT_EQ(nearest[i].index, all[0].second) << "row " << i << " of " << dim;
-      ASSERT_FLOAT_EQ(nearest[i].distance, static_cast<float>(all[0].first));
-      ASSERT_FLOAT_EQ(nearest[i].second, b.rows > 1 ? static_cast<float>(all[1].first) : kInfinity);
-    }
-    for (std::size_t j = 0; j < b.rows; ++j) {
-      std::pair<double, std::size_t> best{1e30, 0};
-      for (std::size_t i = 0; i < a.rows; ++i) {
-        best = std::min(best, {PlainDistance(a, i, b, j), i});
-      }
-      ASSERT_EQ(back[j].index, best.second) << "column " << j;
-      ASSERT_FLOAT_EQ(back[j].distance, static_cast<float>(best.first));
-    }
+    ExpectNearest(a, b, nearest, back);
   }
 }
 
