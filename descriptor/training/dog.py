@@ -13,7 +13,7 @@ import numpy as np
 
 _LAYERS = 3
 _SIGMA = 1.6
-_CONTRAST = 0.04
+CONTRAST = 0.04  # SIFT's own threshold
 _EDGE = 10.0
 _CAMERA_BLUR = 0.5
 _BORDER = 5
@@ -61,9 +61,9 @@ def _octave(base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return stack[1:] - stack[:-1], gaussians[_LAYERS][::2, ::2]
 
 
-def _extrema(dog: np.ndarray) -> np.ndarray:
+def _extrema(dog: np.ndarray, contrast: float) -> np.ndarray:
     """[K, 3] layer, row, column of pixels that are extreme among their 26 neighbours."""
-    threshold = np.floor(0.5 * _CONTRAST / _LAYERS * 255) / 255
+    threshold = np.floor(0.5 * contrast / _LAYERS * 255) / 255
     inner = dog[1:-1, _BORDER:-_BORDER, _BORDER:-_BORDER]
     if not inner.size:
         return np.zeros((0, 3), np.int64)
@@ -104,7 +104,7 @@ def _solve(hessian: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     return np.where(singular[:, None], 9.0, -np.linalg.solve(hessian, gradient[..., None])[..., 0])
 
 
-def _refine(dog: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _refine(dog: np.ndarray, at: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sub-pixel positions: returns pixels [K, 3], offsets (x, y, layer) [K, 3] and contrast [K] of
     those that converge and pass the contrast and edge tests."""
     limit = np.array([dog.shape[0] - 2, dog.shape[1] - 1 - _BORDER, dog.shape[2] - 1 - _BORDER])
@@ -119,7 +119,7 @@ def _refine(dog: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
         contrast = centre + 0.5 * (gradient * offset).sum(1)
         trace = hessian[:, 0, 0] + hessian[:, 1, 1]
         determinant = hessian[:, 0, 0] * hessian[:, 1, 1] - hessian[:, 0, 1] ** 2
-        good = (settled & (np.abs(contrast) * _LAYERS >= _CONTRAST) & (determinant > 0)
+        good = (settled & (np.abs(contrast) * _LAYERS >= threshold) & (determinant > 0)
                 & (trace**2 * _EDGE < (_EDGE + 1) ** 2 * determinant))
         done.append((at[good], offset[good], np.abs(contrast[good])))
         moved = at[~settled] + np.rint(np.clip(offset[~settled], -1e6, 1e6)).astype(np.int64)[:, ::-1]
@@ -129,7 +129,7 @@ def _refine(dog: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     return tuple(np.concatenate(part) for part in zip(*done))
 
 
-def detect(picture: np.ndarray) -> np.ndarray:
+def detect(picture: np.ndarray, contrast_threshold: float = CONTRAST) -> np.ndarray:
     """[N, 4] x, y, size, response of a grey uint8 picture [H, W]; pixel centres at integers."""
     base = _doubled(picture.astype(np.float32) / 255)
     base = _blur(base, float(np.sqrt(_SIGMA**2 - (2 * _CAMERA_BLUR) ** 2)))
@@ -139,7 +139,7 @@ def detect(picture: np.ndarray) -> np.ndarray:
         if min(base.shape) <= 2 * _BORDER:
             break
         dog, base = _octave(base)
-        at, offset, contrast = _refine(dog, _extrema(dog))
+        at, offset, contrast = _refine(dog, _extrema(dog, contrast_threshold), contrast_threshold)
         scale = 2.0**octave / 2  # the first octave is the doubled picture
         xy = (at[:, :0:-1] + offset[:, :2]) * scale
         size = _SIGMA * 2 ** ((at[:, 0] + offset[:, 2]) / _LAYERS) * 2 * scale

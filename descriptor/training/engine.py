@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 
-import numpy as np
 import torch
 
 from . import losses
@@ -47,8 +46,8 @@ class TrainingStep:
         self.model, self.stage, self.preset, self.device = model, stage, preset, device
         self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
 
-    def _move(self, array: np.ndarray) -> torch.Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array)).to(self.device, non_blocking=True)
+    def _move(self, tensor: torch.Tensor) -> torch.Tensor:
+        return tensor.to(self.device, non_blocking=True)
 
     def _precision(self) -> contextlib.AbstractContextManager:
         if self.preset.bfloat16 and self.device.type == "cuda":
@@ -80,8 +79,9 @@ class TrainingStep:
         with self._precision():
             return self.model.hardnet(patches).float().chunk(2)
 
-    def __call__(self, batch: Batch, progress: float) -> tuple[torch.Tensor, dict[str, float]]:
-        """The loss (to be differentiated) and the figures of the step."""
+    def __call__(self, batch: Batch, progress: float) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
+        """Of a batch of tensors (prefetch.py): the loss (to be differentiated) and the figures of the step,
+        which stay on the device, so that a GPU need not be waited for."""
         stage, figures = self.stage, {}
         pictures = self._move(batch.pictures).float().div_(255)
         pictures = pictures.clamp_(1e-3).pow_(self._move(batch.gamma)[:, None, None])
@@ -95,7 +95,7 @@ class TrainingStep:
             supervised = losses.warp_loss(predicted, truth, known)
             start, end = stage.warp_weight
             loss = loss + (start + (end - start) * progress) * supervised
-            figures["warp_loss"] = supervised.item()
+            figures["warp_loss"] = supervised.detach()
             figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
         if stage.train_hardnet:
             a, b = self._describe(batch, pictures, keypoints, index, theta)
@@ -106,6 +106,6 @@ class TrainingStep:
             else:
                 matching = losses.info_nce(a, b, ignore, stage.temperature)
             loss = loss + matching
-            figures["loss"] = matching.item()
+            figures["loss"] = matching.detach()
             figures["positive"], figures["negative"], figures["accuracy"] = losses.separation(a, b, ignore)
         return loss, figures

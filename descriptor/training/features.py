@@ -26,9 +26,10 @@ try:
 except ImportError:  # a bare training machine
     cv2 = None
 
-CACHE_VERSION = "5"
+CACHE_VERSION = "6"
 MAX_KEYPOINTS = 1024
 POSITION_TOLERANCE_PX = 3.0
+_FAINT = 0.02  # threshold of contrast in training: the service's (descriptor/features/faint_keypoints.h)
 SCALE_TOLERANCE_LOG2 = 1.0  # beyond, two different things share a place
 
 
@@ -46,16 +47,17 @@ class SceneFeatures:
     pairs: dict[tuple[int, int], np.ndarray]  # (a, b), a < b -> [M, 2] rows of the two views
 
 
-def detect(picture: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool = True) -> np.ndarray:
+def detect(picture: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool = True,
+           contrast: float = dog.CONTRAST) -> np.ndarray:
     """[N, 6] x, y, size, angle, response, octave; response descending, then y, x, size, angle.
 
     With one_per_place, repeats of a key point with another orientation are dropped. Without OpenCV
     there are no orientations (angle -1) and no octaves.
     """
     if cv2 is None:
-        rows = [[x, y, size, -1, response, 0] for x, y, size, response in dog.detect(picture)]
+        rows = [[x, y, size, -1, response, 0] for x, y, size, response in dog.detect(picture, contrast)]
     else:
-        found = cv2.SIFT_create(2 * count).detect(picture, None)
+        found = cv2.SIFT_create(2 * count, contrastThreshold=contrast).detect(picture, None)
         rows = [[k.pt[0], k.pt[1], k.size, k.angle, k.response, k.octave] for k in found]
     table = np.array(rows, np.float32).reshape(-1, 6)
     order = np.lexsort((table[:, 3], table[:, 2], table[:, 0], table[:, 1], -table[:, 4]))
@@ -96,7 +98,7 @@ def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
 def compute(scene: Scene) -> SceneFeatures:
     views = []
     for view in range(scene.views):
-        table = detect(scene.images[view])[:, :4]
+        table = detect(scene.images[view], contrast=_FAINT)[:, :4]
         points = scene.locate(view, table[:, :2])
         on = points.chart != NO_CHART
         views.append(ViewFeatures(table[on], SurfacePoints(points.chart[on], points.uv[on])))

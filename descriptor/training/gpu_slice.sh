@@ -3,23 +3,28 @@
 # SPDX-License-Identifier: Apache-2.0
 # One slice of training on a rented machine that is bare and has no network: builds the simulator if
 # it is not there, makes scenes if there are none, continues every unfinished stage from its
-# checkpoint, and leaves the state for the next slice in $OUT (few files below 16 MB; when all is done
-# also last.safetensors).
+# checkpoint, and leaves the state for the next slice in $OUT (few files below 16 MB; also
+# last.safetensors once the joint stage has begun).
 #
-#   PACK=textures.safetensors OUT=out [STATE=state] [SECONDS_LEFT=540] [SCENES=3000] [PRESET=gpu] \
-#   [STAGES="hardnet warp joint"] [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
+#   PACK=textures.safetensors OUT=out [STATE=state] [SECONDS_LEFT=540] [SETS="pairs street"] [SCENES=3000] \
+#   [FIRST=1000] [PRESET=gpu] [STAGES="hardnet warp joint"] [INIT=weights.safetensors] \
+#   [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
+# SETS: presets of the simulator; of each, FIRST scenes are made before training begins, and the others
+# up to SCENES beside it: training sees them after a third of the slice. INIT: weights that the first of
+# the stages starts from; the last stage's rates then fall to nothing at the end of this slice.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
 # is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
 set -euo pipefail
 : "${PACK:?}" "${OUT:?}"
-SECONDS_LEFT=${SECONDS_LEFT:-540} SCENES=${SCENES:-3000} PRESET=${PRESET:-gpu}
-STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work}
+SECONDS_LEFT=${SECONDS_LEFT:-540} SETS=${SETS:-pairs street} SCENES=${SCENES:-3000} PRESET=${PRESET:-gpu}
+FIRST=${FIRST:-$((SCENES / 3))}
+STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work} INIT=${INIT:-}
 SIZE=${SIZE:-480x360} VIEWS=${VIEWS:-5}
 started=$(date +%s)
 left() { echo $((SECONDS_LEFT - $(date +%s) + started)); }
-mkdir -p "$OUT" "$WORK/scenes"
+mkdir -p "$OUT" "$WORK/more"
 
 if [ ! -x "$WORK/simulate" ]; then
   eigen=${EIGEN:-/usr/include/eigen3} json=${NLOHMANN:-/usr/include}
@@ -35,28 +40,60 @@ if [ ! -x "$WORK/simulate" ]; then
   ${CXX:-c++} "$WORK"/*.o -o "$WORK/simulate" -pthread
 fi
 
-# At most half of the slice goes into scenes; what is missing is made by the next one.
-timeout "$(($(left) / 2))" "$WORK/simulate" --textures "$PACK" --out "$WORK/scenes" --scenes "$SCENES" \
-  --views "$VIEWS" --width "${SIZE%x*}" --height "${SIZE#*x}" --seed 1 --jobs "$(nproc)" || true
-OMP_NUM_THREADS=1 timeout "$(($(left) * 3 / 4))" "$PYTHON" -W ignore -m descriptor.training.features "$WORK/scenes" --jobs "$(nproc)"
+make_scenes() { # FOLDER SET FROM TO SECONDS NICENESS: scenes and their key points; gives up after so long
+  nice -n "$6" timeout "$5" "$WORK/simulate" --textures "$PACK" --out "$1" --preset "$2" --first "$3" --scenes "$(($4 - $3))" \
+    --views "$VIEWS" --width "${SIZE%x*}" --height "${SIZE#*x}" --seed 1 --jobs "$(nproc)" || true
+  OMP_NUM_THREADS=1 nice -n "$6" timeout "$5" "$PYTHON" -W ignore -m descriptor.training.features "$1" --jobs "$(nproc)"
+}
+
+# At most half of the slice goes into the first scenes; what is missing is made by the next one.
+folders=() beside=""
+for set in $SETS; do
+  mkdir -p "$WORK/scenes/$set" "$WORK/more/$set"
+  folders+=("$WORK/scenes/$set")
+  make_scenes "$WORK/scenes/$set" "$set" 0 "$FIRST" "$(($(left) / 3))" 0
+done
+if [ "$FIRST" -lt "$SCENES" ]; then
+  {
+    for set in $SETS; do make_scenes "$WORK/more/$set" "$set" "$FIRST" "$SCENES" "$(left)" 19; done
+    # The key points before the scenes: a scene that is seen must not be without.
+    for set in $SETS; do mv -n "$WORK/more/$set"/*.features "$WORK/more/$set"/*.safetensors "$WORK/scenes/$set/"; done
+  } > "$WORK/more.log" 2>&1 &
+  beside=$!
+fi
+
+train() { # STAGE SECONDS, then further arguments
+  local stage=$1 seconds=$2
+  shift 2
+  "$PYTHON" -W ignore -m descriptor.training.train --preset "$PRESET" --stage "$stage" --scenes "${folders[@]}" \
+    --run "$WORK/runs/$stage" --seconds "$seconds" --threads 2 "$@" | tee -a "$WORK/runs/$stage/console.log"
+}
 
 "$PYTHON" -m descriptor.training.state unpack "${STATE:-$OUT}" "$WORK/runs"
-init=""
+init=() until=()
+if [ -n "$INIT" ]; then
+  init=(--init "$INIT")
+  until=(--until "$(date -u -d "@$((started + SECONDS_LEFT - 10))" +%H:%M:%S)")
+fi
 for stage in $STAGES; do
   run=$WORK/runs/$stage
   if [ ! -e "$run/finished" ] && [ "$(left)" -gt 15 ]; then
     mkdir -p "$run"
-    warp=""
+    warp=()
     [ "$stage" != joint ] || [ ! -e "$WORK/runs/warp/last.safetensors" ] ||
-      warp="--init-warp $WORK/runs/warp/last.safetensors"
-    "$PYTHON" -W ignore -m descriptor.training.train --preset "$PRESET" --stage "$stage" --scenes "$WORK/scenes" \
-      --run "$run" --seconds "$(($(left) - 10))" --threads "$(nproc)" $init $warp | tee -a "$run/console.log"
+      warp=(--init-warp "$WORK/runs/warp/last.safetensors")
+    clock=()
+    [ "$stage" != "${STAGES##* }" ] || clock=("${until[@]}")
+    [ -z "$beside" ] || train "$stage" "$(($(left) / 3))" "${init[@]}" "${warp[@]}" "${clock[@]}"
+    tail -n 1 "$run/console.log" 2>/dev/null | grep -q '^finished' ||
+      train "$stage" "$(($(left) - 5))" "${init[@]}" "${warp[@]}" "${clock[@]}"
     if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; fi
   fi
   [ -e "$run/finished" ] || break
-  if [ "$stage" = hardnet ]; then init="--init $run/last.safetensors"; fi
+  if [ "$stage" = hardnet ]; then init=(--init "$run/last.safetensors"); fi
 done
+[ -z "$beside" ] || pkill -P "$beside" || true
 "$PYTHON" -m descriptor.training.state pack "$WORK/runs" "$OUT"
-if [ -e "$WORK/runs/joint/finished" ]; then cp "$WORK/runs/joint/last.safetensors" "$OUT/"; fi
-echo "slice done after $(($(date +%s) - started)) s; $(ls "$WORK/scenes"/*.safetensors | wc -l) scenes;" \
+if [ -e "$WORK/runs/joint/last.safetensors" ]; then cp "$WORK/runs/joint/last.safetensors" "$OUT/"; fi
+echo "slice done after $(($(date +%s) - started)) s; $(find "$WORK/scenes" -name '*.safetensors' | wc -l) scenes;" \
   "finished: $(cd "$WORK/runs" && ls -d */finished 2>/dev/null | tr '\n' ' ')"

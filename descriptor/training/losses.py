@@ -54,11 +54,11 @@ def triplet(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor, margin: floa
 
 
 @torch.no_grad()
-def separation(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor) -> tuple[float, float, float]:
+def separation(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor) -> tuple[torch.Tensor, ...]:
     """Mean positive distance, mean hardest negative distance, share of positives that are nearer."""
     distance = distances(a, b)
     positive, negative = distance.diagonal(), hardest_negatives(distance, ignore)
-    return positive.mean().item(), negative.mean().item(), (positive < negative).float().mean().item()
+    return positive.mean(), negative.mean(), (positive < negative).float().mean()
 
 
 def warp_loss(predicted: torch.Tensor, truth: torch.Tensor, known: torch.Tensor) -> torch.Tensor:
@@ -69,7 +69,7 @@ def warp_loss(predicted: torch.Tensor, truth: torch.Tensor, known: torch.Tensor)
 
 
 @torch.no_grad()
-def warp_r2_terms(predicted: torch.Tensor, truth: torch.Tensor, known: torch.Tensor) -> tuple[float, float]:
+def warp_r2_terms(predicted: torch.Tensor, truth: torch.Tensor, known: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Squared error and squared truth over the known points; R^2 = 1 - error / truth."""
     weight = known.to(predicted)[..., None]
-    return (((predicted - truth) ** 2) * weight).sum().item(), ((truth**2) * weight).sum().item()
+    return (((predicted - truth) ** 2) * weight).sum(), ((truth**2) * weight).sum()

@@ -4,34 +4,43 @@
 
 from __future__ import annotations
 
-from collections import deque
-from concurrent.futures import ProcessPoolExecutor
+import dataclasses
+import sys
 from typing import Iterator
+
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, Dataset
 
 from .batches import Batch, BatchOptions, SceneSet, draw_batch
 
-_shared: tuple[SceneSet, BatchOptions, int] | None = None
+
+def to_tensors(batch: Batch) -> Batch:
+    """The same with tensors in place of arrays: they pass between processes through shared memory."""
+    arrays = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in vars(batch).items()
+              if isinstance(value, np.ndarray)}
+    return dataclasses.replace(batch, **arrays)
 
 
-def _draw(step: int) -> Batch:
-    return draw_batch(*_shared, step)
+class _Steps(Dataset):
+    """The batch of step i at i."""
+
+    def __init__(self, data: SceneSet, options: BatchOptions, seed: int):
+        self.data, self.options, self.seed = data, options, seed
+
+    def __getitem__(self, step: int) -> Batch:
+        return to_tensors(draw_batch(self.data, self.options, self.seed, step))
+
+
+def _itself(batch: Batch) -> Batch:
+    return batch
 
 
 def batches(data: SceneSet, options: BatchOptions, seed: int, first_step: int,
             workers: int) -> Iterator[Batch]:
-    """Yields the batches of first_step, first_step + 1, ... for ever."""
-    if workers <= 0:
-        step = first_step
-        while True:
-            yield draw_batch(data, options, seed, step)
-            step += 1
-    global _shared
-    _shared = (data, options, seed)  # inherited by the forked workers
-    import multiprocessing
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-        ahead = deque(pool.submit(_draw, first_step + i) for i in range(2 * workers))
-        step = first_step + len(ahead)
-        while True:
-            yield ahead.popleft().result()
-            ahead.append(pool.submit(_draw, step))
-            step += 1
+    """Yields the batches of first_step, first_step + 1, ... for ever, as tensors."""
+    # A generator of its own: the loader draws from it, and the training's noise must not depend on that.
+    loader = DataLoader(_Steps(data, options, seed), batch_size=None, sampler=range(first_step, sys.maxsize),
+                        num_workers=workers, collate_fn=_itself, generator=torch.Generator(),
+                        multiprocessing_context="fork" if workers > 0 else None)
+    yield from loader

@@ -81,20 +81,25 @@ def _paper() -> Preset:
 
 
 def _gpu() -> Preset:
-    return Preset(_stages((12000, 8000, 20000), 1024, 320, (1.5e-3, 5e-4)), bfloat16=True, workers=12,
+    # The last stage is that of the weights trained so far (cpu), with the paper's batch and the whole backbone.
+    hardnet, warp, joint = _stages((12000, 8000, 20000), 1024, 320, (1.5e-3, 5e-4), triplet=False)
+    joint = dataclasses.replace(joint, learning_rate=1e-3, warp_learning_rate=4e-4, batch=_disagreeing(joint.batch))
+    return Preset((hardnet, warp, joint), dropout=0.0, bfloat16=True, workers=10, checkpoint_seconds=60,
                   validation_seconds=240, validation_pairs=48, validation_keypoints=1024)
+
+
+def _disagreeing(batch: BatchOptions) -> BatchOptions:
+    """Partners whose sizes disagree are what the descriptor loses most of: they are drawn on purpose."""
+    return dataclasses.replace(batch, extra_keypoints=24, per_pair=64, size_jitter=0.15, radius_per_size=(7.0, 12.0))
 
 
 def _cpu() -> Preset:
     # Two cores: smaller batches, no dropout (the schedule is far too short to overfit). The warp is
     # fitted by warp_fit on a frozen backbone; the joint stage trains the late half of the backbone,
     # whose gradient costs a quarter more a step. Hardest-in-batch triplets need longer schedules.
-    # Partners whose sizes disagree are what the descriptor loses most of: they are drawn on purpose.
     hardnet, warp, joint = _stages((4000, 3000, 1500), 256, 240, (1.5e-3, 1e-3), joint_backbone="late",
                                    triplet=False)
-    joint = dataclasses.replace(joint, learning_rate=8e-4, warp_learning_rate=3e-4,
-                                batch=dataclasses.replace(joint.batch, extra_keypoints=24, per_pair=64,
-                                                          size_jitter=0.15, radius_per_size=(7.0, 12.0)))
+    joint = dataclasses.replace(joint, learning_rate=8e-4, warp_learning_rate=3e-4, batch=_disagreeing(joint.batch))
     return Preset((hardnet, warp, joint), dropout=0.0, validation_seconds=1500, validation_pairs=12,
                   validation_keypoints=300)
 

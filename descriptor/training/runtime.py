@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ctypes
+import resource
 
 import torch
 
@@ -18,6 +19,9 @@ def configure(threads: int) -> torch.device:
     costs a CPU 40 % of the training time: keep the memory instead.
     """
     torch.set_num_threads(threads)
+    # Each tensor from a worker process holds a file descriptor.
+    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     try:
         libc = ctypes.CDLL(None)
         libc.mallopt(_M_MMAP_MAX, 0)

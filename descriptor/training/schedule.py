@@ -11,10 +11,13 @@ from dataclasses import dataclass
 
 
 def parse_deadline(text: str) -> float:
-    """"HH:MM" (UTC, the next one to come) -> seconds since the epoch."""
+    """"HH:MM" or "HH:MM:SS" (UTC, the next one to come) -> seconds since the epoch."""
     now = datetime.datetime.now(datetime.timezone.utc)
-    hour, minute = (int(part) for part in text.split(":"))
-    then = now.replace(hour=hour, minute=minute, second=0, microsecond=0)
+    parts = [int(part) for part in text.split(":")]
+    if len(parts) not in (2, 3):
+        raise ValueError(f"a time is HH:MM or HH:MM:SS, not '{text}'")
+    hour, minute, second = (*parts, 0)[:3]
+    then = now.replace(hour=hour, minute=minute, second=second, microsecond=0)
     if then <= now:
         then += datetime.timedelta(days=1)
     return then.timestamp()

@@ -63,7 +63,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--spacing", choices=geometry.SPACINGS,
                         help="of the polar grid's rings; default: that of --init, without it logarithmic")
     parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
-    parser.add_argument("--until", help="HH:MM UTC: schedule by the clock instead of by steps")
+    parser.add_argument("--until", help="HH:MM or HH:MM:SS UTC: schedule by the clock instead of by steps")
     parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,7 +110,7 @@ class Trainer:
         """Runs until the stage is done (True) or stop_after_seconds have passed (False)."""
         start = time.monotonic()
         marks = {"checkpoint": start, "log": start}
-        collected: list[dict[str, float]] = []
+        collected: list[dict[str, torch.Tensor]] = []
         before, preset = self.seconds, self.run.preset
         source = batches(self.data, self.run.stage.batch, self.run.seed, self.step, preset.workers)
         while not self.schedule.done(self.step):
@@ -117,32 +118,37 @@ class Trainer:
             # Seeded by the step, so that a resumed run draws the same noise.
             torch.manual_seed(self.run.seed * 1_000_003 + self.step)
             loss, figures = self.compute(next(source), progress)
-            if not torch.isfinite(loss):
-                raise FloatingPointError(f"the loss is {loss.item()} at step {self.step}")
             self._optimize(loss, progress)
             self.step += 1
             collected.append(figures)
             now = time.monotonic()
             self.seconds = before + now - start
-            if self.step % _LOG_EVERY == 0 or self.schedule.done(self.step):
+            stop = bool(self.run.stop_after_seconds) and now - start > self.run.stop_after_seconds
+            save = stop or now - marks["checkpoint"] > preset.checkpoint_seconds
+            if save or self.step % _LOG_EVERY == 0:
                 self._write_log(collected, progress, now - marks["log"])
                 collected, marks["log"] = [], now
             if self.seconds - self.validated > preset.validation_seconds:
                 self._validate()
                 marks["log"] = time.monotonic()
-            if now - marks["checkpoint"] > preset.checkpoint_seconds:
+            if save:
                 self._checkpoint()
                 marks["checkpoint"] = time.monotonic()
-            if self.run.stop_after_seconds and now - start > self.run.stop_after_seconds:
-                self._checkpoint()
+            if stop:
                 return False
         source.close()
+        if collected:
+            self._write_log(collected, 1.0, time.monotonic() - marks["log"])
         self._validate()
         self._checkpoint()
         return True
 
-    def _write_log(self, collected: list[dict[str, float]], progress: float, seconds: float) -> None:
-        mean = {key: sum(row[key] for row in collected) / len(collected) for key in collected[0]}
+    def _write_log(self, collected: list[dict[str, torch.Tensor]], progress: float, seconds: float) -> None:
+        """Means of the steps since the last row. Raises FloatingPointError, before anything is saved, if a loss is not finite."""
+        table = torch.stack([torch.stack([value.float() for value in row.values()]) for row in collected])
+        mean = dict(zip(collected[0], table.mean(0).tolist()))
+        if not all(map(math.isfinite, mean.values())):
+            raise FloatingPointError(f"a loss is not finite in steps {self.step - len(collected)} to {self.step - 1}: {mean}")
         if "warp_truth" in mean:
             mean["warp_r2"] = 1 - mean.pop("warp_error") / max(mean.pop("warp_truth"), 1e-9)
         rate = len(collected) * self.run.stage.batch.correspondences / max(seconds, 1e-9)

@@ -93,7 +93,7 @@ def held_out_r2(model: Deal, data: CachedFeatures, rows: np.ndarray, points: tor
     for start in range(0, len(rows), 1024):
         features, warp, known = data.take(rows[start:start + 1024])
         terms = losses.warp_r2_terms(model.displacement(model.localization(features), points), warp, known)
-        error, power = error + terms[0], power + terms[1]
+        error, power = error + terms[0].item(), power + terms[1].item()
     model.localization.train()
     return 1 - error / max(power, 1e-12)
 
