@@ -11,7 +11,8 @@
 #   [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
 # SETS: presets of the simulator; of each, FIRST scenes are made before training begins, and the others
-# up to SCENES beside it: training sees them after a third of the slice. INIT: weights that the first of
+# up to SCENES beside it: training sees them after a third of the slice
+# if they are ready by then. INIT: weights that the first of
 # the stages starts from; the last stage's rates then fall to nothing at the end of this slice.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
