@@ -52,8 +52,7 @@ Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
   comparison.explanation = Explain(query, reference, result);
   comparison.explanation.ranking_score = kNoResemblance;
   for (const Vec2 p : result.outline) comparison.outline.push_back({p.x, p.y});
-  comparison.probability =
-      Probability(CombineScores(kNoResemblance, static_cast<int>(result.inliers.size())));
+  comparison.probability = Probability(LiftScore(kNoResemblance, Evidence(result.independent)));
   return comparison;
 }
 

@@ -30,11 +30,15 @@ Json ExplanationJson(const Explanation& e) {
   if (e.reference_width > 0) {
     reference = {{"width", e.reference_width}, {"height", e.reference_height}};
   }
-  return {
-      {"ranking_score", e.ranking_score},     {"verified", e.verified},
-      {"failure", TextOrNull(e.failure)},     {"matches", e.matches},
-      {"inlier_fraction", e.inlier_fraction}, {"pairs", std::move(pairs)},
-      {"reference", std::move(reference)},    {"mesh", e.mesh ? MeshJson(*e.mesh) : Json(nullptr)}};
+  return {{"ranking_score", e.ranking_score},
+          {"verified", e.verified},
+          {"failure", TextOrNull(e.failure)},
+          {"matches", e.matches},
+          {"inlier_fraction", e.inlier_fraction},
+          {"independent_inliers", e.independent_inliers},
+          {"pairs", std::move(pairs)},
+          {"reference", std::move(reference)},
+          {"mesh", e.mesh ? MeshJson(*e.mesh) : Json(nullptr)}};
 }
 
 Json InstancesJson(const std::vector<Instance>& instances) {

@@ -42,6 +42,7 @@ struct Explanation {
   std::string failure;             // a sentence that says why not; empty when verified
   int matches = 0;                 // tentative: mutual nearest neighbours within the ratio
   double inlier_fraction = 0;      // of the matches
+  double independent_inliers = 0;  // the inliers, each divided by how many lie in its place
   std::vector<PointPair> inliers;  // the matches that agree with the warp
   std::optional<Mesh> mesh;        // the warp, hit's picture -> query picture; when verified
   int reference_width = 0;         // of the hit's original upright picture; 0 = not looked at

@@ -64,7 +64,7 @@ struct SearchOptions {
   RankMethod rank = RankMethod::kNeighbours;
   GroupBy group_by = GroupBy::kObject;
   // kTps: the best pictures must agree with the query on one smooth warp; inliers lift their scores
-  // (index/verify/verification.h, CombineScores), so the order changes but no score falls.
+  // (index/verify/verification.h, LiftScore), so the order changes but no score falls.
   Verification verify = Verification::kAuto;
   // Pictures verified. 0 = 30, and more until it is twice as far down the ranking as the last that
   // agrees, up to 100 or sqrt(pictures) where that is more; twice that where none agrees.
@@ -91,6 +91,7 @@ struct SearchOptions {
 // One place in the query picture where the object is.
 struct Instance {
   int inliers = 0;
+  double independent = 0;      // of these (index/verify/independence.h)
   std::vector<Point> polygon;  // outline in the query picture
 };
 
@@ -99,7 +100,7 @@ struct Hit {
   std::string object;
   std::string image_id;  // the best picture of the object
   std::string source;    // its file's name as given; may be empty
-  double score = 0;      // 0..1, see RankMethod; when verified, CombineScores
+  double score = 0;      // 0..1, see RankMethod; when verified, LiftScore
   // That the hit is right (index/verify/verification.h, Probability). Absent when the search does
   // not verify, and for other rankings than kNeighbours.
   std::optional<double> probability;

@@ -76,7 +76,7 @@ std::unordered_map<std::int64_t, Support> Expand(
       const auto features = load(found[i].ref.version);
       if (!features) return;
       const VerificationResult result = verifier.Verify(*features);
-      evidence[i] = Evidence(static_cast<int>(result.inliers.size()));
+      evidence[i] = Evidence(result.independent);
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       const double chained = kDecay * std::min(source->evidence, evidence[i]);

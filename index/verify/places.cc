@@ -39,6 +39,7 @@ struct Place {
   std::vector<Vec2> outline;
   std::vector<Vec2> points;  // of the query that it claims
   Box box;                   // of the outline
+  double independent = 0;    // points, each divided by how many lie in its place
   std::size_t kept = 0;      // claims that the object keeps
   double odds = 0;           // of what is seen here alone
 };
@@ -55,9 +56,9 @@ Box BoxOf(std::span<const Vec2> outline) {
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
 
 double OddsAt(const VerifiedPicture& picture, const Place& place) {
-  const auto points = static_cast<int>(place.points.size());
+  const auto points = static_cast<double>(place.points.size());
   const double share = static_cast<double>(place.kept) / points;
-  const double evidence = Evidence(points) * std::sqrt(share);
+  const double evidence = Evidence(place.independent) * std::sqrt(share);
   return Odds(Probability(LiftScore(picture.ranking_score, evidence)));
 }
 
@@ -74,6 +75,7 @@ std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedPic
       Place place;
       place.picture = i;
       place.instance = k;
+      place.independent = instance.independent;
       for (const Point p : instance.polygon) place.outline.push_back({p.x, p.y});
       const std::size_t end =
           std::min(picture.claims.size(), begin + static_cast<std::size_t>(instance.inliers));

@@ -23,13 +23,13 @@ namespace {
 
 std::vector<Instance> InstancesOf(const VerificationResult& result) {
   std::vector<Instance> instances;
-  const auto add = [&](std::size_t inliers, const std::vector<Vec2>& outline) {
-    Instance instance{static_cast<int>(inliers), {}};
-    for (const Vec2 p : outline) instance.polygon.push_back({p.x, p.y});
+  const auto add = [&](const auto& found) {
+    Instance instance{static_cast<int>(found.inliers.size()), found.independent, {}};
+    for (const Vec2 p : found.outline) instance.polygon.push_back({p.x, p.y});
     instances.push_back(std::move(instance));
   };
-  if (result.verified()) add(result.inliers.size(), result.outline);
-  for (const FurtherInstance& other : result.others) add(other.inliers.size(), other.outline);
+  if (result.verified()) add(result);
+  for (const FurtherInstance& other : result.others) add(other);
   return instances;
 }
 
@@ -80,14 +80,14 @@ std::vector<VerifiedPicture> Rerank(
     candidate.instances = InstancesOf(result);
     candidate.claims = ClaimsOf(result);
     candidate.seen = SeenPart(*features, result.inliers);
-    candidate.evidence = Evidence(static_cast<int>(result.inliers.size()));
+    candidate.evidence = Evidence(result.independent);
     candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
   return pictures;
 }
 
 bool Agrees(const VerifiedPicture& picture) {
-  constexpr double kDecided = 2;
+  constexpr double kDecided = 1;
   return picture.evidence >= kDecided;
 }
 
@@ -101,10 +101,9 @@ bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
 }
 
 void DropHints(std::vector<VerifiedPicture>* pictures) {
-  constexpr double kHint = 1;
   if (!IsDecided(*pictures)) return;
   for (VerifiedPicture& picture : *pictures) {
-    if (picture.evidence >= kHint) continue;
+    if (Agrees(picture)) continue;
     picture.evidence = 0;
     picture.via.clear();
     picture.picture.score = picture.ranking_score;
@@ -138,7 +137,7 @@ void SettleClaims(std::vector<VerifiedPicture>* pictures) {
         std::count_if(picture.claims.begin(), picture.claims.end(),
                       [&](const Claim& claim) { return nearest.Keeps(object, claim); });
     const double share = static_cast<double>(kept) / static_cast<double>(picture.claims.size());
-    picture.evidence = Evidence(picture.inliers()) * std::sqrt(share);
+    picture.evidence = Evidence(picture.independent()) * std::sqrt(share);
     picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);
   }
 }

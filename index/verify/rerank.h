@@ -37,6 +37,7 @@ struct VerifiedPicture {
   std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
+  double independent() const { return instances.empty() ? 0 : instances.front().independent; }
 };
 
 // Largest number of verified pictures by default: 100, or the square root of the collection's size
@@ -58,7 +59,7 @@ std::vector<VerifiedPicture> Rerank(
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
 // Whether the picture, or one of them, agrees with the query as hardly any wrong one does (evidence
-// of 2).
+// of 1: 5.5 independent inliers).
 bool Agrees(const VerifiedPicture& picture);
 bool IsDecided(const std::vector<VerifiedPicture>& pictures);
 
@@ -66,9 +67,9 @@ bool IsDecided(const std::vector<VerifiedPicture>& pictures);
 // agrees: what shows the same, or something else in the query, is hardly ever further behind.
 bool IsEnough(const std::vector<VerifiedPicture>& looked_at);
 
-// Five inliers are a hint where nothing better is known. In a decided search, pictures with no more
-// (evidence below 1, their own or through `via`) have the ranking's score again: what is left there
-// is nearly all wrong, and not better ordered by what agrees by chance.
+// A few inliers are a hint where nothing better is known. In a decided search, pictures that have
+// no more (evidence below 1, their own or through `via`) have the ranking's score again: what is
+// left there is nearly all wrong, and not better ordered by what agrees by chance.
 void DropHints(std::vector<VerifiedPicture>* pictures);
 
 // Which objects claim the key points of the query, and how near they are.

@@ -11,6 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
+#include "index/verify/independence.h"
 #include "index/verify/outline.h"
 
 namespace pliant {
@@ -18,6 +19,10 @@ namespace {
 
 constexpr int kOutlinePointsASide = 8;
 constexpr double kMaxFrameScaleFactor = 4;
+// Inliers nearer than this are in one place: in the query as a multiple of the warp's tolerance, in
+// the reference as a share of its longer side.
+constexpr double kPlaceInTolerances = 1.5;
+constexpr double kPlaceInReference = 0.02;
 
 void Check(const Features& features, const char* what) {
   CheckDescriptors(features.descriptors, what);
@@ -162,6 +167,13 @@ std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
   return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors, options);
 }
 
+double Verifier::Independent(const Features& reference,
+                             const std::vector<MatchedPair>& inliers) const {
+  return IndependentInliers(query_, reference, inliers,
+                            kPlaceInTolerances * options_.ransac.tolerance_px,
+                            kPlaceInReference * std::max(reference.width, reference.height));
+}
+
 VerificationResult Verifier::Verify(const Features& reference) const {
   if (reference.model_id != query_.model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
@@ -185,6 +197,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   result.inliers = PairsOf(mutual, agreed.inliers);
   result.distances = DistancesOf(mutual, agreed.inliers);
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
+  result.independent = Independent(reference, result.inliers);
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
   return result;
@@ -207,7 +220,8 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     const auto inliers = PairsOf(left, agreed.inliers);
     const auto outline = Outline(query_, reference, inliers, *agreed.warp);
     if (found.ShowsAgain(inliers)) {
-      result->others.push_back({inliers, DistancesOf(left, agreed.inliers), *agreed.warp, outline});
+      result->others.push_back({inliers, DistancesOf(left, agreed.inliers),
+                                Independent(reference, inliers), *agreed.warp, outline});
       found.Add(inliers, outline);
     } else {
       found.Add(inliers, ConvexHull(PointsOf(query_.keypoints, inliers, &MatchedPair::query)));
@@ -219,21 +233,17 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
                    });
 }
 
-double Evidence(int inliers) {
-  constexpr int kLeast = 5;
+double Evidence(double independent) {
   constexpr double kByChance = 4.5;
-  return inliers < kLeast ? 0 : inliers - kByChance;
+  constexpr double kOfAnyWarp = 0.25;
+  return independent <= 0 ? 0 : std::max(kOfAnyWarp, independent - kByChance);
 }
 
 double LiftScore(double ranking_score, double evidence) {
   constexpr double kLeast = 1e-6;  // nothing is too unlike to be lifted by its inliers
   if (evidence <= 0) return ranking_score;
-  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, 3);
+  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, 4);
   return lifted / (lifted + 1 - std::min(1 - kLeast, ranking_score));
-}
-
-double CombineScores(double ranking_score, int inliers) {
-  return LiftScore(ranking_score, Evidence(inliers));
 }
 
 double Probability(double score) {

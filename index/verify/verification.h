@@ -32,15 +32,17 @@ struct VerificationOptions {
 struct FurtherInstance {
   std::vector<MatchedPair> inliers;
   std::vector<float> distances;  // of the inliers' descriptors
+  double independent = 0;        // as in VerificationResult
   ThinPlateSpline warp;          // reference picture -> query picture
   std::vector<Vec2> outline;
 };
 
 struct VerificationResult {
-  int matches = 0;                                       // tentative: mutual, within the ratio
-  std::vector<MatchedPair> inliers;                      // those that agree with the warp
-  std::vector<float> distances;                          // of the inliers' descriptors
-  double inlier_fraction = 0;                            // inliers / matches; 0 without matches
+  int matches = 0;                   // tentative: mutual, within the ratio
+  std::vector<MatchedPair> inliers;  // those that agree with the warp
+  std::vector<float> distances;      // of the inliers' descriptors
+  double inlier_fraction = 0;        // inliers / matches; 0 without matches
+  double independent = 0;            // inliers that stand apart (independence.h)
   TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
   std::optional<ThinPlateSpline> warp;  // reference picture -> query picture, in pixels
   // Outline of the object in the query picture, in order, not closed: the frame of the reference
@@ -75,6 +77,7 @@ class Verifier {
   std::vector<Match> MatchesWith(const Features& reference) const;
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
+  double Independent(const Features& reference, const std::vector<MatchedPair>& inliers) const;
   std::vector<Correspondence> Correspondences(const Features& reference,
                                               const std::vector<Match>& matches) const;
 
@@ -83,18 +86,19 @@ class Verifier {
   VerificationOptions options_;
 };
 
-// The inliers beyond those that agree by chance: inliers - 4.5, nothing below 5. Of the wrong
-// pictures of street photographs one in 130 has five inliers, one in 850 has six, one in 2000 has
-// more; so five move a picture up among its neighbours, and no further (and see DropHints).
-double Evidence(int inliers);
+// The independent inliers (index/verify/independence.h) beyond those that agree by chance:
+// `independent` - 4.5, but never below 0.25; 0 for 0, which is no warp. Of the wrong pictures of
+// street photographs that have a warp at all, most have five inliers or fewer that stand apart, one
+// in 25 has more than 5.5, none of 124 had 7; so these move a picture up among its neighbours, and
+// no further (and see DropHints).
+double Evidence(double independent);
 
 // The final score of a hit: evidence e multiplies the odds of the ranking's score s,
-//   score / (1 - score) = s / (1 - s) (1 + e)^3.
+//   score / (1 - score) = s / (1 - s) (1 + e)^4.
 // It never lowers a score, and hits without evidence keep theirs and so their order. Ranking and
 // inliers are weighed against each other at any number of inliers: between two views of similar
-// objects with hundreds of them a third more inliers count as much as a score 2.4 times as high.
+// objects with many of them a third more count as much as a score 3.2 times as high.
 double LiftScore(double ranking_score, double evidence);
-double CombineScores(double ranking_score, int inliers);
 
 // The ranking score of a picture that nothing speaks for: what the best of a few hundred pictures
 // have that do not show the query's object. For pairs of pictures that are no search's.

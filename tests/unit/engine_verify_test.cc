@@ -218,8 +218,9 @@ TEST_P(EngineVerifyTest, EveryHitIsExplained) {
     EXPECT_EQ(e.verified, e.failure.empty());
     EXPECT_EQ(e.verified, e.mesh.has_value());
     EXPECT_EQ(static_cast<int>(e.inliers.size()), result.hits[i].inliers);
-    EXPECT_NEAR(CombineScores(e.ranking_score, result.hits[i].inliers), result.hits[i].score,
+    EXPECT_NEAR(LiftScore(e.ranking_score, Evidence(e.independent_inliers)), result.hits[i].score,
                 1e-12);
+    EXPECT_LE(e.independent_inliers, result.hits[i].inliers);
     unseen += e.reference_width == 0 ? 1 : 0;
   }
   EXPECT_EQ(unseen, kObjects - 4);

@@ -34,6 +34,7 @@ void See(VerifiedPicture* picture, std::uint32_t first, std::uint32_t count, flo
   const double left = width < 100 ? x : -0.5;
   picture->instances.push_back(
       {.inliers = static_cast<int>(count),
+       .independent = static_cast<double>(count),
        .polygon = {{left, y - 9}, {left + width, y - 9}, {left + width, y + 9}, {left, y + 9}}});
   for (std::uint32_t i = 0; i < count; ++i) picture->claims.push_back({first + i, distance});
 }

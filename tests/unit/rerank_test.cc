@@ -18,9 +18,11 @@ VerifiedPicture Claiming(std::int64_t object, std::uint32_t first, std::uint32_t
   VerifiedPicture picture;
   picture.picture = {{1, "picture", 1}, object, kRanked};
   picture.ranking_score = kRanked;
-  picture.instances.push_back({.inliers = static_cast<int>(count), .polygon = {}});
+  picture.instances.push_back({.inliers = static_cast<int>(count),
+                               .independent = static_cast<double>(count),
+                               .polygon = {}});
   for (std::uint32_t i = 0; i < count; ++i) picture.claims.push_back({first + i, distance});
-  picture.evidence = Evidence(static_cast<int>(count));
+  picture.evidence = Evidence(count);
   picture.picture.score = LiftScore(kRanked, picture.evidence);
   return picture;
 }
@@ -28,6 +30,7 @@ VerifiedPicture Claiming(std::int64_t object, std::uint32_t first, std::uint32_t
 void Add(VerifiedPicture* picture, std::uint32_t first, std::uint32_t count, float distance) {
   for (std::uint32_t i = 0; i < count; ++i) picture->claims.push_back({first + i, distance});
   picture->instances.front().inliers += static_cast<int>(count);
+  picture->instances.front().independent += count;
 }
 
 TEST(SettleClaims, OfTwoObjectsWithPartsInCommonTheNearerOneIsFirst) {
@@ -56,11 +59,14 @@ TEST(SettleClaims, WhatNobodyElseClaimsStays) {
   EXPECT_DOUBLE_EQ(pictures[1].picture.score, second);
 }
 
-TEST(DropHints, FiveInliersCountWhereNothingIsDecided) {
+TEST(DropHints, FewInliersCountWhereNothingIsDecided) {
   std::vector<VerifiedPicture> undecided = {Claiming(1, 0, 5, 0.5F), Claiming(2, 5, 6, 0.5F)};
+  undecided[1].instances.front().independent = 5.25;  // some of the six are in one place
+  undecided[1].evidence = Evidence(5.25);
   EXPECT_FALSE(IsDecided(undecided));
   DropHints(&undecided);
   EXPECT_DOUBLE_EQ(undecided[0].evidence, 0.5);
+  EXPECT_DOUBLE_EQ(undecided[1].evidence, 0.75);
   EXPECT_GT(undecided[0].picture.score, kRanked);
 
   std::vector<VerifiedPicture> decided = {Claiming(1, 0, 5, 0.5F), Claiming(2, 5, 6, 0.5F),

@@ -178,12 +178,10 @@ TEST(Verification, RefusesWhatDoesNotFit) {
 
 TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
   for (const double score : {0.0, 1e-5, 0.2, 0.9, 1.0}) {
-    for (int inliers = 0; inliers <= 4; ++inliers) {  // as many agree by chance
-      EXPECT_EQ(CombineScores(score, inliers), score);
-    }
+    EXPECT_EQ(LiftScore(score, Evidence(0)), score);  // no warp
     double before = score;
     for (int inliers = 5; inliers < 500; ++inliers) {
-      const double combined = CombineScores(score, inliers);
+      const double combined = LiftScore(score, Evidence(inliers));
       if (score < 1) {
         EXPECT_GT(combined, before);
         EXPECT_LT(combined, 1);
@@ -197,12 +195,17 @@ TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {
 
 // However many inliers there are, more of them and a higher score of the ranking both count.
 TEST(Verification, InliersMultiplyTheOdds) {
-  EXPECT_NEAR(CombineScores(0.5, 6), 15.625 / 16.625, 1e-12);
-  EXPECT_NEAR(CombineScores(0.2, 14), 1157.625 / 1161.625, 1e-12);
-  EXPECT_GT(CombineScores(0.02, 84), CombineScores(0.02, 48));
-  EXPECT_GT(CombineScores(0.02, 358), CombineScores(0.02, 200));
-  EXPECT_GT(CombineScores(0.03, 200), CombineScores(0.02, 210));
-  EXPECT_GT(CombineScores(0.02, 15), CombineScores(0.2, 5));
+  const auto combined = [](double score, double inliers) {
+    return LiftScore(score, Evidence(inliers));
+  };
+  EXPECT_NEAR(combined(0.5, 6), 39.0625 / 40.0625, 1e-12);
+  EXPECT_NEAR(combined(0.2, 14), 12155.0625 / 12159.0625, 1e-12);
+  EXPECT_GT(combined(0.02, 84), combined(0.02, 48));
+  EXPECT_GT(combined(0.02, 358), combined(0.02, 200));
+  EXPECT_GT(combined(0.03, 200), combined(0.02, 210));
+  EXPECT_GT(combined(0.02, 15), combined(0.2, 5));
+  EXPECT_GT(combined(0.02, 1), 0.02) << "any warp is a hint";
+  EXPECT_EQ(combined(0.02, 1), combined(0.02, 4.75));
 }
 
 TEST(Outline, HullAndCrossing) {
