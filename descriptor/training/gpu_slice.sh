@@ -11,9 +11,9 @@
 #   [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
 # SETS: presets of the simulator; of each, FIRST scenes are made before training begins, and the others
-# up to SCENES beside it: training sees them after a third of the slice
-# if they are ready by then. INIT: weights that the first of
-# the stages starts from; the last stage's rates then fall to nothing at the end of this slice.
+# up to SCENES beside it, so many at a time: training looks for new ones after one and two thirds of a
+# stage's time. INIT: weights that the first of the stages starts from; the last stage's rates then
+# fall to nothing at the end of this slice.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
 # is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
@@ -56,9 +56,14 @@ for set in $SETS; do
 done
 if [ "$FIRST" -lt "$SCENES" ]; then
   {
-    for set in $SETS; do make_scenes "$WORK/more/$set" "$set" "$FIRST" "$SCENES" "$(left)" 19; done
-    # The key points before the scenes: a scene that is seen must not be without.
-    for set in $SETS; do mv -n "$WORK/more/$set"/*.features "$WORK/more/$set"/*.safetensors "$WORK/scenes/$set/"; done
+    for ((from = FIRST; from < SCENES; from += FIRST)); do
+      to=$((from + FIRST < SCENES ? from + FIRST : SCENES))
+      for set in $SETS; do
+        make_scenes "$WORK/more/$set" "$set" "$from" "$to" "$(left)" 19
+        # The key points before the scenes: a scene that is seen must not be without.
+        mv -n "$WORK/more/$set"/*.features "$WORK/more/$set"/*.safetensors "$WORK/scenes/$set/"
+      done
+    done
   } > "$WORK/more.log" 2>&1 &
   beside=$!
 fi
@@ -85,10 +90,10 @@ for stage in $STAGES; do
       warp=(--init-warp "$WORK/runs/warp/last.safetensors")
     clock=()
     [ "$stage" != "${STAGES##* }" ] || clock=("${until[@]}")
-    [ -z "$beside" ] || train "$stage" "$(($(left) / 3))" "${init[@]}" "${warp[@]}" "${clock[@]}"
-    tail -n 1 "$run/console.log" 2>/dev/null | grep -q '^finished' ||
-      train "$stage" "$(($(left) - 5))" "${init[@]}" "${warp[@]}" "${clock[@]}"
-    if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; fi
+    for part in ${beside:+3 2} 1; do
+      train "$stage" "$((($(left) - 5) / part))" "${init[@]}" "${warp[@]}" "${clock[@]}"
+      if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; break; fi
+    done
   fi
   [ -e "$run/finished" ] || break
   if [ "$stage" = hardnet ]; then init=(--init "$run/last.safetensors"); fi
