@@ -40,6 +40,7 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
     throw Error(ErrorCode::kInvalidArgument, "no_decoder", "FeatureExtractor needs a decoder");
   }
   options_.decode.colour = false;
+  options_.decode.thumbnail_side_px = kColourGridSide;
 }
 
 DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
@@ -62,6 +63,10 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
   decoded.original_width = picture.width;
   decoded.original_height = picture.height;
   decoded.image = ToGrey(picture);
+  if (picture.channels == 3) {
+    const ScaledSize small = ScaleToFit(picture.width, picture.height, kColourGridSide);
+    decoded.thumbnail = ResizeImage(picture, small.width, small.height);
+  }
   const ScaledSize size = ScaleToFit(picture.width, picture.height, options_.decode.max_side_px);
   decoded.scale = size.scale;
   if (size.scale < 1) decoded.image = ResizeImage(decoded.image, size.width, size.height);
@@ -84,6 +89,7 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
   features.width = decoded.original_width;
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
+  features.colours = MakeColourGrid(decoded.thumbnail);
   features.keypoints = options_.enlarge_below > 0
                            ? DetectFaintKeypoints(decoded.image, options_.keypoints)
                            : DetectKeypoints(decoded.image, options_.keypoints);

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "descriptor/features/colour_grid.h"
+
 namespace pliant {
 
 struct Keypoint {
@@ -63,6 +65,7 @@ struct Features {
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;  // row i describes keypoints[i]
   std::string model_id;     // of the descriptors; a mismatch is an error, never an answer
+  ColourGrid colours = {};  // of the whole picture; empty where they are not known
 };
 
 }  // namespace pliant

@@ -56,18 +56,17 @@ int JpegReduction(const ImageHeader& header, int max_side_px) {
   return reduction;
 }
 
-int ReadFlags(const ImageHeader& header, const DecodeOptions& options, int reduction) {
-  // PNG and WebP may carry transparency, which is composed below.
-  if (header.format == ImageFormat::kPng || header.format == ImageFormat::kWebp) {
-    return cv::IMREAD_UNCHANGED;
-  }
-  int flags = options.colour ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE;
-  if (reduction == 2)
-    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_REDUCED_GRAYSCALE_2;
-  if (reduction == 4)
-    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_4 : cv::IMREAD_REDUCED_GRAYSCALE_4;
-  if (reduction == 8)
-    flags = options.colour ? cv::IMREAD_REDUCED_COLOR_8 : cv::IMREAD_REDUCED_GRAYSCALE_8;
+// PNG and WebP may carry transparency, which is composed below: all their channels are decoded.
+bool IsDecodedWhole(const ImageHeader& header) {
+  return header.format == ImageFormat::kPng || header.format == ImageFormat::kWebp;
+}
+
+int ReadFlags(const ImageHeader& header, bool colour, int reduction) {
+  if (IsDecodedWhole(header)) return cv::IMREAD_UNCHANGED;
+  int flags = colour ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE;
+  if (reduction == 2) flags = colour ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_REDUCED_GRAYSCALE_2;
+  if (reduction == 4) flags = colour ? cv::IMREAD_REDUCED_COLOR_4 : cv::IMREAD_REDUCED_GRAYSCALE_4;
+  if (reduction == 8) flags = colour ? cv::IMREAD_REDUCED_COLOR_8 : cv::IMREAD_REDUCED_GRAYSCALE_8;
   return flags | cv::IMREAD_IGNORE_ORIENTATION;
 }
 
@@ -88,11 +87,10 @@ cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
   return bgr;
 }
 
-// To 8 bits, without transparency; grey stays grey, also where colours are wanted.
-cv::Mat Simplified(cv::Mat pixels, bool colour) {
+// To 8 bits, without transparency.
+cv::Mat Simplified(cv::Mat pixels) {
   if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1.0 / 257);
   if (pixels.channels() == 4) pixels = ComposeOnWhite(pixels);
-  if (!colour && pixels.channels() == 3) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2GRAY);
   return pixels;
 }
 
@@ -167,6 +165,30 @@ int OrientationLeft(const ImageHeader& header) {
   return header.format == ImageFormat::kTiff ? 1 : header.exif_orientation;
 }
 
+cv::Mat ReadUpright(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
+  cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, colour, reduction));
+  CheckSize(pixels, header, reduction);
+  return TurnUpright(Simplified(std::move(pixels)), OrientationLeft(header));
+}
+
+// `pixels` (grey, or B, G, R) in the size and with the channels that are wanted.
+Image Finished(const cv::Mat& pixels, const ScaledSize& size, bool colour) {
+  cv::Mat channels = pixels;
+  if (!colour && pixels.channels() == 3) {
+    channels = cv::Mat();
+    cv::cvtColor(pixels, channels, cv::COLOR_BGR2GRAY);
+  }
+  cv::Mat scaled = channels;
+  if (size.width < channels.cols || size.height < channels.rows) {
+    scaled = cv::Mat();
+    cv::resize(channels, scaled, {size.width, size.height}, 0, 0, cv::INTER_AREA);
+  }
+  if (!colour) return CopyFromMat(scaled);
+  cv::Mat rgb;
+  cv::cvtColor(scaled, rgb, scaled.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  return CopyFromMat(rgb);
+}
+
 std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
                                  const std::vector<int>& parameters) {
   cv::Mat pixels = ViewAsMat(image);
@@ -193,11 +215,7 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   CheckMemory(scanned, reduction, options);  // now all that is needed is known
 
   const std::vector<std::uint8_t> essential = WithoutMetadata(bytes, header.format);
-  cv::Mat pixels = DecodePixels(essential.empty() ? bytes : Bytes(essential),
-                                ReadFlags(header, options, reduction));
-  CheckSize(pixels, header, reduction);
-  pixels = TurnUpright(Simplified(std::move(pixels), options.colour), OrientationLeft(header));
-
+  const Bytes data = essential.empty() ? bytes : Bytes(essential);
   DecodedImage decoded;
   decoded.format = header.format;
   const bool turned = header.exif_orientation >= 5;
@@ -206,13 +224,18 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   const ScaledSize size =
       ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px);
   decoded.scale = size.scale;
-  if (size.scale < 1) {
-    cv::resize(pixels, pixels, {size.width, size.height}, 0, 0, cv::INTER_AREA);
+
+  const bool with_thumbnail = options.thumbnail_side_px > 0;
+  const ScaledSize thumbnail = ScaleToFit(size.width, size.height, options.thumbnail_side_px);
+  if (with_thumbnail && !IsDecodedWhole(header)) {
+    const int coarse = JpegReduction(header, options.thumbnail_side_px);
+    decoded.thumbnail = Finished(ReadUpright(data, header, true, coarse), thumbnail, true);
   }
-  if (options.colour) {
-    cv::cvtColor(pixels, pixels, pixels.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  const cv::Mat pixels = ReadUpright(data, header, options.colour, reduction);
+  if (with_thumbnail && IsDecodedWhole(header)) {
+    decoded.thumbnail = Finished(pixels, thumbnail, true);
   }
-  decoded.image = CopyFromMat(pixels);
+  decoded.image = Finished(pixels, size, options.colour);
   return decoded;
 }
 

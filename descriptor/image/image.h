@@ -42,12 +42,14 @@ struct DecodeOptions {
   // Of memory while decoding, estimated before from what the file says: 100 megapixels of baseline
   // JPEG take little, of 16-bit colours with transparency 1.2 GB.
   std::int64_t max_decode_bytes = 1LL << 30;
-  int min_side_px = 16;  // smaller pictures are refused
-  bool colour = false;   // decode to 3 channels instead of 1
+  int min_side_px = 16;       // smaller pictures are refused
+  bool colour = false;        // decode to 3 channels instead of 1
+  int thumbnail_side_px = 0;  // longer side of a thumbnail that is made beside; 0 = none
 };
 
 struct DecodedImage {
   Image image;             // upright, at most max_side_px
+  Image thumbnail = {};    // upright, 3 channels, at most thumbnail_side_px; empty for none
   int original_width = 0;  // upright, before scaling
   int original_height = 0;
   double scale = 1.0;  // image width / original width

@@ -77,7 +77,7 @@ class Workplace {
     const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
                              '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
                              std::to_string(extraction.keypoints.keep_repeated_orientations) +
-                             (enlarge ? "/enlarged, faint" : "");
+                             (enlarge ? "/enlarged, faint" : "") + "/colours";
     const std::string key =
         Sha256Hex({reinterpret_cast<const std::uint8_t*>(what.data()), what.size()});
     return path_ / (info.name + '-' + key.substr(0, kKeyDigits) + ".db");

@@ -36,6 +36,7 @@ Json ExplanationJson(const Explanation& e) {
           {"matches", e.matches},
           {"inlier_fraction", e.inlier_fraction},
           {"independent_inliers", e.independent_inliers},
+          {"colour_difference", e.colour_difference ? Json(*e.colour_difference) : Json(nullptr)},
           {"pairs", std::move(pairs)},
           {"reference", std::move(reference)},
           {"mesh", e.mesh ? MeshJson(*e.mesh) : Json(nullptr)}};

@@ -15,8 +15,9 @@ namespace pliant {
 // [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object that is not named is null;
 // the polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction",
-// "independent_inliers", "pairs": [[query x, query y, reference x, reference y], ...],
-// "reference": {"width", "height"} or null, "mesh": MeshJson's or null}.
+// "independent_inliers", "colour_difference": number or null, "pairs": [[query x, query y,
+// reference x, reference y], ...], "reference": {"width", "height"} or null, "mesh": MeshJson's or
+// null}.
 // Of a search by several examples "query" is null, every hit has "example", and beside is
 // "examples": [{"image_id", "keypoints", "width", "height"}].
 // Of a search with SearchOptions::partial: "coverage": {"complete", "shards", "answered",

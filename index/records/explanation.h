@@ -43,6 +43,9 @@ struct Explanation {
   int matches = 0;                 // tentative: mutual nearest neighbours within the ratio
   double inlier_fraction = 0;      // of the matches
   double independent_inliers = 0;  // the inliers, each divided by how many lie in its place
+  // Mean difference of the colours of what is seen (CIELAB's a* and b*), but for the light's;
+  // nothing where one of the pictures is grey or was indexed without colours.
+  std::optional<double> colour_difference;
   std::vector<PointPair> inliers;  // the matches that agree with the warp
   std::optional<Mesh> mesh;        // the warp, hit's picture -> query picture; when verified
   int reference_width = 0;         // of the hit's original upright picture; 0 = not looked at

@@ -18,6 +18,9 @@ constexpr std::uint8_t kFeatureVersion = 1;
 constexpr std::size_t kFeatureHeaderBytes = 24;
 constexpr std::size_t kKeypointBytes = 24;
 constexpr std::uint32_t kMaxRows = 1u << 20;
+constexpr std::uint8_t kWithColours = 1;
+constexpr std::size_t kColourHeaderBytes = 4;
+constexpr std::uint16_t kMaxColourSide = 1024;
 constexpr float kLargestScale = std::numeric_limits<float>::max() / 128.0F;  // of 8-bit steps
 
 DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
@@ -98,6 +101,26 @@ Descriptors GetDescriptors(Bytes body, DescriptorEncoding encoding, std::size_t 
   return result;
 }
 
+void PutColours(std::vector<std::uint8_t>& out, const ColourGrid& colours) {
+  if (colours.empty()) return;
+  PutValue(out, static_cast<std::uint16_t>(colours.width));
+  PutValue(out, static_cast<std::uint16_t>(colours.height));
+  out.insert(out.end(), colours.chroma.begin(), colours.chroma.end());
+}
+
+// All of `rest`.
+ColourGrid GetColours(Bytes rest) {
+  if (rest.size() < kColourHeaderBytes) ThrowCorruptBlob("features end within their colours");
+  const auto width = GetValue<std::uint16_t>(rest, 0);
+  const auto height = GetValue<std::uint16_t>(rest, 2);
+  const Bytes chroma = rest.subspan(kColourHeaderBytes);
+  if (width < 1 || height < 1 || width > kMaxColourSide || height > kMaxColourSide ||
+      chroma.size() != std::size_t{2} * width * height) {
+    ThrowCorruptBlob("features have colours of another size than they say");
+  }
+  return {width, height, {chroma.begin(), chroma.end()}};
+}
+
 void CheckShape(const Features& features) {
   const Descriptors& d = features.descriptors;
   const std::size_t values = d.kind == DescriptorKind::kFloat ? d.floats.size() : d.bytes.size();
@@ -131,7 +154,7 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
   out.push_back(kFeatureVersion);
   out.push_back(static_cast<std::uint8_t>(descriptors.kind));
   out.push_back(static_cast<std::uint8_t>(encoding));
-  out.push_back(0);
+  out.push_back(features.colours.empty() ? 0 : kWithColours);
   PutValue(out, static_cast<std::uint32_t>(descriptors.rows));
   PutValue(out, static_cast<std::uint32_t>(descriptors.dim));
   PutValue(out, static_cast<std::uint32_t>(features.width));
@@ -141,6 +164,7 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
     PutValue(out, k.octave);
   }
   PutDescriptors(out, descriptors, encoding);
+  PutColours(out, features.colours);
   PutValue(out, Crc32(out));
   return out;
 }
@@ -157,7 +181,7 @@ Features DecodeFeatures(Bytes blob) {
   }
   const auto encoding = static_cast<DescriptorEncoding>(body[6]);
   const bool binary = body[5] == static_cast<std::uint8_t>(DescriptorKind::kBinary);
-  if (body[5] > 1 || body[6] > 2 || body[7] != 0 ||
+  if (body[5] > 1 || body[6] > 2 || body[7] > kWithColours ||
       binary != (encoding == DescriptorEncoding::kBits)) {
     ThrowCorruptBlob("features have an unknown kind or encoding");
   }
@@ -165,7 +189,9 @@ Features DecodeFeatures(Bytes blob) {
   const auto dim = GetValue<std::uint32_t>(body, 12);
   if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
   const std::size_t keypoint_bytes = std::size_t{rows} * kKeypointBytes;
-  if (body.size() != kFeatureHeaderBytes + keypoint_bytes + rows * RowBytes(encoding, dim)) {
+  const std::size_t end = kFeatureHeaderBytes + keypoint_bytes + rows * RowBytes(encoding, dim);
+  const bool with_colours = body[7] == kWithColours;
+  if (with_colours ? body.size() < end : body.size() != end) {
     ThrowCorruptBlob("features have a length that differs from what their header says");
   }
   Features features;
@@ -184,8 +210,9 @@ Features DecodeFeatures(Bytes blob) {
                                   GetValue<float>(body, at + 16),
                                   GetValue<std::int32_t>(body, at + 20)});
   }
-  features.descriptors = GetDescriptors(body.subspan(kFeatureHeaderBytes + keypoint_bytes),
-                                        encoding, rows, static_cast<int>(dim));
+  const Bytes after_keypoints = body.first(end).subspan(kFeatureHeaderBytes + keypoint_bytes);
+  features.descriptors = GetDescriptors(after_keypoints, encoding, rows, static_cast<int>(dim));
+  if (with_colours) features.colours = GetColours(body.subspan(end));
   return features;
 }
 

@@ -34,6 +34,7 @@ Explanation Explain(const Features& query, const Features& reference,
   explanation.matches = result.matches;
   explanation.inlier_fraction = result.inlier_fraction;
   explanation.independent_inliers = result.independent;
+  explanation.colour_difference = result.colour_difference;
   explanation.reference_width = reference.width;
   explanation.reference_height = reference.height;
   for (const MatchedPair& pair : result.inliers) {

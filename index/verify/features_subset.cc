@@ -5,7 +5,7 @@
 namespace pliant {
 
 Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep) {
-  Features kept{features.width, features.height, {}, {}, features.model_id};
+  Features kept{features.width, features.height, {}, {}, features.model_id, features.colours};
   const Descriptors& all = features.descriptors;
   kept.descriptors.kind = all.kind;
   kept.descriptors.dim = all.dim;

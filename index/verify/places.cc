@@ -21,7 +21,7 @@ namespace {
 constexpr double kLeastProbability = 0.05;
 // The odds of objects at one place differ by more than their evidence says: what they have in
 // common agrees with both. Fitted to real packages and banknotes.
-constexpr double kSharpness = 2;
+constexpr double kSharpness = 3;
 
 struct Box {
   Vec2 low, high;

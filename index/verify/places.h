@@ -14,7 +14,7 @@ namespace pliant {
 // place (at least half of the key points of each inside of the outline of the other), one of them
 // is right. Notes of one series, packages of one brand: each agrees with the part that they have in
 // common.
-//   - Each has its share of the probability: p / (1 + the sum of (o' / o)²), with its own
+//   - Each has its share of the probability: p / (1 + the sum of (o' / o)³), with its own
 //     probability p, its odds o there and those o' of each other object. An object that is seen in
 //     several places has the largest of its shares. Scores stay, and so the order.
 //   - The one that keeps most of its claims (SettleClaims) has the place: further instances of the

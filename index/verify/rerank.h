@@ -22,7 +22,7 @@ namespace pliant {
 // A key point of the query that a picture shows, too.
 struct Claim {
   std::uint32_t keypoint = 0;  // of the query
-  float distance = 0;          // between the two descriptors
+  float distance = 0;  // between the two descriptors, larger the more the pictures' colours differ
 };
 
 struct VerifiedPicture {
@@ -86,11 +86,12 @@ class NearestClaims {
 };
 
 // What a key point of the query shows, it shows once: of the named objects whose pictures claim it,
-// the one with the nearest descriptor has it (of equally near ones each). The evidence of a picture
-// is multiplied by the square root of the share of its claims that its object keeps, and its score
-// follows. Tells apart objects that have parts in common (notes of one series, packages of one
-// brand): the common part agrees with all of them, and where they differ the right one is nearer.
-// Pictures of one object, and those without a name, do not take from each other.
+// the one with the nearest descriptor has it (of equally near ones each); distances count more
+// where the colours of what is seen differ (index/verify/colour_difference.h). The evidence of a
+// picture is multiplied by the square root of the share of its claims that its object keeps, and
+// its score follows. Tells apart objects that have parts in common (notes of one series, packages
+// of one brand): the common part agrees with all of them, and where they differ the right one is
+// nearer. Pictures of one object, and those without a name, do not take from each other.
 void SettleClaims(std::vector<VerifiedPicture>* pictures);
 
 // By score, then id.

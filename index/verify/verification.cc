@@ -11,6 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
+#include "index/verify/colour_difference.h"
 #include "index/verify/independence.h"
 #include "index/verify/outline.h"
 
@@ -199,6 +200,9 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
   result.independent = Independent(reference, result.inliers);
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
+  const auto seen = PointsOf(reference.keypoints, result.inliers, &MatchedPair::reference);
+  result.colour_difference = ColourDifference(query_, reference, *result.warp, ConvexHull(seen),
+                                              MedianScale(*result.warp, seen));
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
   return result;
 }
@@ -247,7 +251,7 @@ double LiftScore(double ranking_score, double evidence) {
 }
 
 double Probability(double score) {
-  constexpr double kOdds = 30;
+  constexpr double kOdds = 60;
   return kOdds * score / (kOdds * score + 1 - score);
 }
 

@@ -38,11 +38,12 @@ struct FurtherInstance {
 };
 
 struct VerificationResult {
-  int matches = 0;                   // tentative: mutual, within the ratio
-  std::vector<MatchedPair> inliers;  // those that agree with the warp
-  std::vector<float> distances;      // of the inliers' descriptors
-  double inlier_fraction = 0;        // inliers / matches; 0 without matches
-  double independent = 0;            // inliers that stand apart (independence.h)
+  int matches = 0;                          // tentative: mutual, within the ratio
+  std::vector<MatchedPair> inliers;         // those that agree with the warp
+  std::vector<float> distances;             // of the inliers' descriptors
+  double inlier_fraction = 0;               // inliers / matches; 0 without matches
+  double independent = 0;                   // inliers that stand apart (independence.h)
+  std::optional<double> colour_difference;  // of the part that is seen (colour_difference.h)
   TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
   std::optional<ThinPlateSpline> warp;  // reference picture -> query picture, in pixels
   // Outline of the object in the query picture, in order, not closed: the frame of the reference
@@ -105,9 +106,9 @@ double LiftScore(double ranking_score, double evidence);
 inline constexpr double kNoResemblance = 0.002;
 
 // How probable it is that a hit of the ranking by neighbours with this final score is right:
-//   p / (1 - p) = 30 score / (1 - score).
-// Fitted to the first hits of 323 street photographs of worn shirts, half of the time with the
-// right object in the collection and half of the time without.
+//   p / (1 - p) = 60 score / (1 - score).
+// Chosen so that of real pictures whose object is not in the collection at most one in a hundred is
+// said to be found (probability 0.9 or more).
 double Probability(double score);
 
 }  // namespace pliant

@@ -60,6 +60,8 @@ bool Write(const void* from, std::size_t bytes) {
   return true;
 }
 
+bool Write(const Image& image) { return Write(image.pixels.data(), image.pixels.size()); }
+
 // Cut off where there is no room; the field ends with a zero.
 template <std::size_t kSize>
 void Copy(const std::string& text, char (&field)[kSize]) {
@@ -86,12 +88,10 @@ DecodeAnswer Describe(const DecodedImage& decoded) {
   return answer;
 }
 
-DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, Image* image) {
+DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, DecodedImage* decoded) {
   try {
-    DecodedImage decoded = DecodeImage(bytes, options);
-    const DecodeAnswer answer = Describe(decoded);
-    *image = std::move(decoded.image);
-    return answer;
+    *decoded = DecodeImage(bytes, options);
+    return Describe(*decoded);
   } catch (const Error& error) {
     return Refusal(error.code(), error.reason(), error.what());
   } catch (const std::bad_alloc&) {
@@ -113,9 +113,9 @@ bool DecodeNext() {
     return false;
   }
   if (!Read(bytes.get(), request.bytes)) return false;
-  Image image;
-  const DecodeAnswer answer = Decode({bytes.get(), request.bytes}, request.options, &image);
-  return Write(&answer, sizeof(answer)) && Write(image.pixels.data(), image.pixels.size());
+  DecodedImage decoded;
+  const DecodeAnswer answer = Decode({bytes.get(), request.bytes}, request.options, &decoded);
+  return Write(&answer, sizeof(answer)) && Write(decoded.image) && Write(decoded.thumbnail);
 }
 
 }  // namespace

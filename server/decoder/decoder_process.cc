@@ -62,6 +62,13 @@ Error ErrorOf(const DecodeAnswer& answer) {
   ThrowBroken("the error " + std::to_string(answer.error_code) + " " + reason);
 }
 
+Image Blank(const ScaledSize& size, int channels) {
+  const std::size_t bytes = static_cast<std::size_t>(size.width) *
+                            static_cast<std::size_t>(size.height) *
+                            static_cast<std::size_t>(channels);
+  return {size.width, size.height, channels, std::vector<std::uint8_t>(bytes)};
+}
+
 // Everything but the pixels. The size must be one that DecodeImage can give under these options, so
 // that what follows from it (memory, coordinates) is within the limits.
 DecodedImage Checked(const DecodeAnswer& answer, const DecodeOptions& options) {
@@ -85,9 +92,10 @@ DecodedImage Checked(const DecodeAnswer& answer, const DecodeOptions& options) {
     ThrowBroken("format " + std::to_string(answer.format));
   }
   DecodedImage decoded;
-  decoded.image.width = size.width;
-  decoded.image.height = size.height;
-  decoded.image.channels = channels;
+  decoded.image = Blank(size, channels);
+  if (options.thumbnail_side_px > 0) {
+    decoded.thumbnail = Blank(ScaleToFit(size.width, size.height, options.thumbnail_side_px), 3);
+  }
   decoded.original_width = answer.original_width;
   decoded.original_height = answer.original_height;
   decoded.scale = size.scale;
@@ -154,11 +162,9 @@ std::variant<DecodedImage, Error> DecoderProcess::Decode(Bytes bytes,
   Receive(&answer, sizeof(answer), deadline);
   if (answer.refused != 0) return ErrorOf(answer);
   DecodedImage decoded = Checked(answer, options);
-  Image& image = decoded.image;
-  image.pixels.resize(static_cast<std::size_t>(image.width) *
-                      static_cast<std::size_t>(image.height) *
-                      static_cast<std::size_t>(image.channels));
-  Receive(image.pixels.data(), image.pixels.size(), deadline);
+  for (Image* image : {&decoded.image, &decoded.thumbnail}) {
+    Receive(image->pixels.data(), image->pixels.size(), deadline);
+  }
   return decoded;
 }
 

@@ -29,7 +29,8 @@ struct DecodeRequest {
   std::uint64_t bytes = 0;
 };
 
-// From the decoder; width x height x channels pixels follow when `refused` is 0.
+// From the decoder; when `refused` is 0, width x height x channels pixels follow, and those of the
+// thumbnail that was asked for.
 struct DecodeAnswer {
   std::int32_t refused = 0;
   std::int32_t width = 0;

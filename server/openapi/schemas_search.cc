@@ -111,7 +111,7 @@ const char* const kSearchSchemas = R"json({
       "preview": {"type": "string", "description": "with preview: the picture as a JPEG in a data: URL"}}},
   "Explanation": {"type": "object",
     "required": ["ranking_score", "verified", "failure", "matches", "inlier_fraction",
-      "independent_inliers", "pairs", "reference", "mesh"],
+      "independent_inliers", "colour_difference", "pairs", "reference", "mesh"],
     "properties": {
       "ranking_score": {"type": "number", "description": "the score by words alone"},
       "verified": {"type": "boolean"},
@@ -119,6 +119,8 @@ const char* const kSearchSchemas = R"json({
       "matches": {"type": "integer"}, "inlier_fraction": {"type": "number"},
       "independent_inliers": {"type": "number",
         "description": "what the score counts: the inliers, each divided by how many lie in its place"},
+      "colour_difference": {"type": ["number", "null"],
+        "description": "mean difference of the colours of what is seen (CIELAB a*, b*) but for the light's; null where they are not known"},
       "pairs": {"type": "array", "description": "query x, query y, hit x, hit y",
         "items": {"type": "array", "items": {"type": "number"}}},
       "reference": {"oneOf": [{"$ref": "#/components/schemas/Size"}, {"type": "null"}]},

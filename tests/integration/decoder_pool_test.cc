@@ -64,7 +64,10 @@ std::string Outcome(const ImageDecoder& decode, const FileBytes& file,
            std::to_string(decoded.original_height) + " scale " + std::to_string(decoded.scale) +
            " to " + std::to_string(image.width) + " x " + std::to_string(image.height) + " x " +
            std::to_string(image.channels) + ": " +
-           std::string(image.pixels.begin(), image.pixels.end());
+           std::string(image.pixels.begin(), image.pixels.end()) + " and " +
+           std::to_string(decoded.thumbnail.width) + " x " +
+           std::to_string(decoded.thumbnail.height) + ": " +
+           std::string(decoded.thumbnail.pixels.begin(), decoded.thumbnail.pixels.end());
   } catch (const Error& error) {
     return error.reason() + ": " + error.what();
   }
@@ -83,6 +86,7 @@ TEST_F(DecoderPoolTest, GivesWhatDecodingInsideGives) {
         DecodeOptions options;
         options.max_side_px = max_side_px;
         options.colour = colour;
+        options.thumbnail_side_px = colour ? 0 : 64;
         EXPECT_TRUE(Outcome(apart, file, options) == Outcome(DecodeImage, file, options));
       }
     }
@@ -105,7 +109,8 @@ TEST_F(DecoderPoolTest, DoesWithEveryFoundFileWhatDecodingInsideDoes) {
       const DecodeOptions options{.max_side_px = side,
                                   .max_decode_bytes = 256 << 20,  // what a decoder has memory for
                                   .min_side_px = 4,
-                                  .colour = side == 0};
+                                  .colour = side == 0,
+                                  .thumbnail_side_px = side};
       EXPECT_TRUE(Outcome(apart, file, options) == Outcome(DecodeImage, file, options))
           << entry.path();
     }

@@ -96,6 +96,42 @@ TEST_P(EveryKind, AnyDamageIsNoticed) {
   }
 }
 
+TEST(BlobCodec, ColoursComeBack) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  const std::vector<std::uint8_t> without = EncodeFeatures(features);
+  EXPECT_TRUE(DecodeFeatures(without).colours.empty()) << "as of an earlier Pliant";
+  features.colours = {3, 2, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 255}};
+  const std::vector<std::uint8_t> blob = EncodeFeatures(features);
+  EXPECT_EQ(blob.size(), without.size() + 4 + 12);
+  const Features back = DecodeFeatures(blob);
+  EXPECT_EQ(back.colours, features.colours);
+  EXPECT_EQ(back.keypoints, features.keypoints);
+  EXPECT_EQ(InStoredPrecision(features).colours, features.colours);
+}
+
+// With a valid checksum: as another program may write it.
+TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  features.colours = {3, 2, std::vector<std::uint8_t>(12, 128)};
+  const std::vector<std::uint8_t> blob = EncodeFeatures(features);
+  const std::size_t colours = blob.size() - 4 - 4 - 12;
+  const auto refused = [&](const auto& change) {
+    std::vector<std::uint8_t> changed(blob.begin(), blob.end() - 4);
+    change(&changed);
+    PutValue(changed, Crc32(changed));
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
+  };
+  refused([&](auto* b) { (*b)[7] = 0; });        // there are none, it says
+  refused([&](auto* b) { (*b)[7] = 2; });        // of an unknown kind
+  refused([&](auto* b) { (*b)[colours] = 4; });  // columns
+  refused([&](auto* b) { (*b)[colours] = 0; });
+  refused([&](auto* b) { (*b)[colours + 3] = 9; });  // rows beyond all bounds
+  refused([&](auto* b) { b->pop_back(); });
+  refused([&](auto* b) { b->push_back(0); });
+  refused([&](auto* b) { b->resize(colours + 3); });
+  refused([&](auto* b) { b->resize(colours); });
+}
+
 TEST(BlobCodec, ScaledRowsStayWithinHalfAStep) {
   const Features features = RandomFeatures(50, Values::kUnit, 5);
   const Features back = DecodeFeatures(EncodeFeatures(features));

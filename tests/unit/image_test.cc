@@ -87,6 +87,43 @@ TEST_P(EveryFormat, DamageIsAnErrorOrAPicture) {
   }
 }
 
+// Red, green, blue and white quarters, read like CornerPicture's.
+cv::Mat ColouredPicture(int width, int height) {
+  cv::Mat picture(height, width, CV_8UC3, cv::Scalar(255, 255, 255));
+  const int w = width / 2;
+  const int h = height / 2;
+  picture(cv::Rect(0, 0, w, h)).setTo(cv::Scalar(0, 0, 255));
+  picture(cv::Rect(w, 0, width - w, h)).setTo(cv::Scalar(0, 255, 0));
+  picture(cv::Rect(0, h, w, height - h)).setTo(cv::Scalar(255, 0, 0));
+  return picture;
+}
+
+TEST_P(EveryFormat, GivesAThumbnailBesideTheSamePicture) {
+  for (const int side : {60, 900}) {  // one that is not scaled down, too
+    const FileBytes bytes = EncodeAs(ColouredPicture(side, side / 2), GetParam().first);
+    const DecodedImage alone = DecodeImage(bytes, {.max_side_px = 300});
+    EXPECT_TRUE(alone.thumbnail.empty());
+    const DecodedImage both = DecodeImage(bytes, {.max_side_px = 300, .thumbnail_side_px = 64});
+    EXPECT_EQ(both.image.pixels, alone.image.pixels);
+    EXPECT_EQ(both.original_width, side);
+    const Image& small = both.thumbnail;
+    ASSERT_EQ(small.channels, 3);
+    EXPECT_EQ(small.width, std::min(side, 64));
+    EXPECT_EQ(small.height, std::min(side, 64) / 2);
+    const auto level = [&](double x, double y, std::size_t channel) {
+      const auto at = static_cast<std::size_t>(y * small.height) * small.width +
+                      static_cast<std::size_t>(x * small.width);
+      return static_cast<int>(small.pixels[3 * at + channel]);
+    };
+    for (std::size_t channel = 0; channel < 3; ++channel) {
+      EXPECT_NEAR(level(0.25, 0.25, channel), channel == 0 ? 255 : 0, 6);
+      EXPECT_NEAR(level(0.75, 0.25, channel), channel == 1 ? 255 : 0, 6);
+      EXPECT_NEAR(level(0.25, 0.75, channel), channel == 2 ? 255 : 0, 6);
+      EXPECT_NEAR(level(0.75, 0.75, channel), 255, 6);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Formats, EveryFormat,
     ::testing::Values(std::pair(".jpg", ImageFormat::kJpeg), std::pair(".png", ImageFormat::kPng),
@@ -108,13 +145,16 @@ constexpr std::array<std::array<int, 4>, 8> kTurnedCorners = {{
 class EveryOrientation : public ::testing::TestWithParam<int> {
  protected:
   void Check(const FileBytes& bytes) {
-    const DecodedImage decoded = DecodeImage(bytes);
+    const DecodedImage decoded = DecodeImage(bytes, {.thumbnail_side_px = 48});
     const bool turned = GetParam() >= 5;
     EXPECT_EQ(decoded.image.width, turned ? 64 : 96);
     EXPECT_EQ(decoded.image.height, turned ? 96 : 64);
     EXPECT_EQ(decoded.original_width, decoded.image.width);
     EXPECT_EQ(decoded.original_height, decoded.image.height);
     ExpectCorners(decoded.image, kTurnedCorners[GetParam() - 1]);
+    EXPECT_EQ(decoded.thumbnail.width, turned ? 32 : 48);
+    EXPECT_EQ(decoded.thumbnail.height, turned ? 48 : 32);
+    ExpectCorners(decoded.thumbnail, kTurnedCorners[GetParam() - 1]);
   }
 };
 

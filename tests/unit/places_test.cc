@@ -58,7 +58,7 @@ TEST(SettlePlaces, ObjectsAtOnePlaceShareTheProbability) {
   pictures[1].claims[0].distance = 0.2F;
   SettlePlaces(Query(), &pictures);
   const double ratio = Odds(40, 1.0 / 40) / Odds(50, 49.0 / 50);
-  EXPECT_NEAR(pictures[0].probability, Probability(0.99) / (1 + ratio * ratio), 1e-9);
+  EXPECT_NEAR(pictures[0].probability, Probability(0.99) / (1 + std::pow(ratio, 3)), 1e-9);
   EXPECT_GT(pictures[0].probability, 0.9);
   EXPECT_LT(pictures[1].probability, 0.1);
   EXPECT_DOUBLE_EQ(pictures[1].picture.score, 0.9) << "the order stays";
@@ -70,8 +70,8 @@ TEST(SettlePlaces, OfTwoThatHardlyDifferNeitherIsSure) {
   for (std::size_t i = 0; i < 24; ++i) pictures[0].claims[i].distance = 0.2F;
   for (std::size_t i = 24; i < 50; ++i) pictures[1].claims[i].distance = 0.2F;
   SettlePlaces(Query(), &pictures);
-  EXPECT_NEAR(pictures[0].probability, 0.45, 0.05);
-  EXPECT_NEAR(pictures[1].probability, 0.55, 0.05);
+  EXPECT_NEAR(pictures[0].probability, 0.4, 0.05);
+  EXPECT_NEAR(pictures[1].probability, 0.6, 0.05);
 }
 
 TEST(SettlePlaces, AnObjectsPicturesAreOneRival) {
