@@ -44,6 +44,7 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/base/error.h
     descriptor/base/sha256.h
     descriptor/features/descriptor.h
+    descriptor/features/colour_grid.h
     descriptor/features/features.h
     descriptor/features/keypoints.h
     descriptor/image/image.h

@@ -132,6 +132,15 @@ void CheckShape(const Features& features) {
                     " rows of " + std::to_string(d.dim) + " for " +
                     std::to_string(features.keypoints.size()) + " key points");
   }
+  const ColourGrid& colours = features.colours;
+  if (colours.width < 0 || colours.height < 0 || colours.width > kMaxColourSide ||
+      colours.height > kMaxColourSide ||
+      colours.chroma.size() !=
+          2 * static_cast<std::size_t>(colours.width) * static_cast<std::size_t>(colours.height)) {
+    throw Error(ErrorCode::kInvalidArgument, "features_shape",
+                "the colours do not fit their grid of " + std::to_string(colours.width) + " x " +
+                    std::to_string(colours.height) + " cells");
+  }
   for (const Keypoint& k : features.keypoints) {
     for (const float value : {k.x, k.y, k.size, k.angle, k.response}) {
       if (std::isfinite(value)) continue;

@@ -16,7 +16,7 @@ void RequireSame(const Features& a, const Features& b, const char* promise) {
               a.descriptors.kind == b.descriptors.kind && a.descriptors.dim == b.descriptors.dim &&
               a.descriptors.rows == b.descriptors.rows &&
               SameBytes(a.descriptors.floats, b.descriptors.floats) &&
-              SameBytes(a.descriptors.bytes, b.descriptors.bytes),
+              SameBytes(a.descriptors.bytes, b.descriptors.bytes) && a.colours == b.colours,
           promise);
 }
 

@@ -7,6 +7,16 @@
 #include "descriptor/image/quiet_decoders.h"
 #include "tests/fuzz/fuzz.h"
 
+namespace {
+
+bool IsWhole(const pliant::Image& image) {
+  return image.pixels.size() == static_cast<std::size_t>(image.width) *
+                                    static_cast<std::size_t>(image.height) *
+                                    static_cast<std::size_t>(image.channels);
+}
+
+}  // namespace
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using pliant::fuzz::Require;
   static const bool kQuiet = (pliant::QuietDecoders(), true);
@@ -15,18 +25,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                 .max_pixels = 256 * 1024,
                                 .max_decode_bytes = 4 << 20,
                                 .min_side_px = 4,
-                                .colour = size % 3 != 0};
+                                .colour = size % 3 != 0,
+                                .thumbnail_side_px = size % 5 == 0 ? 0 : 16};
   pliant::DecodedImage decoded;
   const bool accepted = pliant::fuzz::Accepts([&] {
     decoded = pliant::DecodeImage({data, size}, options);
   });
   if (!accepted) return 0;
   const pliant::Image& image = decoded.image;
+  const pliant::Image& thumbnail = decoded.thumbnail;
   Require(image.channels == (options.colour ? 3 : 1), "the channels are those asked for");
-  Require(image.pixels.size() == static_cast<std::size_t>(image.width) *
-                                     static_cast<std::size_t>(image.height) *
-                                     static_cast<std::size_t>(image.channels),
-          "a picture has all its pixels");
+  Require(IsWhole(image) && !image.empty(), "a picture has all its pixels");
+  Require(IsWhole(thumbnail) && thumbnail.empty() == (options.thumbnail_side_px == 0) &&
+              std::max(thumbnail.width, thumbnail.height) <= options.thumbnail_side_px,
+          "a thumbnail is there when it was asked for, and as small");
   Require(std::min(decoded.original_width, decoded.original_height) >= options.min_side_px,
           "no side is too short");
   Require(std::int64_t{decoded.original_width} * decoded.original_height <= options.max_pixels,

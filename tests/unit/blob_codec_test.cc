@@ -109,6 +109,18 @@ TEST(BlobCodec, ColoursComeBack) {
   EXPECT_EQ(InStoredPrecision(features).colours, features.colours);
 }
 
+TEST(BlobCodec, ColoursThatDoNotFitAreNotWritten) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  for (const ColourGrid& wrong :
+       {ColourGrid{3, 2, std::vector<std::uint8_t>(11)}, ColourGrid{3, 2, {}},
+        ColourGrid{-3, -2, std::vector<std::uint8_t>(12)},
+        ColourGrid{0, 0, std::vector<std::uint8_t>(2)},
+        ColourGrid{2000, 1, std::vector<std::uint8_t>(4000)}}) {
+    features.colours = wrong;
+    ExpectError(ErrorCode::kInvalidArgument, "features_shape", [&] { EncodeFeatures(features); });
+  }
+}
+
 // With a valid checksum: as another program may write it.
 TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
   Features features = RandomFeatures(3, Values::kUnit, 8);

@@ -5,9 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "index/engine/engine.h"
-#include "tests/unit/index_test_pictures.h"
-#include "tests/unit/test_database.h"
+#include "tests/unit/engine_fixture.h"
 
 namespace pliant {
 namespace {
@@ -47,32 +45,15 @@ Image OtherView(const Image& image) {
   return view;
 }
 
-class EngineColoursTest : public ::testing::Test {
+class EngineColoursTest : public testing::EngineTest {
  protected:
-  EngineColoursTest() : engine_(Options()) {
-    Add(Tinted(1, 16), "red_left");
-    Add(Tinted(1, -16), "red_right");
+  EngineColoursTest() {
+    Add(engine_, EncodePng(Tinted(1, 16)), "red_left");
+    Add(engine_, EncodePng(Tinted(1, -16)), "red_right");
     for (std::uint64_t other = 2; other < 6; ++other) {
-      Add(Tinted(other, 16), "other" + std::to_string(other));
+      Add(engine_, EncodePng(Tinted(other, 16)), "other" + std::to_string(other));
     }
-    TrainOptions train;
-    train.words = 16;
-    train.sample = 2000;
-    engine_.TrainVocabulary(train);
-  }
-  EngineOptions Options() {
-    EngineOptions options;
-    options.database = testing::Database(folder_ / "a.db");
-    options.descriptor = "rootsift";
-    return options;
-  }
-  void Add(const Image& image, const std::string& object) {
-    const std::vector<std::uint8_t> png = EncodePng(image);
-    AddRequest request;
-    request.bytes = png;
-    request.object = object;
-    request.id = object;
-    engine_.Add(request);
+    Train(engine_, 16);
   }
   SearchResult Search(const Image& query) {
     SearchOptions options;
@@ -80,8 +61,7 @@ class EngineColoursTest : public ::testing::Test {
     return engine_.Search(EncodePng(query), options);
   }
 
-  testing::TemporaryFolder folder_;
-  Engine engine_;
+  Engine engine_{Options()};
 };
 
 TEST_F(EngineColoursTest, TheRightColoursAreFound) {

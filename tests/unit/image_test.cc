@@ -87,20 +87,14 @@ TEST_P(EveryFormat, DamageIsAnErrorOrAPicture) {
   }
 }
 
-// Red, green, blue and white quarters, read like CornerPicture's.
-cv::Mat ColouredPicture(int width, int height) {
-  cv::Mat picture(height, width, CV_8UC3, cv::Scalar(255, 255, 255));
-  const int w = width / 2;
-  const int h = height / 2;
-  picture(cv::Rect(0, 0, w, h)).setTo(cv::Scalar(0, 0, 255));
-  picture(cv::Rect(w, 0, width - w, h)).setTo(cv::Scalar(0, 255, 0));
-  picture(cv::Rect(0, h, w, height - h)).setTo(cv::Scalar(255, 0, 0));
-  return picture;
-}
-
 TEST_P(EveryFormat, GivesAThumbnailBesideTheSamePicture) {
+  const cv::Scalar red(0, 0, 255);
+  const cv::Scalar green(0, 255, 0);
+  const cv::Scalar blue(255, 0, 0);
   for (const int side : {60, 900}) {  // one that is not scaled down, too
-    const FileBytes bytes = EncodeAs(ColouredPicture(side, side / 2), GetParam().first);
+    const cv::Mat picture =
+        testing::Quarters(side, side / 2, {red, green, blue, cv::Scalar::all(255)});
+    const FileBytes bytes = EncodeAs(picture, GetParam().first);
     const DecodedImage alone = DecodeImage(bytes, {.max_side_px = 300});
     EXPECT_TRUE(alone.thumbnail.empty());
     const DecodedImage both = DecodeImage(bytes, {.max_side_px = 300, .thumbnail_side_px = 64});

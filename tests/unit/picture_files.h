@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -16,16 +17,22 @@ namespace pliant::testing {
 
 using FileBytes = std::vector<std::uint8_t>;
 
-// A picture whose four corners can be told apart: top left bright, top right dark, ...
-inline cv::Mat CornerPicture(int width = 96, int height = 64) {
-  cv::Mat picture(height, width, CV_8UC3, cv::Scalar(128, 128, 128));
+// Four quarters: top left, top right, bottom left, bottom right.
+inline cv::Mat Quarters(int width, int height, const std::array<cv::Scalar, 4>& colours) {
   const int w = width / 2;
   const int h = height / 2;
-  picture(cv::Rect(0, 0, w, h)).setTo(cv::Scalar(250, 250, 250));
-  picture(cv::Rect(w, 0, width - w, h)).setTo(cv::Scalar(10, 10, 10));
-  picture(cv::Rect(0, h, w, height - h)).setTo(cv::Scalar(90, 90, 90));
-  picture(cv::Rect(w, h, width - w, height - h)).setTo(cv::Scalar(170, 170, 170));
+  cv::Mat picture(height, width, CV_8UC3, colours[3]);
+  picture(cv::Rect(0, 0, w, h)).setTo(colours[0]);
+  picture(cv::Rect(w, 0, width - w, h)).setTo(colours[1]);
+  picture(cv::Rect(0, h, w, height - h)).setTo(colours[2]);
   return picture;
+}
+
+// A picture whose four corners can be told apart: top left bright, top right dark, ...
+inline cv::Mat CornerPicture(int width = 96, int height = 64) {
+  return Quarters(
+      width, height,
+      {cv::Scalar::all(250), cv::Scalar::all(10), cv::Scalar::all(90), cv::Scalar::all(170)});
 }
 
 // Smoothed noise: plenty of key points, the same for a seed everywhere.

@@ -71,6 +71,7 @@ def weights():
 
 
 def features(kind, encoding, dim, rows, row, **changes):
+    """`reserved` is 1 where colours follow."""
     values = {"magic": b"PLFT", "version": 1, "reserved": 0, "width": 640, "height": 480, **changes}
     body = struct.pack("<4sBBBBIIII", values["magic"], values["version"], kind, encoding, values["reserved"], rows, dim,
                        values["width"], values["height"])
@@ -80,7 +81,12 @@ def features(kind, encoding, dim, rows, row, **changes):
 
 def feature_blobs():
     scaled = struct.pack("<f4b", 0.125, 127, -127, 3, 0)
+    coloured = features(0, 2, 4, 3, scaled, reserved=1)
     return {
+        "colours": coloured + struct.pack("<HH", 3, 2) + bytes(range(120, 132)),
+        "colours_cut": coloured + struct.pack("<HH", 3, 2) + bytes(11),
+        "colours_none": coloured,
+        "colours_huge": coloured + struct.pack("<HH", 0xFFFF, 0xFFFF) + bytes(12),
         "bits": features(1, 0, 4, 3, b"\x0f\xf0\xaa\x55"),
         "whole": features(0, 1, 4, 3, b"\0\1\x7f\xff"),
         "scaled": features(0, 2, 4, 3, scaled),
