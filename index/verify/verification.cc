@@ -251,7 +251,7 @@ double LiftScore(double ranking_score, double evidence) {
 }
 
 double Probability(double score) {
-  constexpr double kOdds = 60;
+  constexpr double kOdds = 30;
   return kOdds * score / (kOdds * score + 1 - score);
 }
 

@@ -106,9 +106,9 @@ double LiftScore(double ranking_score, double evidence);
 inline constexpr double kNoResemblance = 0.002;
 
 // How probable it is that a hit of the ranking by neighbours with this final score is right:
-//   p / (1 - p) = 60 score / (1 - score).
-// Chosen so that of real pictures whose object is not in the collection at most one in a hundred is
-// said to be found (probability 0.9 or more).
+//   p / (1 - p) = 30 score / (1 - score).
+// Fitted to the first hits of 323 street photographs of worn shirts, half of the time with the
+// right object in the collection and half of the time without.
 double Probability(double score);
 
 }  // namespace pliant
