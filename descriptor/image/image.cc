@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/image/byte_reader.h"
 #include "descriptor/image/cv_image.h"
 #include "descriptor/image/image_header.h"
 #include "descriptor/image/quiet_decoders.h"
@@ -145,6 +146,18 @@ cv::Mat DecodePixels(Bytes bytes, int flags) {
   return pixels;
 }
 
+// OpenCV takes a WebP that libwebp does not know for what else it may be. Of all that it reads,
+// only DICOM has its mark in the middle of the file; none of the limits would hold for one.
+void CheckIsNothingElse(Bytes bytes, const ImageHeader& header) {
+  constexpr std::size_t kDicomMark = 128;
+  if (header.format != ImageFormat::kWebp ||
+      !ByteReader(bytes, false).StartsWith(kDicomMark, "DICM")) {
+    return;
+  }
+  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
+              "The picture begins as WebP and goes on as DICOM. Save it again as JPEG or PNG.");
+}
+
 // The decoder must have understood the file as the limits did.
 void CheckSize(const cv::Mat& pixels, const ImageHeader& header, int reduction) {
   const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
@@ -204,6 +217,7 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
 
   const std::vector<std::uint8_t> essential = WithoutMetadata(bytes, header.format);
   const Bytes data = essential.empty() ? bytes : Bytes(essential);
+  CheckIsNothingElse(data, header);
   DecodedImage decoded;
   decoded.format = header.format;
   const bool turned = header.exif_orientation >= 5;

@@ -117,6 +117,11 @@ ScannedImage ScanPng(Bytes bytes) {
   ImageHeader& header = scanned.header;
   const ByteReader reader(bytes, true);
   if (!reader.StartsWith(12, "IHDR")) return scanned;
+  constexpr std::uint32_t kHeaderBytes = 13;
+  if (reader.U32(kSignatureBytes) != kHeaderBytes) {
+    scanned.defect = "its header has another length than PNG's";
+    return scanned;
+  }
   header.width = reader.U32(16).value_or(0);
   header.height = reader.U32(20).value_or(0);
   bool exif = false;

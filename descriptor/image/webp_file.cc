@@ -52,6 +52,16 @@ void ReadWebpCanvas(const ByteReader& file, std::size_t data, ImageHeader& heade
   }
 }
 
+// Of the first chunk: what it says of the picture must be its own, not the next chunk's, which may
+// be metadata and be dropped.
+std::uint32_t LeastBytes(const ByteReader& file, std::size_t chunk) {
+  constexpr std::uint32_t kCanvas = 10;
+  constexpr std::uint32_t kLossless = 5;
+  constexpr std::uint32_t kLossy = 10;
+  if (file.StartsWith(chunk, "VP8X")) return kCanvas;
+  return file.StartsWith(chunk, "VP8L") ? kLossless : kLossy;
+}
+
 }  // namespace
 
 ScannedImage ScanWebp(Bytes bytes) {
@@ -75,6 +85,9 @@ ScannedImage ScanWebp(Bytes bytes) {
   const bool has_first_chunk = bytes.size() >= kFileHeaderBytes + kChunkHeaderBytes;
   if (has_first_chunk && !reader.StartsWith(kFileHeaderBytes, "VP8")) {
     scanned.defect = "its first chunk is no picture";
+  } else if (has_first_chunk &&
+             reader.U32(kFileHeaderBytes + 4).value_or(0) < LeastBytes(reader, kFileHeaderBytes)) {
+    scanned.defect = "its first chunk is too short to be a picture";
   }
   return scanned;
 }

@@ -246,6 +246,47 @@ TEST(DecodeImage, RefusesAWebpThatHidesItsSize) {
   EXPECT_EQ(ReasonOf(webp), "image_corrupt");
 }
 
+std::string HeaderReasonOf(const FileBytes& bytes) {
+  try {
+    ReadImageHeader(bytes);
+  } catch (const Error& e) {
+    return e.reason();
+  }
+  return "read";
+}
+
+// What stands behind may be metadata, which are dropped: the size would be another one.
+TEST(DecodeImage, RefusesAHeaderThatReachesIntoWhatStandsBehind) {
+  FileBytes png = EncodeAs(CornerPicture(), ".png");
+  EXPECT_EQ(HeaderReasonOf(png), "read");
+  png[11] = 0;  // of 13 bytes
+  EXPECT_EQ(HeaderReasonOf(png), "image_corrupt");
+
+  FileBytes webp = EncodeAs(CornerPicture(), ".webp");
+  EXPECT_EQ(HeaderReasonOf(webp), "read");
+  for (const auto& [name, least] :
+       {std::pair("VP8 ", 10), std::pair("VP8L", 5), std::pair("VP8X", 10)}) {
+    std::copy_n(name, 4, webp.begin() + 12);
+    std::fill_n(webp.begin() + 16, 4, std::uint8_t{0});
+    webp[16] = static_cast<std::uint8_t>(least - 1);
+    EXPECT_EQ(HeaderReasonOf(webp), "image_corrupt") << name;
+  }
+}
+
+TEST(DecodeImage, RefusesAWebpThatIsDicomBeneath) {
+  FileBytes webp = EncodeAs(testing::NoisePicture(80, 60, 3), ".webp");
+  ASSERT_GT(webp.size(), 200U);
+  webp[23] ^= 1;  // libwebp does not know it any more
+  std::copy_n("DICM", 4, webp.begin() + 128);
+  try {
+    DecodeImage(webp);
+    FAIL() << "decoded";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.reason(), "image_corrupt");
+    EXPECT_NE(std::string(e.what()).find("DICOM"), std::string::npos) << e.what();
+  }
+}
+
 TEST(DecodeImage, MetadataDoNotMatter) {
   const FileBytes png = EncodeAs(CornerPicture(), ".png");
   const FileBytes with = testing::WithPngChunk(png, "tEXt", {'a', 0, 'b'});
