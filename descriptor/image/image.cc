@@ -13,6 +13,7 @@
 #include "descriptor/image/byte_reader.h"
 #include "descriptor/image/cv_image.h"
 #include "descriptor/image/image_header.h"
+#include "descriptor/image/jpeg_planes.h"
 #include "descriptor/image/quiet_decoders.h"
 
 namespace pliant {
@@ -183,6 +184,31 @@ cv::Mat ReadUpright(Bytes bytes, const ImageHeader& header, bool colour, int red
   return TurnUpright(Simplified(std::move(pixels)), OrientationLeft(header));
 }
 
+struct Upright {
+  cv::Mat pixels;
+  cv::Mat coarse;  // what the thumbnail is made of, at least as large as it
+};
+
+// In one pass over the file where a decoder gives both.
+Upright ReadWithThumbnail(Bytes bytes, const ImageHeader& header, bool colour, int reduction,
+                          const ScaledSize& thumbnail) {
+  if (colour || IsDecodedWhole(header)) {
+    const cv::Mat pixels = ReadUpright(bytes, header, colour, reduction);
+    return {pixels, pixels};
+  }
+  if (header.format == ImageFormat::kJpeg) {
+    if (const auto planes = DecodeJpegPlanes(bytes, header, reduction)) {
+      const int orientation = OrientationLeft(header);
+      cv::Size size(thumbnail.width, thumbnail.height);
+      if (orientation >= 5) std::swap(size.width, size.height);
+      const cv::Mat coarse = TurnUpright(ThumbnailOf(*planes, size), orientation);
+      return {TurnUpright(planes->grey, orientation), coarse};  // turns the planes' own pixels
+    }
+  }
+  const int coarse = JpegReduction(header, std::max(thumbnail.width, thumbnail.height));
+  return {ReadUpright(bytes, header, false, reduction), ReadUpright(bytes, header, true, coarse)};
+}
+
 // `pixels` (grey, or B, G, R) in the size and with the channels that are wanted.
 Image Finished(const cv::Mat& pixels, const ScaledSize& size, bool colour) {
   cv::Mat channels = pixels;
@@ -229,15 +255,14 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
 
   const bool with_thumbnail = options.thumbnail_side_px > 0;
   const ScaledSize thumbnail = ScaleToFit(size.width, size.height, options.thumbnail_side_px);
-  if (with_thumbnail && !IsDecodedWhole(header)) {
-    const int coarse = JpegReduction(header, options.thumbnail_side_px);
-    decoded.thumbnail = Finished(ReadUpright(data, header, true, coarse), thumbnail, true);
+  Upright upright;
+  if (with_thumbnail) {
+    upright = ReadWithThumbnail(data, header, options.colour, reduction, thumbnail);
+    decoded.thumbnail = Finished(upright.coarse, thumbnail, true);
+  } else {
+    upright.pixels = ReadUpright(data, header, options.colour, reduction);
   }
-  const cv::Mat pixels = ReadUpright(data, header, options.colour, reduction);
-  if (with_thumbnail && IsDecodedWhole(header)) {
-    decoded.thumbnail = Finished(pixels, thumbnail, true);
-  }
-  decoded.image = Finished(pixels, size, options.colour);
+  decoded.image = Finished(upright.pixels, size, options.colour);
   return decoded;
 }
 

@@ -45,6 +45,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           "no picture is too large");
   Require(options.max_side_px == 0 || std::max(image.width, image.height) <= options.max_side_px,
           "no side is too long");
+  if (!thumbnail.empty() && !options.colour) {
+    options.thumbnail_side_px = 0;
+    Require(pliant::DecodeImage({data, size}, options).image.pixels == image.pixels,
+            "a thumbnail beside changes nothing");
+  }
   const pliant::ImageHeader header = pliant::ReadImageHeader({data, size});
   const bool turned = header.exif_orientation >= 5;
   Require((turned ? header.height : header.width) == decoded.original_width &&

@@ -1,22 +1,29 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the fuzz targets one after another and prints what they reached.
+"""Runs the fuzz targets and prints what they reached.
 
     cmake --preset fuzz && cmake --build --preset fuzz
-    tests/fuzz/run.py SECONDS [TARGET ...] [--build build/fuzz] [--keep]
+    tests/fuzz/run.py SECONDS [TARGET ...] [--build build/fuzz] [--total] [--jobs N] [--keep]
 
 SECONDS is for each target. What it finds lies in BUILD/finds, the inputs that reached new code in
-BUILD/corpora, where the next run goes on. --keep adds to the corpora of the repository what reaches more than they
-do, the smallest files first, as far as there is room. The exit status is 1 when something was found.
+BUILD/corpora, where the next run goes on. BUILD/spent.json says how long each program was run without a find; with
+--total that counts, so that a long campaign can be stopped and taken up again; a program that was built anew from other
+code, or found something, begins at nothing. --jobs runs so many targets side by side. --keep adds to the corpora of the
+repository what reaches more than they do, the smallest files first, as far as there is room. The exit status is 1 when
+something was found.
 """
 import argparse
+import concurrent.futures
 import hashlib
+import json
+import os
 import pathlib
 import re
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -25,6 +32,7 @@ MOST_BYTES = 4096  # of a file that is added to it
 SHARED = {"picture_structure": "picture"}  # targets that have the corpus of another
 # An allocation that large breaks a limit: the largest is for 4 MiB (picture_fuzz.cc).
 MOST_FINDS = 10  # of a target, then it is left
+SLICE = 300  # seconds; what a campaign that is killed loses at most
 LIMITS = ["-malloc_limit_mb=64", "-rss_limit_mb=2048", "-timeout=20", "-max_len=8192"]
 LIMITS_OF = {"weights": ["-max_len=16384"]}
 
@@ -40,7 +48,30 @@ def run_once(program, arguments, seconds):
     return done.returncode, int(executions[1]) if executions else 0, max(map(int, reached), default=0)
 
 
-def fuzz(build, target, seconds):
+class Spent:
+    """BUILD/spent.json: time and executions of each target's present program since it last found something."""
+
+    def __init__(self, build):
+        self.build = build
+        self.path = build / "spent.json"
+        self.lock = threading.Lock()
+        self.targets = json.loads(self.path.read_text()) if self.path.exists() else {}
+
+    def of(self, target):
+        """{"program", "seconds", "executions"}; zeros for a program that has not run."""
+        program = hashlib.sha256((self.build / "bin" / f"fuzz_{target}").read_bytes()).hexdigest()
+        known = self.targets.get(target, {})
+        return known if known.get("program") == program else {"program": program, "seconds": 0, "executions": 0}
+
+    def save(self, target, entry):
+        with self.lock:
+            self.targets[target] = entry
+            partial = self.path.with_suffix(".new")
+            partial.write_text(json.dumps(self.targets, indent=2, sort_keys=True) + "\n")
+            os.replace(partial, self.path)
+
+
+def fuzz(build, target, seconds, spent, total):
     """Runs a target for so long, again after each find, and returns a row of the table."""
     program = build / "bin" / f"fuzz_{target}"
     corpus = build / "corpora" / target
@@ -50,17 +81,22 @@ def fuzz(build, target, seconds):
     before = set(finds.glob(f"{target}-*"))
     arguments = [corpus, HERE / "corpus" / SHARED.get(target, target), *LIMITS, *LIMITS_OF.get(target, []),
                  f"-artifact_prefix={finds}/{target}-"]
-    begin, executions, edges, status = time.monotonic(), 0, 0, 0
-    while (left := seconds - (time.monotonic() - begin)) >= 1:
-        once, more, reached = run_once(program, arguments, int(left))
-        executions, edges, status = executions + more, max(edges, reached), status or once
-        if once == 0 or len(set(finds.glob(f"{target}-*")) - before) >= MOST_FINDS:
-            break
-    found = set(finds.glob(f"{target}-*")) - before
-    if status != 0 and not found:
-        sys.exit(f"{program} ended with {status}, without a find")
-    elapsed = time.monotonic() - begin
-    return target, executions, executions / elapsed, edges, len(list(corpus.iterdir())), len(found)
+    entry = spent.of(target)
+    executions, elapsed, edges = (entry["executions"], entry["seconds"], 0) if total else (0, 0, 0)
+    found = set()
+    while (left := seconds - elapsed) >= 1 and len(found) < MOST_FINDS:
+        begin = time.monotonic()
+        status, more, reached = run_once(program, arguments, int(min(left, SLICE)))
+        took = time.monotonic() - begin
+        executions, elapsed, edges = executions + more, elapsed + took, max(edges, reached)
+        new = set(finds.glob(f"{target}-*")) - before - found
+        if status != 0 and not new:
+            sys.exit(f"{program} ended with {status}, without a find")
+        found |= new
+        entry = {"program": entry["program"], "seconds": 0 if new else entry["seconds"] + took,
+                 "executions": 0 if new else entry["executions"] + more}
+        spent.save(target, entry)
+    return target, elapsed, executions, executions / max(elapsed, 1), edges, len(list(corpus.iterdir())), len(found)
 
 
 def keep(build, target):
@@ -92,15 +128,18 @@ def main():
     parser.add_argument("seconds", type=int)
     parser.add_argument("targets", nargs="*", metavar="TARGET")
     parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build" / "fuzz")
+    parser.add_argument("--total", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", action="store_true")
     options = parser.parse_args()
     targets = options.targets or sorted(path.name.removesuffix("_fuzz.cc") for path in HERE.glob("*_fuzz.cc"))
-    print(f"{'target':20} {'executions':>12} {'per second':>10} {'edges':>7} {'corpus':>7} {'finds':>6}")
+    print(f"{'target':20} {'seconds':>8} {'executions':>12} {'per second':>10} {'edges':>7} {'corpus':>7} {'finds':>6}")
+    spent = Spent(options.build)
     found = 0
-    for target in targets:
-        row = fuzz(options.build, target, options.seconds)
-        print("{:20} {:>12} {:>10.0f} {:>7} {:>7} {:>6}".format(*row), flush=True)
-        found += row[-1]
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        for row in pool.map(lambda target: fuzz(options.build, target, options.seconds, spent, options.total), targets):
+            print("{:20} {:>8.0f} {:>12} {:>10.0f} {:>7} {:>7} {:>6}".format(*row), flush=True)
+            found += row[-1]
     if options.keep:
         for target in targets:
             keep(options.build, target)

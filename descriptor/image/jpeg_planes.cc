@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/image/jpeg_planes.h"
+
+#include <array>
+#include <memory>
+#include <new>
+
+#include <opencv2/imgproc.hpp>
+#include <turbojpeg.h>
+
+namespace pliant {
+namespace {
+
+struct Destroy {
+  void operator()(void* decompressor) const { tjDestroy(decompressor); }
+};
+
+cv::Mat ScaledTo(const cv::Mat& plane, const cv::Size& size) {
+  if (plane.size() == size) return plane;
+  const bool smaller = plane.cols >= size.width && plane.rows >= size.height;
+  cv::Mat scaled;
+  cv::resize(plane, scaled, size, 0, 0, smaller ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return scaled;
+}
+
+// Of a plane that reaches as far beyond the picture as `padded` does beyond `picture`, the
+// picture's part, scaled to `size`.
+cv::Mat PartScaledTo(const cv::Mat& plane, const cv::Size& padded, const cv::Size& picture,
+                     const cv::Size& size) {
+  const cv::Size whole(cvRound(1.0 * size.width * padded.width / picture.width),
+                       cvRound(1.0 * size.height * padded.height / picture.height));
+  return ScaledTo(plane, whole)(cv::Rect(cv::Point(), size));
+}
+
+}  // namespace
+
+std::optional<JpegPlanes> DecodeJpegPlanes(Bytes bytes, const ImageHeader& header, int reduction) {
+  const std::unique_ptr<void, Destroy> decompressor(tjInitDecompress());
+  if (!decompressor) throw std::bad_alloc();
+  int width = 0;
+  int height = 0;
+  int sampling = 0;
+  int colours = 0;
+  if (tjDecompressHeader3(decompressor.get(), bytes.data(), bytes.size(), &width, &height,
+                          &sampling, &colours) != 0 ||
+      (colours != TJCS_YCbCr && colours != TJCS_GRAY) || width != header.width ||
+      height != header.height) {
+    return std::nullopt;
+  }
+  const cv::Size size((width + reduction - 1) / reduction, (height + reduction - 1) / reduction);
+  const int count = colours == TJCS_GRAY ? 1 : 3;
+  std::array<cv::Mat, 3> planes;
+  std::array<unsigned char*, 3> rows{};
+  for (int i = 0; i < count; ++i) {
+    planes[i].create(tjPlaneHeight(i, size.height, sampling), tjPlaneWidth(i, size.width, sampling),
+                     CV_8U);
+    rows[i] = planes[i].data;
+  }
+  // Of a damaged file OpenCV decides how much is read, and what is said.
+  if (tjDecompressToYUVPlanes(decompressor.get(), bytes.data(), bytes.size(), rows.data(),
+                              size.width, nullptr, size.height, TJFLAG_STOPONWARNING) != 0) {
+    return std::nullopt;
+  }
+  return JpegPlanes{planes[0](cv::Rect(cv::Point(), size)), planes[0].size(), planes[1], planes[2]};
+}
+
+cv::Mat ThumbnailOf(const JpegPlanes& planes, cv::Size size) {
+  const cv::Mat grey = ScaledTo(planes.grey, size);
+  cv::Mat thumbnail;
+  if (planes.blue.empty()) {
+    cv::cvtColor(grey, thumbnail, cv::COLOR_GRAY2BGR);
+    return thumbnail;
+  }
+  const auto scaled = [&](const cv::Mat& plane) {
+    return PartScaledTo(plane, planes.padded, planes.grey.size(), size);
+  };
+  cv::merge(std::array<cv::Mat, 3>{grey, scaled(planes.red), scaled(planes.blue)}, thumbnail);
+  cv::cvtColor(thumbnail, thumbnail, cv::COLOR_YCrCb2BGR);
+  return thumbnail;
+}
+
+}  // namespace pliant

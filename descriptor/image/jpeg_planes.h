@@ -1,0 +1,34 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The planes of a JPEG as the file keeps them, brightness and two of colour differences: one pass
+// over the file gives grey values and colours. By libjpeg-turbo's own interface; OpenCV decodes to
+// grey or to colours, and a progressive file takes as long for the second as for the first.
+// Internal to the descriptor library; callers use DecodeImage of image.h.
+#pragma once
+
+#include <optional>
+
+#include <opencv2/core.hpp>
+
+#include "descriptor/image/image.h"
+
+namespace pliant {
+
+// Planes of colour may be coarser than grey, as the file has them; they and `padded` (the size of
+// grey as they count it) reach beyond the picture, right and below, to whole samples of colour.
+struct JpegPlanes {
+  cv::Mat grey;     // Y, in the picture's size divided by the reduction; to the bit as OpenCV's
+  cv::Size padded;  // at least that size
+  cv::Mat blue;     // Cb; empty in a grey JPEG
+  cv::Mat red;      // Cr
+};
+
+// As the file has it, not turned upright. `reduction`: 1, 2, 4 or 8. Nothing for what is left to
+// OpenCV: JPEGs that are neither grey nor of Y, Cb and Cr (CMYK, RGB), whose sampling is unusual,
+// or whose data are damaged. Throws std::bad_alloc. Thread-safe.
+std::optional<JpegPlanes> DecodeJpegPlanes(Bytes bytes, const ImageHeader& header, int reduction);
+
+// Scaled to `size`, as B, G, R.
+cv::Mat ThumbnailOf(const JpegPlanes& planes, cv::Size size);
+
+}  // namespace pliant
