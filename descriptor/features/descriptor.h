@@ -66,6 +66,7 @@ struct ExtractionOptions {
   // than this is also described enlarged (enlarged_keypoints.h): what is found there and not before
   // is added, at most keypoints.max_keypoints more.
   int enlarge_below = 0;
+  bool colours = true;  // kept, coarse, beside the key points (colour_grid.h)
   ImageDecoder decoder = DecodeImage;
 };
 

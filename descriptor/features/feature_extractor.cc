@@ -40,7 +40,7 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
     throw Error(ErrorCode::kInvalidArgument, "no_decoder", "FeatureExtractor needs a decoder");
   }
   options_.decode.colour = false;
-  options_.decode.thumbnail_side_px = kColourGridSide;
+  options_.decode.thumbnail_side_px = options_.colours ? kColourGridSide : 0;
 }
 
 DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
@@ -63,7 +63,7 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
   decoded.original_width = picture.width;
   decoded.original_height = picture.height;
   decoded.image = ToGrey(picture);
-  if (picture.channels == 3) {
+  if (options_.colours && picture.channels == 3) {
     const ScaledSize small = ScaleToFit(picture.width, picture.height, kColourGridSide);
     decoded.thumbnail = ResizeImage(picture, small.width, small.height);
   }

@@ -11,7 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/byte_reader.h"
-#include "descriptor/image/cv_image.h"
+#include "descriptor/image/finish_pixels.h"
 #include "descriptor/image/image_header.h"
 #include "descriptor/image/jpeg_planes.h"
 #include "descriptor/image/quiet_decoders.h"
@@ -71,61 +71,6 @@ int ReadFlags(const ImageHeader& header, bool colour, int reduction) {
   return flags | cv::IMREAD_IGNORE_ORIENTATION;
 }
 
-// Transparent pixels become white: what is under them is arbitrary.
-cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
-  cv::Mat bgr(bgra.size(), CV_8UC3);
-  for (int y = 0; y < bgra.rows; ++y) {
-    const auto* source = bgra.ptr<cv::Vec4b>(y);
-    auto* target = bgr.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < bgra.cols; ++x) {
-      const int alpha = source[x][3];
-      for (int c = 0; c < 3; ++c) {
-        target[x][c] =
-            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
-      }
-    }
-  }
-  return bgr;
-}
-
-// To 8 bits, without transparency.
-cv::Mat Simplified(cv::Mat pixels) {
-  if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1.0 / 257);
-  if (pixels.channels() == 4) pixels = ComposeOnWhite(pixels);
-  return pixels;
-}
-
-// EXIF 2.3, tag 0x0112.
-cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
-  switch (orientation) {
-    case 2:
-      cv::flip(pixels, pixels, 1);
-      break;
-    case 3:
-      cv::rotate(pixels, pixels, cv::ROTATE_180);
-      break;
-    case 4:
-      cv::flip(pixels, pixels, 0);
-      break;
-    case 5:
-      cv::transpose(pixels, pixels);
-      break;
-    case 6:
-      cv::rotate(pixels, pixels, cv::ROTATE_90_CLOCKWISE);
-      break;
-    case 7:
-      cv::transpose(pixels, pixels);
-      cv::rotate(pixels, pixels, cv::ROTATE_180);
-      break;
-    case 8:
-      cv::rotate(pixels, pixels, cv::ROTATE_90_COUNTERCLOCKWISE);
-      break;
-    default:
-      break;
-  }
-  return pixels;
-}
-
 cv::Mat DecodePixels(Bytes bytes, int flags) {
   cv::Mat pixels;
   std::string detail;
@@ -178,53 +123,56 @@ int OrientationLeft(const ImageHeader& header) {
   return header.format == ImageFormat::kTiff ? 1 : header.exif_orientation;
 }
 
-cv::Mat ReadUpright(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
-  cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, colour, reduction));
+// Grey, or B, G, R; not turned upright.
+cv::Mat Read(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
+  const cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, colour, reduction));
   CheckSize(pixels, header, reduction);
-  return TurnUpright(Simplified(std::move(pixels)), OrientationLeft(header));
+  return Simplified(pixels);
 }
 
-struct Upright {
-  cv::Mat pixels;
-  cv::Mat coarse;  // what the thumbnail is made of, at least as large as it
+// What is asked of one picture: a size is of the upright one.
+struct Wanted {
+  int reduction = 1;
+  int orientation = 1;  // that is left to turn
+  bool colour = false;
+  ScaledSize size;
+  ScaledSize thumbnail = {};
+
+  cv::Size StoredThumbnail() const {
+    const cv::Size upright(thumbnail.width, thumbnail.height);
+    return orientation < 5 ? upright : cv::Size(upright.height, upright.width);
+  }
 };
 
-// In one pass over the file where a decoder gives both.
-Upright ReadWithThumbnail(Bytes bytes, const ImageHeader& header, bool colour, int reduction,
-                          const ScaledSize& thumbnail) {
-  if (colour || IsDecodedWhole(header)) {
-    const cv::Mat pixels = ReadUpright(bytes, header, colour, reduction);
-    return {pixels, pixels};
+Image ThumbnailFrom(const cv::Mat& pixels, const Wanted& wanted) {
+  const cv::Size size = wanted.StoredThumbnail();
+  cv::Mat small;
+  if (size.width < pixels.cols || size.height < pixels.rows) {
+    cv::resize(pixels, small, size, 0, 0, cv::INTER_AREA);
+  } else {
+    small = pixels.clone();  // turned below
   }
-  if (header.format == ImageFormat::kJpeg) {
-    if (const auto planes = DecodeJpegPlanes(bytes, header, reduction)) {
-      const int orientation = OrientationLeft(header);
-      cv::Size size(thumbnail.width, thumbnail.height);
-      if (orientation >= 5) std::swap(size.width, size.height);
-      const cv::Mat coarse = TurnUpright(ThumbnailOf(*planes, size), orientation);
-      return {TurnUpright(planes->grey, orientation), coarse};  // turns the planes' own pixels
-    }
-  }
-  const int coarse = JpegReduction(header, std::max(thumbnail.width, thumbnail.height));
-  return {ReadUpright(bytes, header, false, reduction), ReadUpright(bytes, header, true, coarse)};
+  return Finished(small, wanted.orientation, wanted.thumbnail, true);
 }
 
-// `pixels` (grey, or B, G, R) in the size and with the channels that are wanted.
-Image Finished(const cv::Mat& pixels, const ScaledSize& size, bool colour) {
-  cv::Mat channels = pixels;
-  if (!colour && pixels.channels() == 3) {
-    channels = cv::Mat();
-    cv::cvtColor(pixels, channels, cv::COLOR_BGR2GRAY);
+// In one pass over the file where a decoder gives both; in two, the thumbnail's pixels are gone
+// before the picture's come, and memory is what it is without a thumbnail in colours.
+void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, DecodedImage* decoded) {
+  cv::Mat pixels;
+  if (header.format == ImageFormat::kJpeg && !wanted.colour) {
+    if (const auto planes = DecodeJpegPlanes(bytes, header, wanted.reduction)) {
+      decoded->thumbnail = ThumbnailFrom(ThumbnailOf(*planes, wanted.StoredThumbnail()), wanted);
+      if (!planes->damaged) pixels = planes->grey;
+    }
   }
-  cv::Mat scaled = channels;
-  if (size.width < channels.cols || size.height < channels.rows) {
-    scaled = cv::Mat();
-    cv::resize(channels, scaled, {size.width, size.height}, 0, 0, cv::INTER_AREA);
+  if (decoded->thumbnail.empty() && !wanted.colour && !IsDecodedWhole(header)) {
+    const int coarse =
+        JpegReduction(header, std::max(wanted.thumbnail.width, wanted.thumbnail.height));
+    decoded->thumbnail = ThumbnailFrom(Read(bytes, header, true, coarse), wanted);
   }
-  if (!colour) return CopyFromMat(scaled);
-  cv::Mat rgb;
-  cv::cvtColor(scaled, rgb, scaled.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
-  return CopyFromMat(rgb);
+  if (pixels.empty()) pixels = Read(bytes, header, wanted.colour, wanted.reduction);
+  if (decoded->thumbnail.empty()) decoded->thumbnail = ThumbnailFrom(pixels, wanted);
+  decoded->image = Finished(std::move(pixels), wanted.orientation, wanted.size, wanted.colour);
 }
 
 DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
@@ -249,20 +197,19 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   const bool turned = header.exif_orientation >= 5;
   decoded.original_width = static_cast<int>(turned ? header.height : header.width);
   decoded.original_height = static_cast<int>(turned ? header.width : header.height);
-  const ScaledSize size =
-      ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px);
-  decoded.scale = size.scale;
-
-  const bool with_thumbnail = options.thumbnail_side_px > 0;
-  const ScaledSize thumbnail = ScaleToFit(size.width, size.height, options.thumbnail_side_px);
-  Upright upright;
-  if (with_thumbnail) {
-    upright = ReadWithThumbnail(data, header, options.colour, reduction, thumbnail);
-    decoded.thumbnail = Finished(upright.coarse, thumbnail, true);
+  Wanted wanted{
+      .reduction = reduction,
+      .orientation = OrientationLeft(header),
+      .colour = options.colour,
+      .size = ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px)};
+  decoded.scale = wanted.size.scale;
+  if (options.thumbnail_side_px > 0) {
+    wanted.thumbnail = ScaleToFit(wanted.size.width, wanted.size.height, options.thumbnail_side_px);
+    ReadBoth(data, header, wanted, &decoded);
   } else {
-    upright.pixels = ReadUpright(data, header, options.colour, reduction);
+    decoded.image = Finished(Read(data, header, options.colour, reduction), wanted.orientation,
+                             wanted.size, options.colour);
   }
-  decoded.image = Finished(upright.pixels, size, options.colour);
   return decoded;
 }
 

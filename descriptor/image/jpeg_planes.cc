@@ -57,12 +57,14 @@ std::optional<JpegPlanes> DecodeJpegPlanes(Bytes bytes, const ImageHeader& heade
                      CV_8U);
     rows[i] = planes[i].data;
   }
-  // Of a damaged file OpenCV decides how much is read, and what is said.
-  if (tjDecompressToYUVPlanes(decompressor.get(), bytes.data(), bytes.size(), rows.data(),
-                              size.width, nullptr, size.height, TJFLAG_STOPONWARNING) != 0) {
-    return std::nullopt;
-  }
-  return JpegPlanes{planes[0](cv::Rect(cv::Point(), size)), planes[0].size(), planes[1], planes[2]};
+  const int failed = tjDecompressToYUVPlanes(decompressor.get(), bytes.data(), bytes.size(),
+                                             rows.data(), size.width, nullptr, size.height, 0);
+  if (failed != 0 && tjGetErrorCode(decompressor.get()) == TJERR_FATAL) return std::nullopt;
+  return JpegPlanes{.grey = planes[0](cv::Rect(cv::Point(), size)),
+                    .padded = planes[0].size(),
+                    .blue = planes[1],
+                    .red = planes[2],
+                    .damaged = failed != 0};
 }
 
 cv::Mat ThumbnailOf(const JpegPlanes& planes, cv::Size size) {

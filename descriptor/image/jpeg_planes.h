@@ -21,11 +21,12 @@ struct JpegPlanes {
   cv::Size padded;  // at least that size
   cv::Mat blue;     // Cb; empty in a grey JPEG
   cv::Mat red;      // Cr
+  bool damaged;     // there are warnings: OpenCV may give other grey values, or refuse the file
 };
 
 // As the file has it, not turned upright. `reduction`: 1, 2, 4 or 8. Nothing for what is left to
 // OpenCV: JPEGs that are neither grey nor of Y, Cb and Cr (CMYK, RGB), whose sampling is unusual,
-// or whose data are damaged. Throws std::bad_alloc. Thread-safe.
+// or that cannot be decoded to their end. Throws std::bad_alloc. Thread-safe.
 std::optional<JpegPlanes> DecodeJpegPlanes(Bytes bytes, const ImageHeader& header, int reduction);
 
 // Scaled to `size`, as B, G, R.

@@ -21,10 +21,13 @@ constexpr int kWebpQuality = 50;  // without it OpenCV encodes without loss, whi
 void DecodeInEveryWay(const std::vector<std::uint8_t>& file) {
   for (const int max_side_px : {0, kSmallSidePx}) {
     for (const bool colour : {false, true}) {
-      DecodeOptions options;
-      options.max_side_px = max_side_px;
-      options.colour = colour;
-      DecodeImage(file, options);
+      for (const int thumbnail_side_px : {0, kSmallSidePx}) {
+        DecodeOptions options;
+        options.max_side_px = max_side_px;
+        options.colour = colour;
+        options.thumbnail_side_px = thumbnail_side_px;
+        DecodeImage(file, options);
+      }
     }
   }
 }

@@ -28,6 +28,10 @@ std::int64_t BufferBytes(const TiffDirectory& directory) {
   return Product(pixels, 4 + (bits + 7) / 8);
 }
 
+// Three of colour and one of grey. OpenCV turns TIFF itself: colours are there twice then.
+constexpr std::int64_t kPixelBytes = 4;
+constexpr std::int64_t kTurnedPixelBytes = 6;
+
 }  // namespace
 
 ScannedImage ScanTiff(Bytes bytes) {
@@ -38,7 +42,8 @@ ScannedImage ScanTiff(Bytes bytes) {
                                   .exif_orientation = directory.orientation},
                        .complete = directory.complete,
                        .defect = directory.defect,
-                       .pixel_bytes = 4};
+                       .pixel_bytes = kPixelBytes};
+  if (scanned.header.exif_orientation >= 5) scanned.pixel_bytes = kTurnedPixelBytes;
   scanned.buffer_bytes = BufferBytes(directory);
   return scanned;
 }

@@ -20,7 +20,7 @@
 set -euo pipefail
 : "${PACK:?}" "${OUT:?}"
 SECONDS_LEFT=${SECONDS_LEFT:-540} SETS=${SETS:-pairs street} SCENES=${SCENES:-3000} PRESET=${PRESET:-gpu}
-FIRST=${FIRST:-$((SCENES / 3))}
+FIRST=${FIRST:-$(((SCENES + 2) / 3))}
 STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work} INIT=${INIT:-}
 SIZE=${SIZE:-480x360} VIEWS=${VIEWS:-5}
 started=$(date +%s)

@@ -9,6 +9,7 @@
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
+#include "index/engine/training_policy.h"
 #include "index/import/folder_import.h"
 
 namespace pliant::cli {
@@ -29,9 +30,9 @@ struct Outcome {
   double seconds = 0;
 };
 
-const char* NamedBy(ObjectFrom object_from) {
-  if (object_from == ObjectFrom::kStem) return "file name";
-  return object_from == ObjectFrom::kNone ? "nothing" : "folder";
+const char* NamedBy(const PictureFiles& files) {
+  if (files.by_folder) return files.by_stem ? "folder, and by file name outside of one" : "folder";
+  return files.by_stem ? "file name" : "nothing";
 }
 
 std::optional<VocabularyRecord> ActiveVocabulary(Engine& engine, const std::string& collection) {
@@ -41,30 +42,39 @@ std::optional<VocabularyRecord> ActiveVocabulary(Engine& engine, const std::stri
   return std::nullopt;
 }
 
-// The first vocabulary comes by itself, so that one command makes an index that answers.
-void TrainFirstVocabulary(Engine& engine, const Options& options, const Interrupt& interrupt,
-                          Outcome& outcome) {
-  ListOptions any;
-  any.collection = options.job.collection;
-  any.limit = 1;
-  if (engine.List(any).empty()) return;
-  Message("no vocabulary yet: training one from the stored pictures");
+// The first vocabulary comes by itself, so that one command makes an index that answers; and
+// another one when the collection has outgrown it.
+void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interrupt,
+                Outcome& outcome) {
+  const CollectionRecord record = engine.GetCollection(options.job.collection);
+  if (!AutomaticTrainingIsDue(record)) return;
+  Message(record.vocabulary ? "the collection has outgrown its vocabulary: training another one"
+                            : "no vocabulary yet: training one from the stored pictures");
   TrainOptions train;
+  train.automatic = true;
   train.collection = options.job.collection;
   train.threads = options.job.threads;
   train.stop = interrupt.token();
   Progress progress("training the vocabulary");
   train.progress = [&](double done, double) { progress.Share(done); };
-  outcome.vocabulary = engine.TrainVocabulary(train);
+  const VocabularyRecord made = engine.TrainVocabulary(train);
+  if (!made.active) {
+    UseOptions use;
+    use.threads = options.job.threads;
+    use.stop = interrupt.token();
+    use.automatic = true;
+    engine.UseVocabulary(options.job.collection, made.id, use);
+  }
+  outcome.vocabulary = made;
   outcome.trained = true;
 }
 
-void PrintText(const Outcome& outcome, ObjectFrom named_by) {
+void PrintText(const Outcome& outcome, const PictureFiles& files) {
   const FolderImportResult& job = outcome.job;
   for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
   Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
         ", skipped " + std::to_string(job.skipped.size()) + " pictures in " +
-        FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(named_by) + ")");
+        FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(files) + ")");
   if (outcome.vocabulary) {
     Print(std::string(outcome.trained ? "trained" : "using") + " vocabulary " +
           std::to_string(outcome.vocabulary->id) + " of " +
@@ -105,9 +115,9 @@ ExitStatus Run(Options& options) {
     options.job.progress = {};
   }
   outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
-  if (!outcome.vocabulary && !outcome.job.interrupted) {
+  if (!outcome.job.interrupted) {
     try {
-      TrainFirstVocabulary(engine, options, interrupt, outcome);
+      TrainIfDue(engine, options, interrupt, outcome);
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kCancelled) throw;
       outcome.job.interrupted = true;
@@ -117,7 +127,7 @@ ExitStatus Run(Options& options) {
   if (options.json) {
     PrintJson(ToJson(outcome));
   } else {
-    PrintText(outcome, files.named_by);
+    PrintText(outcome, files);
   }
   if (files.pictures.empty()) Message("no pictures were found");
   if (outcome.job.interrupted) {
@@ -139,8 +149,9 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   AddDatabaseFlags(*app, options->engine, options->job.collection);
   AddChoice<ObjectFrom>(
       *app, "--object-from", options->object_from,
-      "the name of a picture's object: its folder, its file name without extension (stem), "
-      "or none (default: folder; stem for a single folder without sub-folders)",
+      "the name of a picture's object: its folder below DIR (\"coat/front\"), its file name "
+      "without extension (stem), or none (default: folder; stem for what lies directly in a single "
+      "DIR)",
       {{"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}});
   app->add_option("--jobs,-j", options->job.threads, "threads, one picture each; 0 = one a core")
       ->capture_default_str()

@@ -245,8 +245,8 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
     hit.metadata = record->metadata;
     hit.source = record->source;
     if (options_.explain) {
-      hit.explanation = found.explanation ? std::move(found.explanation)
-                                          : NotLookedAt(options_, found.picture.score);
+      hit.explanation = found.explanations.empty() ? NotLookedAt(options_, found.picture.score)
+                                                   : std::move(found.explanations.front());
     }
     page.push_back(std::move(hit));
   }

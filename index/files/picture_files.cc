@@ -48,14 +48,14 @@ bool HasPictureContent(const fs::path& path) {
 
 class Walk {
  public:
-  void Visit(const fs::path& path, int depth) {
+  void Visit(const fs::path& path, int depth, const fs::path& below = {}) {
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
     if (fs::is_directory(status)) {
-      VisitFolder(path, depth);
+      VisitFolder(path, depth, depth == 0 ? below : below / path.filename());
     } else if (fs::is_regular_file(status)) {
       if (depth == 0 || LooksLikePicture(path)) {
-        found_.push_back({path, depth});
+        found_.push_back({path, depth, below});
       }
     } else if (depth == 0) {
       throw Error(ErrorCode::kNotFound, "input_not_found",
@@ -69,13 +69,14 @@ class Walk {
 
   struct Found {
     fs::path path;
-    int depth;  // 0 = named itself, 1 = directly in a named folder
+    int depth;       // 0 = named itself, 1 = directly in a named folder
+    fs::path below;  // the way to its folder from there; empty for these
   };
   std::vector<Found> found_;
   std::vector<SkippedFile> skipped_;
 
  private:
-  void VisitFolder(const fs::path& folder, int depth) {
+  void VisitFolder(const fs::path& folder, int depth, const fs::path& below) {
     struct stat info {};
     if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
       return;
@@ -88,7 +89,7 @@ class Walk {
     if (error) skipped_.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
     std::sort(entries.begin(), entries.end(),
               [](const fs::path& a, const fs::path& b) { return a.native() < b.native(); });
-    for (const fs::path& entry : entries) Visit(entry, depth + 1);
+    for (const fs::path& entry : entries) Visit(entry, depth + 1, below);
   }
 
   std::set<std::pair<dev_t, ino_t>> visited_;
@@ -99,14 +100,15 @@ std::string FolderName(const fs::path& path) {
   return folder.filename().string();
 }
 
-std::string ObjectOf(const fs::path& path, ObjectFrom object_from) {
+std::string ObjectOf(const Walk::Found& found, ObjectFrom object_from) {
   switch (object_from) {
     case ObjectFrom::kStem:
-      return ToDisplayText(path.stem().string());
+      return ToDisplayText(found.path.stem().string());
     case ObjectFrom::kNone:
       return {};
     default:
-      return ToDisplayText(FolderName(path));
+      return ToDisplayText(found.below.empty() ? FolderName(found.path)
+                                               : found.below.generic_string());
   }
 }
 
@@ -121,17 +123,17 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
   for (const fs::path& input : inputs) walk.Visit(input, 0);
   PictureFiles files;
   files.skipped = std::move(walk.skipped_);
-  files.named_by = object_from;
-  if (object_from == ObjectFrom::kAuto) {
-    const bool flat = inputs.size() == 1 &&
-                      std::all_of(walk.found_.begin(), walk.found_.end(),
-                                  [](const Walk::Found& found) { return found.depth <= 1; });
-    files.named_by = flat ? ObjectFrom::kStem : ObjectFrom::kFolder;
-  }
+  const bool one_folder = inputs.size() == 1;
   std::set<fs::path> seen;  // a folder and a file in it may both be named
   for (const Walk::Found& found : walk.found_) {
     if (!seen.insert(found.path).second) continue;
-    files.pictures.push_back({found.path, ObjectOf(found.path, files.named_by)});
+    ObjectFrom from = object_from;
+    if (from == ObjectFrom::kAuto) {
+      from = one_folder && found.depth <= 1 ? ObjectFrom::kStem : ObjectFrom::kFolder;
+    }
+    files.by_folder = files.by_folder || from == ObjectFrom::kFolder;
+    files.by_stem = files.by_stem || from == ObjectFrom::kStem;
+    files.pictures.push_back({found.path, ObjectOf(found, from)});
   }
   return files;
 }

@@ -13,9 +13,13 @@
 namespace pliant {
 
 enum class ObjectFrom {
-  kAuto,    // kStem for a single folder without sub-folders that hold pictures, else kFolder
-  kFolder,  // name of the folder that the picture lies in
-  kStem,    // file name without its extension
+  // Where a single folder is given, kStem for what lies directly in it, and kFolder for the rest;
+  // else kFolder.
+  kAuto,
+  // The way to the picture's folder from the one that was given ("coat/front"), so that folders of
+  // one name in different places are different objects; what lies directly in it has its name.
+  kFolder,
+  kStem,  // file name without its extension
   kNone,
 };
 
@@ -33,7 +37,8 @@ struct SkippedFile {
 struct PictureFiles {
   std::vector<PictureFile> pictures;
   std::vector<SkippedFile> skipped;  // folders that cannot be read
-  ObjectFrom named_by = ObjectFrom::kFolder;
+  bool by_folder = false;            // some are named so
+  bool by_stem = false;
 };
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on

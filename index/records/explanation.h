@@ -44,7 +44,8 @@ struct Explanation {
   double inlier_fraction = 0;      // of the matches
   double independent_inliers = 0;  // the inliers, each divided by how many lie in its place
   // Mean difference of the colours of what is seen (CIELAB's a* and b*), but for the light's;
-  // nothing where one of the pictures is grey or was indexed without colours.
+  // nothing where one of the pictures is grey or was indexed without colours, where too little is
+  // seen, or nothing agrees.
   std::optional<double> colour_difference;
   std::vector<PointPair> inliers;  // the matches that agree with the warp
   std::optional<Mesh> mesh;        // the warp, hit's picture -> query picture; when verified

@@ -81,6 +81,12 @@ TemplateBox WithMargin(const TemplateBox& box, const Image& reference) {
           std::min(reference.height, box.y + box.height + margin) - top};
 }
 
+// Nothing here is told apart by them.
+TrackerOptions WithoutColours(TrackerOptions options) {
+  options.extraction.colours = false;
+  return options;
+}
+
 }  // namespace
 
 Features FeaturesInside(const Features& features, const TemplateBox& box, const Image& mask,
@@ -107,7 +113,7 @@ Features FeaturesInside(const Features& features, const TemplateBox& box, const 
 
 Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
                  TrackerOptions options)
-    : options_(std::move(options)),
+    : options_(WithoutColours(std::move(options))),
       extractor_(std::move(descriptor), options_.extraction),
       box_(FindBox(reference, options_)) {
   Validate(options_.locate);

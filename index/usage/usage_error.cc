@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/usage/usage_error.h"
 
+#include <string_view>
 #include <vector>
 
 #include "index/usage/closest_name.h"
@@ -54,6 +55,14 @@ std::string Unexpected(const CLI::App& app, const std::string& path,
   return words.empty() ? "" : path + " takes no further argument: " + words.front();
 }
 
+// A line of the configuration file that sets no flag. CLI11 ends its message with the name.
+std::string UnknownSetting(const CLI::App& app, const std::string& path, const std::string& what) {
+  std::string name = what.substr(what.rfind("parse ") + 6);
+  name = name.substr(0, name.rfind(".++"));  // of a table
+  return path + ": the configuration file sets \"" + name +
+         "\", which is no flag without its dashes" + DidYouMean("--" + name, OptionNames(app));
+}
+
 }  // namespace
 
 std::string UsageError(const CLI::App* program, const CLI::Error& error) {
@@ -69,6 +78,10 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error) {
   if (text.empty() && is(CLI::ExitCodes::RequiredError) && !CommandNames(app).empty()) {
     text = path + " needs a command:";
     for (const std::string& name : CommandNames(app)) text += " " + name;
+  }
+  if (error.get_name() == "ConfigError" &&
+      std::string_view(error.what()).find("not able to parse") != std::string_view::npos) {
+    text = UnknownSetting(app, path, error.what());
   }
   if (text.empty()) text = error.what();
   const std::size_t colon = text.find(": ");

@@ -159,6 +159,20 @@ void FollowTheirSources(std::vector<VerifiedPicture>* pictures) {
   }
 }
 
+// Takes these instances, in ascending order, from the picture; the first one where all would go.
+void Drop(std::vector<std::size_t> instances, VerifiedPicture* picture) {
+  if (instances.size() == picture->instances.size() && !instances.empty()) {
+    instances.erase(instances.begin());
+  }
+  for (auto instance = instances.rbegin(); instance != instances.rend(); ++instance) {
+    const auto at = static_cast<std::ptrdiff_t>(*instance);
+    picture->instances.erase(picture->instances.begin() + at);
+    if (!picture->explanations.empty()) {
+      picture->explanations.erase(picture->explanations.begin() + at);
+    }
+  }
+}
+
 }  // namespace
 
 void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures) {
@@ -167,21 +181,18 @@ void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures)
   }
   const std::vector<Place> places = PlacesOf(query, *pictures);
   std::vector<double> doubts(pictures->size(), std::numeric_limits<double>::infinity());
-  std::vector<const Place*> lost;
+  std::vector<std::vector<std::size_t>> lost(pictures->size());  // instances
   for (const Place& place : places) {
     const Rivals rivals = RivalsOf(place, places, *pictures);
     double& doubt = doubts[place.picture];
     doubt = std::min(doubt, rivals.doubt);
-    if (rivals.beaten && place.instance > 0) lost.push_back(&place);
+    if (rivals.beaten) lost[place.picture].push_back(place.instance);
   }
   for (std::size_t i = 0; i < pictures->size(); ++i) {
     if (std::isfinite(doubts[i])) (*pictures)[i].probability /= 1 + doubts[i];
   }
   FollowTheirSources(pictures);
-  for (auto place = lost.rbegin(); place != lost.rend(); ++place) {  // the last ones first
-    auto& instances = (*pictures)[(*place)->picture].instances;
-    instances.erase(instances.begin() + static_cast<std::ptrdiff_t>((*place)->instance));
-  }
+  for (std::size_t i = 0; i < pictures->size(); ++i) Drop(lost[i], &(*pictures)[i]);
 }
 
 }  // namespace pliant

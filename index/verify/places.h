@@ -17,8 +17,8 @@ namespace pliant {
 //   - Each has its share of the probability: p / (1 + the sum of (o' / o)³), with its own
 //     probability p, its odds o there and those o' of each other object. An object that is seen in
 //     several places has the largest of its shares. Scores stay, and so the order.
-//   - The one that keeps most of its claims (SettleClaims) has the place: further instances of the
-//     others there go.
+//   - The one that keeps most of its claims (SettleClaims) has the place: instances of the others
+//     there go, as far as one is left.
 // What keeps equally many claims, as copies under two names do, is no rival. Neither are pictures
 // without a name, whatever they show, nor those of the same object. A picture that agrees through
 // another one (`via`) has as much of its probability as that one has, and of another object than

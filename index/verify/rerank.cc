@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -36,21 +37,19 @@ std::vector<Instance> InstancesOf(const VerificationResult& result) {
 // Fitted to real packages and banknotes. Only the ratio to other pictures' factors matters.
 float ColourFactor(const std::optional<double>& difference) {
   constexpr double kNoise = 4;  // below this, differences say little
-  constexpr double kUsual = 7;  // of pictures that show the same: for those without colours
-  return static_cast<float>(std::sqrt(kNoise + difference.value_or(kUsual)));
+  return difference ? static_cast<float>(std::sqrt(kNoise + *difference)) : 0.0F;
 }
 
 std::vector<Claim> ClaimsOf(const VerificationResult& result) {
-  const float by_colour = ColourFactor(result.colour_difference);
   std::vector<Claim> claims;
-  const auto add = [&](const std::vector<MatchedPair>& inliers,
-                       const std::vector<float>& distances) {
-    for (std::size_t i = 0; i < inliers.size(); ++i) {
-      claims.push_back({inliers[i].query, distances[i] * by_colour});
+  const auto add = [&](const auto& found) {
+    const float factor = ColourFactor(found.colour_difference);
+    for (std::size_t i = 0; i < found.inliers.size(); ++i) {
+      claims.push_back({found.inliers[i].query, found.distances[i], factor});
     }
   };
-  add(result.inliers, result.distances);
-  for (const FurtherInstance& other : result.others) add(other.inliers, other.distances);
+  add(result);
+  for (const FurtherInstance& other : result.others) add(other);
   return claims;
 }
 
@@ -82,8 +81,10 @@ std::vector<VerifiedPicture> Rerank(
     if (!features) return;
     const VerificationResult result = verifier.Verify(*features);
     if (options.explain) {
-      candidate.explanation = Explain(query, *features, result);
-      candidate.explanation->ranking_score = candidate.picture.score;
+      candidate.explanations = ExplainInstances(query, *features, result);
+      for (Explanation& explanation : candidate.explanations) {
+        explanation.ranking_score = candidate.picture.score;
+      }
     }
     candidate.instances = InstancesOf(result);
     candidate.claims = ClaimsOf(result);
@@ -118,22 +119,39 @@ void DropHints(std::vector<VerifiedPicture>* pictures) {
   }
 }
 
+NearestClaims::Distances NearestClaims::Of(const Claim& claim) {
+  // What is the same in grey, to the last bit, is told apart by its colours, too.
+  constexpr float kLeast = 0.05F;
+  return {.plain = claim.distance,
+          .with_colours = claim.colour_factor > 0 ? (kLeast + claim.distance) * claim.colour_factor
+                                                  : std::numeric_limits<float>::infinity()};
+}
+
 NearestClaims::NearestClaims(const std::vector<VerifiedPicture>& pictures) {
   for (const VerifiedPicture& picture : pictures) {
     if (picture.picture.object == 0) continue;
     for (const Claim& claim : picture.claims) {
+      const Distances distances = Of(claim);
       const auto [at, is_new] =
-          nearest_[claim.keypoint].try_emplace(picture.picture.object, claim.distance);
-      if (!is_new) at->second = std::min(at->second, claim.distance);
+          nearest_[claim.keypoint].try_emplace(picture.picture.object, distances);
+      if (is_new) continue;
+      at->second.plain = std::min(at->second.plain, distances.plain);
+      at->second.with_colours = std::min(at->second.with_colours, distances.with_colours);
     }
   }
 }
 
 bool NearestClaims::Keeps(std::int64_t object, const Claim& claim) const {
+  // Distances differ by more from one compression of a picture to another.
+  constexpr float kAsNear = 1.03F;
   const auto& claimants = nearest_.at(claim.keypoint);
-  const float own = claimants.at(object);
-  return std::all_of(claimants.begin(), claimants.end(),
-                     [&](const auto& other) { return own <= other.second; });
+  const Distances own = claimants.at(object);
+  return std::all_of(claimants.begin(), claimants.end(), [&](const auto& entry) {
+    const Distances& other = entry.second;
+    const bool both = std::isfinite(own.with_colours) && std::isfinite(other.with_colours);
+    return both ? own.with_colours <= kAsNear * other.with_colours
+                : own.plain <= kAsNear * other.plain;
+  });
 }
 
 void SettleClaims(std::vector<VerifiedPicture>* pictures) {

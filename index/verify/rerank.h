@@ -22,13 +22,14 @@ namespace pliant {
 // A key point of the query that a picture shows, too.
 struct Claim {
   std::uint32_t keypoint = 0;  // of the query
-  float distance = 0;  // between the two descriptors, larger the more the pictures' colours differ
+  float distance = 0;          // between the two descriptors
+  float colour_factor = 0;     // larger the more the colours there differ; 0 = they are not known
 };
 
 struct VerifiedPicture {
-  RankedPicture picture;                        // score: the ranking's, lifted by `evidence`
-  std::vector<Instance> instances = {};         // as in Hit
-  std::optional<Explanation> explanation = {};  // of the pictures looked at, when asked for
+  RankedPicture picture;                       // score: the ranking's, lifted by `evidence`
+  std::vector<Instance> instances = {};        // as in Hit
+  std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
   double probability = 0;          // that it is right (SettlePlaces)
   double evidence = 0;             // of its own inliers, or through `via` where that is more
@@ -77,17 +78,25 @@ class NearestClaims {
  public:
   explicit NearestClaims(const std::vector<VerifiedPicture>& pictures);
 
-  // Whether no other named object is nearer. `claim`: of one of the pictures, of this object.
+  // Whether no other named object is clearly nearer. `claim`: of one of the pictures, of this
+  // object.
   bool Keeps(std::int64_t object, const Claim& claim) const;
 
  private:
-  // The nearest distance by key point and object.
-  std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, float>> nearest_;
+  struct Distances {
+    float plain = 0;
+    float with_colours = 0;  // infinite where no colours are known
+  };
+  static Distances Of(const Claim& claim);
+
+  // The nearest distances by key point and object.
+  std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, Distances>> nearest_;
 };
 
 // What a key point of the query shows, it shows once: of the named objects whose pictures claim it,
-// the one with the nearest descriptor has it (of equally near ones each); distances count more
-// where the colours of what is seen differ (index/verify/colour_difference.h). The evidence of a
+// the one with the nearest descriptor has it (of nearly equally near ones each). Between two whose
+// colours are both known, distances count more where the colours of what is seen differ
+// (index/verify/colour_difference.h). The evidence of a
 // picture is multiplied by the square root of the share of its claims that its object keeps, and
 // its score follows. Tells apart objects that have parts in common (notes of one series, packages
 // of one brand): the common part agrees with all of them, and where they differ the right one is

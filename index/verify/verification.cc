@@ -175,6 +175,13 @@ double Verifier::Independent(const Features& reference,
                             kPlaceInReference * std::max(reference.width, reference.height));
 }
 
+std::optional<double> Verifier::Colours(const Features& reference,
+                                        const std::vector<MatchedPair>& inliers,
+                                        const ThinPlateSpline& warp) const {
+  const auto seen = PointsOf(reference.keypoints, inliers, &MatchedPair::reference);
+  return ColourDifference(query_, reference, warp, ConvexHull(seen), MedianScale(warp, seen));
+}
+
 VerificationResult Verifier::Verify(const Features& reference) const {
   if (reference.model_id != query_.model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
@@ -200,9 +207,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
   result.independent = Independent(reference, result.inliers);
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
-  const auto seen = PointsOf(reference.keypoints, result.inliers, &MatchedPair::reference);
-  result.colour_difference = ColourDifference(query_, reference, *result.warp, ConvexHull(seen),
-                                              MedianScale(*result.warp, seen));
+  result.colour_difference = Colours(reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
   return result;
 }
@@ -225,7 +230,8 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     const auto outline = Outline(query_, reference, inliers, *agreed.warp);
     if (found.ShowsAgain(inliers)) {
       result->others.push_back({inliers, DistancesOf(left, agreed.inliers),
-                                Independent(reference, inliers), *agreed.warp, outline});
+                                Independent(reference, inliers),
+                                Colours(reference, inliers, *agreed.warp), *agreed.warp, outline});
       found.Add(inliers, outline);
     } else {
       found.Add(inliers, ConvexHull(PointsOf(query_.keypoints, inliers, &MatchedPair::query)));

@@ -31,9 +31,10 @@ struct VerificationOptions {
 // The object once more, elsewhere in the query picture.
 struct FurtherInstance {
   std::vector<MatchedPair> inliers;
-  std::vector<float> distances;  // of the inliers' descriptors
-  double independent = 0;        // as in VerificationResult
-  ThinPlateSpline warp;          // reference picture -> query picture
+  std::vector<float> distances;             // of the inliers' descriptors
+  double independent = 0;                   // as in VerificationResult
+  std::optional<double> colour_difference;  // as there
+  ThinPlateSpline warp;                     // reference picture -> query picture
   std::vector<Vec2> outline;
 };
 
@@ -79,6 +80,8 @@ class Verifier {
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
   double Independent(const Features& reference, const std::vector<MatchedPair>& inliers) const;
+  std::optional<double> Colours(const Features& reference, const std::vector<MatchedPair>& inliers,
+                                const ThinPlateSpline& warp) const;
   std::vector<Correspondence> Correspondences(const Features& reference,
                                               const std::vector<Match>& matches) const;
 

@@ -169,6 +169,7 @@ void Define(CLI::App& app, ServerOptions& options) {
   DefineDoors(app, options);
   for (const NumberFlag& number : kNumbers) AddNumber(app, number, options);
   app.set_config("--config", "", "Configuration file (TOML): the flags' names without dashes");
+  app.allow_config_extras(CLI::config_extras_mode::error);  // a name that is misspelt is no flag
   app.add_flag("--print-config")
       ->description("Print the effective configuration as a configuration file, and exit");
   app.add_option("--completion")

@@ -3,6 +3,7 @@
 // Reading bodies: plain ones and forms, within their limits.
 #include <fmt/format.h>
 
+#include "index/files/text.h"
 #include "server/http/exchange.h"
 
 namespace pliant::server {
@@ -55,6 +56,7 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
                              const httplib::Response& answer) {
   bool too_large = false;
   bool too_many = false;
+  bool is_field = false;  // that is too large, which only a picture may be
   std::size_t total = 0;
   const bool whole = reader(
       [&](const httplib::MultipartFormData& part) {
@@ -66,13 +68,21 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
       [&](const char* data, std::size_t size) {
         Part& part = request_.parts.back();
         total += size;
-        too_large = total > shared_.max_body_bytes ||
-                    (part.name != "image" && part.content.size() + size > kMaxFieldBytes);
-        if (too_large) return false;
+        too_large = total > shared_.max_body_bytes;
+        is_field = part.name != "image" && part.content.size() + size > kMaxFieldBytes;
+        if (too_large || is_field) return false;
         part.content.append(data, size);
         return true;
       });
-  if (!whole) throw BodyProblem(too_large || RefusedAsTooLarge(answer), too_many);
+  if (whole) return;
+  if (is_field) {
+    throw ProblemError("body_too_large",
+                       fmt::format("The form field \"{}\" has more than {} bytes. Only a picture may, "
+                                   "whose field is called \"image\".",
+                                   ToDisplayText(request_.parts.back().name.substr(0, 64)),
+                                   kMaxFieldBytes));
+  }
+  throw BodyProblem(too_large || RefusedAsTooLarge(answer), too_many);
 }
 
 ProblemError Exchange::BodyProblem(bool too_large, bool too_many_parts) const {

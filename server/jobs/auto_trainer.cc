@@ -7,8 +7,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "index/engine/training_policy.h"
 #include "server/jobs/training_job.h"
-#include "server/jobs/training_policy.h"
 
 namespace pliant::server {
 

@@ -23,7 +23,7 @@ namespace pliant::server {
 // The policy, for each collection:
 // - no vocabulary and at least one picture: train, once uploads pause for kPause (at the latest
 //   kLongestWait after the first), or at once when a search comes;
-// - the active vocabulary is one of ours and outgrown (training_policy.h): train again and switch.
+// - the active vocabulary is one of ours and outgrown (index/engine/training_policy.h): train again and switch.
 // A vocabulary that somebody trained or chose by hand is left alone: the database remembers which
 // (CollectionRecord::automatic).
 class AutoTrainer {

@@ -3,6 +3,7 @@
 #include "server/jobs/bulk_items.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "index/files/text.h"
@@ -15,15 +16,35 @@ namespace pliant::server {
 
 namespace {
 
-// The file's own name, and that of the folder it is in; empty without.
+// The file's own name, and the way to its folder without "." and ".."; empty without.
 std::pair<std::string, std::string> SplitName(const std::string& path) {
-  const std::size_t slash = path.rfind('/');
-  if (slash == std::string::npos) return {path, {}};
-  const std::string folder = path.substr(0, slash);
-  const std::size_t above = folder.rfind('/');
-  std::string last = above == std::string::npos ? folder : folder.substr(above + 1);
-  if (last == "." || last == "..") last.clear();
-  return {path.substr(slash + 1), std::move(last)};
+  std::string folder;
+  std::size_t begin = 0;
+  for (std::size_t slash = 0; (slash = path.find('/', begin)) != std::string::npos;
+       begin = slash + 1) {
+    const std::string part = path.substr(begin, slash - begin);
+    if (!part.empty() && part != "." && part != "..") folder += (folder.empty() ? "" : "/") + part;
+  }
+  return {path.substr(begin), std::move(folder)};
+}
+
+std::string Above(const std::string& folder) {
+  return folder.substr(0, folder.rfind('/') + 1);  // npos + 1 = 0
+}
+
+// What is above all folders that are in folders, with a slash at its end: what was packed.
+std::string CommonWay(const std::vector<TarFile>& files) {
+  std::optional<std::string> common;
+  for (const TarFile& file : files) {
+    const std::string above = Above(SplitName(file.name).second);
+    if (above.empty()) continue;
+    if (!common) common = above;
+    const auto [end, other] =
+        std::mismatch(common->begin(), common->end(), above.begin(), above.end());
+    common->erase(end, common->end());
+    *common = Above(*common);
+  }
+  return common.value_or("");
 }
 
 std::string Stem(const std::string& name) {
@@ -50,6 +71,7 @@ BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefault
     const bool has_folders = std::any_of(files_.begin(), files_.end(), [](const TarFile& file) {
       return !SplitName(file.name).second.empty();
     });
+    common_way_ = CommonWay(files_);
     object_is_folder_ =
         defaults_.object_from == "folder" || (defaults_.object_from == "auto" && has_folders);
   } else {
@@ -124,6 +146,11 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
   return item;
 }
 
+std::string BulkItems::ObjectOf(const std::string& folder, const std::string& name) const {
+  if (!object_is_folder_ || (folder.empty() && defaults_.object_from == "auto")) return Stem(name);
+  return folder.substr(folder.starts_with(common_way_) ? common_way_.size() : Above(folder).size());
+}
+
 BulkItem BulkItems::OfFile(const TarFile& file) const {
   const auto [name, folder] = SplitName(file.name);
   BulkItem item;
@@ -134,7 +161,7 @@ BulkItem BulkItems::OfFile(const TarFile& file) const {
   if (!defaults_.object.empty()) {
     item.request.object = defaults_.object;
   } else if (defaults_.object_from != "none") {
-    item.request.object = ToDisplayText(object_is_folder_ ? folder : Stem(name));
+    item.request.object = ToDisplayText(ObjectOf(folder, name));
   }
   return item;
 }

@@ -53,11 +53,13 @@ class BulkItems {
  private:
   BulkItem OfLine(std::string_view line) const;
   BulkItem OfFile(const TarFile& file) const;
+  std::string ObjectOf(const std::string& folder, const std::string& name) const;
 
   const BulkDefaults defaults_;
   std::vector<std::pair<std::size_t, std::string_view>> lines_;  // with their numbers, from 1
   std::vector<TarFile> files_;
   bool object_is_folder_ = false;
+  std::string common_way_;  // above all folders that are in folders; with a slash at its end
 };
 
 }  // namespace pliant::server

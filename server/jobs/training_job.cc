@@ -6,7 +6,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "server/jobs/training_policy.h"
+#include "index/engine/training_policy.h"
 
 namespace pliant::server {
 

@@ -20,9 +20,10 @@ let stopper = null;  // AbortController while uploads run
 
 // --- the list
 
+// The way to its folder from the one that was chosen; what lies directly in that one has its name.
 function folderOf(file) {
-  const parts = (file.webkitRelativePath || "").split("/");
-  return parts.length > 2 ? parts[parts.length - 2] : parts.length === 2 ? parts[0] : "";
+  const [chosen, ...below] = (file.webkitRelativePath || "").split("/").slice(0, -1);
+  return below.join("/") || chosen || "";
 }
 
 const commonName = () => byId("add-object").value.trim();

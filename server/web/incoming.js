@@ -71,7 +71,7 @@ export async function received(transfer, isPaste = false) {
   let files = plain;
   if (entries.some((entry) => entry?.isDirectory)) {
     files = [];
-    for (const entry of entries) if (entry) await walk(entry, "", files);
+    for (const entry of entries) if (entry) await walk(entry, [], files);
   }
   if (files.length) return { ...nothing, files };
   const data = addresses.map(fileOfData).find(Boolean);
@@ -82,17 +82,18 @@ export async function received(transfer, isPaste = false) {
   return { ...nothing, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
 }
 
-async function walk(entry, folder, found) {
+// way: the folders that the entry lies in, from the one that was dropped.
+async function walk(entry, way, found) {
   if (entry.isFile) {
     const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder });
+    if (!file.name.startsWith(".")) found.push({ file, folder: way.slice(1).join("/") || way[0] || "" });
     return;
   }
   const reader = entry.createReader();
   for (;;) {  // a reader gives at most 100 at once
     const some = await new Promise((done, fail) => reader.readEntries(done, fail));
     if (!some.length) return;
-    for (const inner of some) await walk(inner, entry.name, found);
+    for (const inner of some) await walk(inner, [...way, entry.name], found);
   }
 }
 

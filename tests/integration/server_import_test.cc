@@ -141,6 +141,16 @@ TEST_F(ImportTest, TarArchives) {
   EXPECT_EQ(Items(Finished(client_->Post(std::string(kImport) + "?object_from=none", other,
                                          kTar)))["items"][0]["object"],
             "");
+  // The way to the folder, below what all have in common.
+  const std::string deep = TarEntry("./all/coat/front/a.png", TestPicture(7)) +
+                           TarEntry("./all/coat/back/b.png", TestPicture(8)) +
+                           TarEntry("./all/hat/front/c.png", TestPicture(9)) +
+                           TarEntry("./d.png", TestPicture(10)) + std::string(1024, '\0');
+  const Json named = Items(Finished(client_->Post(kImport, deep, kTar)))["items"];
+  EXPECT_EQ(named[0]["object"], "coat/front");
+  EXPECT_EQ(named[1]["object"], "coat/back");
+  EXPECT_EQ(named[2]["object"], "hat/front");
+  EXPECT_EQ(named[3]["object"], "d");
   // GNU's long names.
   const std::string name = std::string(150, 'd') + "/" + std::string(150, 'f') + ".png";
   const std::string longer =

@@ -45,6 +45,27 @@ Image OtherView(const Image& image) {
   return view;
 }
 
+// Two pictures of one height in one, with a grey gap.
+Image Beside(const Image& left, const Image& right) {
+  constexpr int kGap = 60;
+  Image both{left.width + kGap + right.width, left.height, 3, {}};
+  const auto row_of = [](const Image& image, int y) {
+    return image.pixels.begin() + std::ptrdiff_t{3} * y * image.width;
+  };
+  for (int y = 0; y < both.height; ++y) {
+    both.pixels.insert(both.pixels.end(), row_of(left, y), row_of(left, y + 1));
+    both.pixels.insert(both.pixels.end(), 3 * kGap, 100);
+    both.pixels.insert(both.pixels.end(), row_of(right, y), row_of(right, y + 1));
+  }
+  return both;
+}
+
+double CentreX(const Hit& hit) {
+  double sum = 0;
+  for (const Point p : hit.polygon) sum += p.x;
+  return sum / static_cast<double>(hit.polygon.size());
+}
+
 class EngineColoursTest : public testing::EngineTest {
  protected:
   EngineColoursTest() {
@@ -74,6 +95,23 @@ TEST_F(EngineColoursTest, TheRightColoursAreFound) {
     ASSERT_TRUE(result.hits[0].explanation && result.hits[1].explanation);
     EXPECT_LT(result.hits[0].explanation->colour_difference.value(), 6);
     EXPECT_GT(result.hits[1].explanation->colour_difference.value(), 20);
+  }
+}
+
+TEST_F(EngineColoursTest, SideBySideEachIsFoundInItsPlace) {
+  for (const int tint : {16, -16}) {
+    const SearchResult result = Search(Beside(Tinted(1, tint), Tinted(1, -tint)));
+    ASSERT_GE(result.hits.size(), 2U);
+    EXPECT_EQ(result.found, 2U);
+    for (const Hit& hit : {result.hits[0], result.hits[1]}) {
+      SCOPED_TRACE(hit.object);
+      const bool is_left = (hit.object == "red_left") == (tint > 0);
+      ASSERT_EQ(hit.instances.size(), 1U);
+      EXPECT_NEAR(CentreX(hit), is_left ? 160 : 540, 10);
+      ASSERT_TRUE(hit.explanation);
+      EXPECT_LT(hit.explanation->colour_difference.value(), 6);
+      EXPECT_EQ(hit.explanation->inliers.size(), static_cast<std::size_t>(hit.inliers));
+    }
   }
 }
 

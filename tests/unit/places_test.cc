@@ -93,6 +93,23 @@ TEST(SettlePlaces, ARivalThatIsSureElsewhereIsNoneHere) {
   EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.999));
 }
 
+TEST(SettlePlaces, SiblingsSideBySideAreEachInTheirPlace) {
+  // Each is seen in both places: the second one first where the first one is.
+  std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.2F), Seen(2, 0.99, 0, 45, 0.5F)};
+  See(&pictures[0], 100, 40, 0.5F);
+  See(&pictures[1], 100, 42, 0.2F);
+  pictures[1].explanations.resize(2);
+  pictures[1].explanations[1].matches = 42;
+  SettlePlaces(Query(), &pictures);
+  ASSERT_EQ(pictures[0].instances.size(), 1U);
+  EXPECT_EQ(pictures[0].instances.front().inliers, 50);
+  ASSERT_EQ(pictures[1].instances.size(), 1U);
+  EXPECT_EQ(pictures[1].instances.front().inliers, 42);
+  ASSERT_EQ(pictures[1].explanations.size(), 1U);
+  EXPECT_EQ(pictures[1].explanations.front().matches, 42) << "it is explained where it is";
+  for (const VerifiedPicture& picture : pictures) EXPECT_GT(picture.probability, 0.9);
+}
+
 VerifiedPicture Through(const std::string& source, std::int64_t object, double score) {
   VerifiedPicture picture;
   picture.picture = {{1, "through " + source, 2}, object, score};

@@ -34,11 +34,11 @@ void Add(VerifiedPicture* picture, std::uint32_t first, std::uint32_t count, flo
 }
 
 TEST(SettleClaims, OfTwoObjectsWithPartsInCommonTheNearerOneIsFirst) {
-  // Both show key points 0..39, where they hardly differ; the right one differs less at 30..39. The
+  // Both show key points 0..39, where they differ little; the right one differs less at 30..39. The
   // wrong one has more inliers.
   VerifiedPicture right = Claiming(1, 0, 30, 0.50F);
   Add(&right, 30, 10, 0.30F);
-  VerifiedPicture wrong = Claiming(2, 0, 30, 0.51F);
+  VerifiedPicture wrong = Claiming(2, 0, 30, 0.52F);
   Add(&wrong, 30, 15, 0.60F);
   std::vector<VerifiedPicture> pictures = {wrong, right};
   SettleClaims(&pictures);
@@ -114,6 +114,40 @@ TEST(SettleClaims, EquallyNearOnesShare) {
   SettleClaims(&pictures);
   EXPECT_DOUBLE_EQ(pictures[0].evidence, 25.5);
   EXPECT_DOUBLE_EQ(pictures[1].evidence, 25.5);
+}
+
+TEST(SettleClaims, SoDoNearlyEquallyNearOnes) {
+  // The same picture, compressed twice.
+  std::vector<VerifiedPicture> pictures = {Claiming(1, 0, 30, 0.5F), Claiming(2, 0, 30, 0.51F)};
+  SettleClaims(&pictures);
+  EXPECT_DOUBLE_EQ(pictures[0].evidence, 25.5);
+  EXPECT_DOUBLE_EQ(pictures[1].evidence, 25.5);
+}
+
+VerifiedPicture Coloured(VerifiedPicture picture, float factor) {
+  for (Claim& claim : picture.claims) claim.colour_factor = factor;
+  return picture;
+}
+
+TEST(SettleClaims, ColoursDecideWhereBothAreKnown) {
+  for (const float distance : {0.0F, 0.6F}) {  // to the last bit the same in grey, too
+    std::vector<VerifiedPicture> pictures = {Coloured(Claiming(1, 0, 30, distance), 3),
+                                             Coloured(Claiming(2, 0, 30, distance), 2)};
+    SettleClaims(&pictures);
+    EXPECT_DOUBLE_EQ(pictures[0].evidence, 0);
+    EXPECT_DOUBLE_EQ(pictures[1].evidence, 25.5);
+  }
+}
+
+TEST(SettleClaims, PicturesWithoutColoursAreNeitherPreferredNorPassedOver) {
+  for (const float factor : {0.5F, 5.0F}) {
+    std::vector<VerifiedPicture> pictures = {Coloured(Claiming(1, 0, 30, 0.5F), factor),
+                                             Claiming(2, 0, 30, 0.5F), Claiming(3, 0, 30, 0.6F)};
+    SettleClaims(&pictures);
+    EXPECT_DOUBLE_EQ(pictures[0].evidence, 25.5);
+    EXPECT_DOUBLE_EQ(pictures[1].evidence, 25.5);
+    EXPECT_DOUBLE_EQ(pictures[2].evidence, 0);
+  }
 }
 
 TEST(SettleClaims, TwiceIsOnce) {

@@ -55,16 +55,17 @@ test("many at once, with names; what fails says why and can be tried again", asy
 
 test("a folder's name is the object's name", async () => {
   const folder = mkdtempSync(join(tmpdir(), "pliant-folder-"));
-  for (const [i, name] of ["lamp/a.png", "lamp/b.png", "chair/c.png"].entries()) {
+  for (const [i, name] of ["lamp/a.png", "lamp/b.png", "chair/c.png", "chair/side/d.png"].entries()) {
     mkdirSync(join(folder, name, ".."), { recursive: true });
     writeFileSync(join(folder, name), blobs(10 + i));
   }
   const page = await house.openPage(`${server.address}/#/add`);
   await page.locator("#add-folder").setInputFiles(folder);
-  await page.getByRole("button", { name: "Add 3 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 3 pictures added\./);
+  await page.getByRole("button", { name: "Add 4 pictures" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
   assert.equal((await images("&object=lamp")).length, 2);
   assert.equal((await images("&object=chair")).length, 1);
+  assert.equal((await images("&object=chair%2Fside")).length, 1);
   await house.closePage(page);
   rmSync(folder, { recursive: true });
 });

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "server/jobs/training_policy.h"
+#include "index/engine/training_policy.h"
 
 #include "index/engine/vocabulary_size.h"
 
-namespace pliant::server {
+namespace pliant {
 
 namespace {
 
@@ -21,4 +21,4 @@ bool AutomaticTrainingIsDue(const CollectionRecord& record) {
   return !record.vocabulary || (record.automatic && HasOutgrown(record));
 }
 
-}  // namespace pliant::server
+}  // namespace pliant

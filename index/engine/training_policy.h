@@ -7,7 +7,7 @@
 
 #include "index/records/records.h"
 
-namespace pliant::server {
+namespace pliant {
 
 // A vocabulary of ours that was chosen from at least this many descriptors is replaced only when it
 // would have kWordGrowth times as many words; another one when there are kGrowth times as many
@@ -20,4 +20,4 @@ inline constexpr std::uint64_t kWordGrowth = 2;
 // which nobody trained or chose by hand (CollectionRecord::automatic).
 bool AutomaticTrainingIsDue(const CollectionRecord& record);
 
-}  // namespace pliant::server
+}  // namespace pliant
