@@ -3,6 +3,8 @@
 // pliant db stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
 
+#include <unistd.h>
+
 #include "index/cli/command.h"
 #include "index/cli/db_copy.h"
 #include "index/cli/db_export.h"
@@ -91,8 +93,16 @@ void RequireOwnOriginals(Engine& engine) {
                         : "the originals are in the database: there is no directory to sweep");
 }
 
+// A file that this user may not write is checked as it is; else an older one is migrated.
+Access AccessForCheck(const Options& options) {
+  const std::string database = options.engine.database.string();
+  const bool is_file = access(database.c_str(), F_OK) == 0;
+  const bool read = is_file && !options.sweep && access(database.c_str(), W_OK) != 0;
+  return read ? Access::kRead : Access::kWrite;
+}
+
 ExitStatus Check(Options& options) {
-  Engine engine = OpenEngine(options, Access::kWrite);
+  Engine engine = OpenEngine(options, AccessForCheck(options));
   const std::vector<std::string> problems = engine.Check();
   std::uint64_t swept = 0;
   if (options.sweep) {

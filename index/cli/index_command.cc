@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant index DIR... --db FILE
+#include <algorithm>
 #include <chrono>
 #include <memory>
 
@@ -72,6 +73,12 @@ void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interru
 void PrintText(const Outcome& outcome, const PictureFiles& files) {
   const FolderImportResult& job = outcome.job;
   for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
+  if (std::any_of(job.skipped.begin(), job.skipped.end(),
+                  [](const SkippedFile& file) { return file.code == "same_bytes"; })) {
+    Message(
+        "what is stored keeps its name: to give it another one, remove it first (pliant db rm "
+        "--object NAME) or rename the object on the web page");
+  }
   Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
         ", skipped " + std::to_string(job.skipped.size()) + " pictures in " +
         FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(files) + ")");

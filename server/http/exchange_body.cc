@@ -76,11 +76,11 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
       });
   if (whole) return;
   if (is_field) {
-    throw ProblemError("body_too_large",
-                       fmt::format("The form field \"{}\" has more than {} bytes. Only a picture may, "
-                                   "whose field is called \"image\".",
-                                   ToDisplayText(request_.parts.back().name.substr(0, 64)),
-                                   kMaxFieldBytes));
+    throw ProblemError(
+        "body_too_large",
+        fmt::format("The form field \"{}\" has more than {} bytes. Only a picture may, "
+                    "whose field is called \"image\".",
+                    ToDisplayText(request_.parts.back().name.substr(0, 64)), kMaxFieldBytes));
   }
   throw BodyProblem(too_large || RefusedAsTooLarge(answer), too_many);
 }

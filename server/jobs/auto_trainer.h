@@ -23,9 +23,9 @@ namespace pliant::server {
 // The policy, for each collection:
 // - no vocabulary and at least one picture: train, once uploads pause for kPause (at the latest
 //   kLongestWait after the first), or at once when a search comes;
-// - the active vocabulary is one of ours and outgrown (index/engine/training_policy.h): train again and switch.
-// A vocabulary that somebody trained or chose by hand is left alone: the database remembers which
-// (CollectionRecord::automatic).
+// - the active vocabulary is one of ours and outgrown (index/engine/training_policy.h): train again
+// and switch. A vocabulary that somebody trained or chose by hand is left alone: the database
+// remembers which (CollectionRecord::automatic).
 class AutoTrainer {
  public:
   static constexpr std::uint64_t kSeed = 0x50'4c'49'41'4e'54;  // "PLIANT"

@@ -194,23 +194,25 @@ Json OpenApiDocument(const std::vector<Route>& routes) {
   }
   const Json bearer = {{"type", "http"}, {"scheme", "bearer"}};
   const Json header = {{"type", "apiKey"}, {"in", "header"}, {"name", "X-API-Key"}};
-  return {{"openapi", "3.1.0"},
-          {"info",
-           {{"title", "Pliant"},
-            {"summary", "Find the same object again, however it is bent, folded or crumpled"},
-            {"description",
-             "Parameters may stand in the query, in form fields, or as keys of a JSON body, there "
-             "with the types given here; null is as if it were left out. Errors "
-             "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
-             "X-Request-Id. HEAD works wherever GET does."},
-            {"license", {{"name", "Apache-2.0"}, {"identifier", "Apache-2.0"}}},
-            {"version", PLIANT_VERSION}}},
-          {"servers", {{{"url", "/"}}}},
-          {"tags", TagsOf(routes)},
-          {"paths", paths},
-          {"components",
-           {{"schemas", OpenApiSchemas()},
-            {"securitySchemes", {{"bearer", bearer}, {"header", header}}}}}};
+  return {
+      {"openapi", "3.1.0"},
+      {"info",
+       {{"title", "Pliant"},
+        {"summary", "Find the same object again, however it is bent, folded or crumpled"},
+        {"description",
+         "Parameters may stand in the query, as keys of a JSON body, there with the types given "
+         "here (null is as if it were left out), or, where a route takes a picture, in form "
+         "fields. Errors "
+         "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
+         "X-Request-Id. HEAD works wherever GET does."},
+        {"license", {{"name", "Apache-2.0"}, {"identifier", "Apache-2.0"}}},
+        {"version", PLIANT_VERSION}}},
+      {"servers", {{{"url", "/"}}}},
+      {"tags", TagsOf(routes)},
+      {"paths", paths},
+      {"components",
+       {{"schemas", OpenApiSchemas()},
+        {"securitySchemes", {{"bearer", bearer}, {"header", header}}}}}};
 }
 
 }  // namespace pliant::server

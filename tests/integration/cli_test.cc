@@ -224,6 +224,33 @@ TEST_F(CliTest, ObjectsAreNamedAsAsked) {
   EXPECT_TRUE(object_of_first({"--object-from", "none"}, "flat").is_null());
 }
 
+TEST_F(CliTest, AVocabularyThatWasOutgrownIsReplaced) {
+  WriteBytes(folder_ / "few" / "0.png", RandomPng(70));
+  for (int i = 1; i < 6; ++i) {
+    WriteBytes(folder_ / "many" / (std::to_string(i) + ".png"), RandomPng(70 + i));
+  }
+  const auto vocabulary_after = [&](const std::string& input) {
+    const ProgramResult result = RunProgram(
+        {"index", (folder_ / input).string(), "--db", db_, "--descriptor", "rootsift", "--json"});
+    EXPECT_EQ(result.status, 0) << result.err;
+    return result.json()["vocabulary"];
+  };
+  const Json first = vocabulary_after("few");
+  const Json second = vocabulary_after("many");
+  EXPECT_EQ(second["trained"], true);
+  EXPECT_NE(second["id"], first["id"]);
+  EXPECT_GT(second["words"], first["words"]);
+  const Json third = vocabulary_after("many");
+  EXPECT_EQ(third["trained"], false);
+  EXPECT_EQ(third["id"], second["id"]) << "the new one is in use";
+  // What somebody chose stays.
+  ASSERT_EQ(RunProgram({"vocab", "use", first["id"].dump(), "--db", db_}).status, 0);
+  WriteBytes(folder_ / "few" / "1.png", RandomPng(90));
+  const Json chosen = vocabulary_after("few");
+  EXPECT_EQ(chosen["trained"], false);
+  EXPECT_EQ(chosen["id"], first["id"]);
+}
+
 TEST_F(CliTest, PicturesComeFromStandardInput) {
   WriteBytes(folder_ / "q.png", RandomPng(1));
   const auto described = [&](const std::string& redirection, const std::string& picture) {

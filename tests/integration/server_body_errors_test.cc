@@ -92,6 +92,17 @@ TEST_F(ServerErrorsTest, Parameters) {
   });
 }
 
+TEST_F(ServerErrorsTest, APictureInAnotherFieldIsToldWhereItBelongs) {
+  const auto answer =
+      client_->Post(kImages, httplib::MultipartFormDataItems{
+                                 {"file", std::string(70'000, 'x'), "photo.jpg", "image/jpeg"}});
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 413);
+  const std::string detail = Json::parse(answer->body)["detail"];
+  EXPECT_NE(detail.find("\"file\""), std::string::npos) << detail;
+  EXPECT_NE(detail.find("\"image\""), std::string::npos) << detail;
+}
+
 TEST_F(ServerErrorsTest, ThousandRandomUploads) {
   constexpr unsigned kSeed = 20260131;
   std::mt19937 random(kSeed);

@@ -163,6 +163,30 @@ TEST(Usage, OtherShellsHaveEveryOption) {
                                [] { CompletionScript(Program().app, "tcsh"); });
 }
 
+TEST(Usage, SettingsOfAFileThatAreNoneAreNamed) {
+  const auto said = [](const std::string& settings) {
+    const std::string file = ::testing::TempDir() + "pliant-usage.toml";
+    std::ofstream(file) << settings << "\n";
+    CLI::App app("", "server");
+    std::string listen;
+    app.add_option("--listen", listen);
+    app.set_config("--config");
+    app.allow_config_extras(CLI::config_extras_mode::error);
+    std::vector<std::string> arguments = {file, "--config"};  // from the last to the first
+    try {
+      app.parse(arguments);
+    } catch (const CLI::ParseError& error) {
+      return UsageError(&app, error);
+    }
+    return std::string();
+  };
+  EXPECT_EQ(said("listen = \"here\""), "");
+  EXPECT_THAT(said("lisen = \"here\""), HasSubstr("\"lisen\", which is no flag"));
+  EXPECT_THAT(said("lisen = \"here\""), HasSubstr("did you mean --listen?"));
+  EXPECT_THAT(said("[other]\nlisten = \"here\""), HasSubstr("\"other\", which is no flag"));
+  EXPECT_THAT(said("listen here"), HasSubstr("\"listen here\", which is no flag"));
+}
+
 TEST(Usage, HelpIsForPeople) {
   Program program;
   CLI::App& eat = *program.app.get_subcommand("eat");
