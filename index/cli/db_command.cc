@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant db stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
+#include <sstream>
 
 #include <unistd.h>
 
@@ -93,6 +94,12 @@ void RequireOwnOriginals(Engine& engine) {
                         : "the originals are in the database: there is no directory to sweep");
 }
 
+// SQLite tells several things in one text.
+void PrintLines(const std::string& text) {
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) Print(ToDisplayText(line));
+}
+
 // A file that this user may not write is checked as it is; else an older one is migrated.
 Access AccessForCheck(const Options& options) {
   const std::string database = options.engine.database.string();
@@ -119,7 +126,8 @@ ExitStatus Check(Options& options) {
   } else if (problems.empty()) {
     Print("ok");
   } else {
-    for (const std::string& problem : problems) Print(ToDisplayText(problem));
+    for (const std::string& problem : problems) PrintLines(problem);
+    Message("pliant db restore BACKUP --db FILE --replace puts a backup in its place");
   }
   return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }

@@ -19,9 +19,11 @@ bool Contains(const Region& region, const Keypoint& k) {
 
 void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
   if (view.has_vocabulary()) return;
-  throw Error(ErrorCode::kConflict, "no_vocabulary",
-              "collection \"" + options.collection +
-                  "\" has no vocabulary yet; add pictures and train one: pliant vocab train");
+  throw Error(
+      ErrorCode::kConflict, "no_vocabulary",
+      "collection \"" + options.collection +
+          "\" has no vocabulary yet: `pliant index` makes one when it has added its pictures, and "
+          "`pliant vocab train --db FILE` at any time");
 }
 
 void CheckQuery(const Features& features, bool has_region) {

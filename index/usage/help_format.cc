@@ -39,4 +39,16 @@ std::string HelpFormat::make_option_desc(const CLI::Option* option) const {
   return notes.empty() ? text : text + " (" + notes + ")";
 }
 
+std::string HelpFormat::make_groups(const CLI::App* app, CLI::AppFormatMode mode) const {
+  const std::string own = CLI::Formatter::make_groups(app, mode);
+  const CLI::App* above = app->get_parent();
+  if (above == nullptr || !app->get_fallthrough()) return own;
+  const auto options = above->get_options([&](const CLI::Option* option) {
+    return option->nonpositional() && option != above->get_help_ptr() &&
+           !option->get_group().empty();
+  });
+  if (options.empty()) return own;
+  return own + make_group("Options of every " + above->get_name(), false, options);
+}
+
 }  // namespace pliant::cli

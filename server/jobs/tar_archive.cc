@@ -114,6 +114,9 @@ std::vector<TarFile> ReadTar(std::string_view archive, std::size_t most) {
     if (archive.size() - at < kBlock) ThrowDamaged(at, "ends too early");
     const std::string_view header = archive.substr(at, kBlock);
     if (IsZero(header)) return files;
+    if (at == 0 && archive.starts_with("\x1f\x8b")) {
+      throw ProblemError("bad_request", "The TAR archive is compressed. Send it uncompressed.");
+    }
     if (!IsHeader(header)) ThrowDamaged(at, at == 0 ? "is none" : "is damaged");
     const char type = header[156];
     const auto stated = NumberOf(header.substr(124, 12));

@@ -93,9 +93,9 @@ TEST_F(ServerErrorsTest, Parameters) {
 }
 
 TEST_F(ServerErrorsTest, APictureInAnotherFieldIsToldWhereItBelongs) {
-  const auto answer =
-      client_->Post(kImages, httplib::MultipartFormDataItems{
-                                 {"file", std::string(70'000, 'x'), "photo.jpg", "image/jpeg"}});
+  const auto answer = server_->Client().Post(
+      kImages, httplib::MultipartFormDataItems{
+                   {"file", std::string(70'000, 'x'), "photo.jpg", "image/jpeg"}});
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 413);
   const std::string detail = Json::parse(answer->body)["detail"];

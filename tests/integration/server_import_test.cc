@@ -164,6 +164,7 @@ TEST_F(ImportTest, BodiesThatAreNoneAreRefusedAtOnce) {
   Refused("\n \n", kLines, 400, "missing_parameter");
   Refused("x", "application/json", 415, "unsupported_content_type");
   Refused("no archive", kTar, 400, "bad_request");
+  Refused("\x1f\x8b compressed", kTar, 400, "bad_request");
   Refused(std::string(512, 'x'), kTar, 400, "bad_request");
   Refused(std::string(1024, '\0'), kTar, 400, "missing_parameter");
   const std::string entry = TarEntry("a.png", TestPicture(1));

@@ -201,6 +201,14 @@ TEST(Usage, HelpIsForPeople) {
   EXPECT_THAT(help, Not(ContainsRegex("INT|FLOAT|REQUIRED")));
 }
 
+TEST(Usage, HelpHasTheOptionsOfTheCommandAbove) {
+  Program program;
+  CLI::App& box = *program.app.get_subcommand("box");
+  const std::string help = box.get_subcommand("open")->help();
+  EXPECT_THAT(help, ContainsRegex("Options of every box:\n *--db TEXT +where\n"));
+  EXPECT_THAT(box.help(), Not(HasSubstr("Options of every")));
+}
+
 TEST(Usage, TheManualHasEverything) {
   const std::string page = ManualPage(Program().app, "fruit 1.2");
   EXPECT_THAT(page, ::testing::StartsWith(".TH FRUIT 1 \"\" \"fruit 1.2\""));
