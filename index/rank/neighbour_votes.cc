@@ -39,8 +39,8 @@ NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Voters& voters,
     const float base = coder.binary() ? distance : distance * distance;
     cells_.push_back({word, static_cast<std::uint32_t>(i / cells_per_row), base});
     if (i % cells_per_row != 0) continue;
-    const float next = cells_per_row > 1 ? words[i + 1].distance : 0;
-    const float usual = options.least * (coder.binary() ? next : next * next);
+    const float farthest = words[i + cells_per_row - 1].distance;
+    const float usual = options.least * (coder.binary() ? farthest : farthest * farthest);
     limits_.push_back(options.reach * std::max(base, usual));
     const double weight = WeightOf(limits_.size() - 1);
     most += weight * limits_.back();

@@ -6,10 +6,10 @@
 // Let w be the nearest word of the query descriptor q, and |q - w| its distance. A descriptor x in
 // one of the cells (words) nearest to q votes
 //   v = max(0, a max(|q - w|^2, b |q - w'|^2) - |q - x|^2)
-// for its picture, the best once per query descriptor and picture. w' is the second nearest word: a
-// descriptor that has become a word itself, because it is stored several times or the collection
-// is small, is as far from usual as that says. The weight is relative, as in
-// local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
+// for its picture, the best once per query descriptor and picture. w' is the farthest of these
+// cells' words: a descriptor that has become a word itself, or several, because it is stored many
+// times or the collection is small, is as far from usual as that says. The weight is relative, as
+// in local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
 // second nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and
 // only what is nearer than the word, that is than usual, says something. Distances are estimated
 // from codes (vocab/residual_codes.h).
@@ -40,10 +40,10 @@ struct Voters {
 };
 
 struct NeighbourOptions {
-  int cells = 16;       // nearest words whose lists a query descriptor looks into
-  float reach = 0.7F;   // a
-  int threads = 1;      // 0 = all cores
-  float least = 0.25F;  // b
+  int cells = 16;      // nearest words whose lists a query descriptor looks into
+  float reach = 0.7F;  // a
+  int threads = 1;     // 0 = all cores
+  float least = 0.3F;  // b
 };
 
 struct Vote {

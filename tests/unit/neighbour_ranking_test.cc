@@ -19,7 +19,7 @@ namespace {
 constexpr int kDim = 16;
 constexpr std::size_t kWords = 24;
 constexpr double kReach = 0.7;  // NeighbourOptions
-constexpr double kLeast = 0.25;
+constexpr double kLeast = 0.3;
 constexpr std::size_t kCells = 16;
 
 Descriptors RandomUnit(std::mt19937_64& random, std::size_t rows) {
@@ -127,7 +127,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       };
       const double limit =
           kReach * std::max<double>(square(cells[q * kCells].distance),
-                                    kLeast * square(cells[q * kCells + 1].distance));
+                                    kLeast * square(cells[q * kCells + kCells - 1].distance));
       const double weight = weights.empty() ? 1 : weights[q];
       most += weight * limit;
       voices += weight;
