@@ -39,8 +39,8 @@ std::string HelpFormat::make_option_desc(const CLI::Option* option) const {
   return notes.empty() ? text : text + " (" + notes + ")";
 }
 
-std::string HelpFormat::make_groups(const CLI::App* app, CLI::AppFormatMode mode) const {
-  const std::string own = CLI::Formatter::make_groups(app, mode);
+std::string HelpFormat::make_footer(const CLI::App* app) const {
+  const std::string own = CLI::Formatter::make_footer(app);
   const CLI::App* above = app->get_parent();
   if (above == nullptr || !app->get_fallthrough()) return own;
   const auto options = above->get_options([&](const CLI::Option* option) {
@@ -48,7 +48,9 @@ std::string HelpFormat::make_groups(const CLI::App* app, CLI::AppFormatMode mode
            !option->get_group().empty();
   });
   if (options.empty()) return own;
-  return own + make_group("Options of every " + above->get_name(), false, options);
+  const std::string group = make_group("Options of every " + above->get_name(), false, options);
+  const std::size_t begin = group.find_first_not_of('\n');  // lines are left free around a footer
+  return group.substr(begin) + (app->get_footer().empty() ? "" : "\n" + own);
 }
 
 }  // namespace pliant::cli

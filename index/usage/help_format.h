@@ -15,7 +15,7 @@ class HelpFormat : public CLI::Formatter {
  public:
   std::string make_option_opts(const CLI::Option* option) const override;
   std::string make_option_desc(const CLI::Option* option) const override;
-  std::string make_groups(const CLI::App* app, CLI::AppFormatMode mode) const override;
+  std::string make_footer(const CLI::App* app) const override;
 };
 
 }  // namespace pliant::cli
