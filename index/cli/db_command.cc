@@ -2,11 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant db stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
-#include <sstream>
-
-#include <unistd.h>
 
 #include "index/cli/command.h"
+#include "index/cli/db_check.h"
 #include "index/cli/db_copy.h"
 #include "index/cli/db_export.h"
 #include "index/cli/engine_flags.h"
@@ -33,16 +31,8 @@ struct Options {
   bool json = false;
 };
 
-enum class Access { kRead, kWrite };
-
-// `with_index`: its size is to be told.
 Engine OpenEngine(Options& options, Access access, bool with_index = false) {
-  options.engine.descriptor.clear();
-  options.engine.create = false;
-  options.engine.load_descriptor = false;
-  options.engine.load_index = with_index;
-  options.engine.read_only = access == Access::kRead;
-  return Engine(options.engine);
+  return OpenForCare(options.engine, access, with_index);
 }
 
 Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
@@ -85,51 +75,8 @@ ExitStatus Stats(Options& options) {
   return ExitStatus::kDone;
 }
 
-void RequireOwnOriginals(Engine& engine) {
-  const auto originals = engine.DescribeOriginals();
-  if (originals && originals->owned) return;
-  throw Error(ErrorCode::kConflict, "originals_foreign",
-              originals ? "the directory " + originals->directory.string() +
-                              " is not, or not yet, this database's: nothing was removed"
-                        : "the originals are in the database: there is no directory to sweep");
-}
-
-// SQLite tells several things in one text.
-void PrintLines(const std::string& text) {
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) Print(ToDisplayText(line));
-}
-
-// A file that this user may not write is checked as it is; else an older one is migrated.
-Access AccessForCheck(const Options& options) {
-  const std::string database = options.engine.database.string();
-  const bool is_file = access(database.c_str(), F_OK) == 0;
-  const bool read = is_file && !options.sweep && access(database.c_str(), W_OK) != 0;
-  return read ? Access::kRead : Access::kWrite;
-}
-
 ExitStatus Check(Options& options) {
-  Engine engine = OpenEngine(options, AccessForCheck(options));
-  const std::vector<std::string> problems = engine.Check();
-  std::uint64_t swept = 0;
-  if (options.sweep) {
-    RequireOwnOriginals(engine);
-    swept = engine.SweepOriginals();
-    if (!options.json) Print("removed " + std::to_string(swept) + " unreferenced files");
-  }
-  if (options.json) {
-    Json list = Json::array();
-    for (const std::string& problem : problems) list.push_back(ToDisplayText(problem));
-    Json answer{{"ok", problems.empty()}, {"problems", std::move(list)}};
-    if (options.sweep) answer["swept"] = swept;
-    PrintJson(answer);
-  } else if (problems.empty()) {
-    Print("ok");
-  } else {
-    for (const std::string& problem : problems) PrintLines(problem);
-    Message("pliant db restore BACKUP --db FILE --replace puts a backup in its place");
-  }
-  return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+  return RunCheck(options.engine, {.sweep = options.sweep, .json = options.json});
 }
 
 ExitStatus Backup(Options& options) {

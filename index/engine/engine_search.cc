@@ -23,7 +23,7 @@ void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
       ErrorCode::kConflict, "no_vocabulary",
       "collection \"" + options.collection +
           "\" has no vocabulary yet: `pliant index` makes one when it has added its pictures, and "
-          "`pliant vocab train --db FILE` at any time");
+          "`pliant vocab train` at any time");
 }
 
 void CheckQuery(const Features& features, bool has_region) {
