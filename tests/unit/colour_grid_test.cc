@@ -5,6 +5,7 @@
 #include <array>
 
 #include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
 
 namespace pliant {
 namespace {
@@ -42,6 +43,29 @@ TEST(ColourGrid, OfASmallPictureHasItsPixels) {
   const ColourGrid grid = MakeColourGrid(Halves(20, 30, {255, 0, 0}, {0, 0, 255}));
   EXPECT_EQ(grid.width, 20);
   EXPECT_EQ(grid.height, 30);
+}
+
+TEST(ColourGrid, AgreesWithOpenCv) {
+  cv::Mat colours(48, 64, CV_8UC3);
+  cv::RNG(3).fill(colours, cv::RNG::UNIFORM, 0, 256);
+  cv::Mat lab;
+  cv::cvtColor(colours, lab, cv::COLOR_RGB2Lab);
+  const ColourGrid grid =
+      MakeColourGrid({64, 48, 3, std::vector<std::uint8_t>(colours.datastart, colours.dataend)});
+  ASSERT_EQ(grid.chroma.size(), 2U * 64 * 48);
+  for (int i = 0; i < 64 * 48; ++i) {
+    const auto& expected = lab.at<cv::Vec3b>(i / 64, i % 64);
+    ASSERT_NEAR(grid.chroma[2 * i], expected[1], 1);
+    ASSERT_NEAR(grid.chroma[2 * i + 1], expected[2], 1);
+  }
+}
+
+TEST(ColourGrid, GreysAreNoColours) {
+  Image greys{32, 8, 3, {}};  // all of them
+  for (int level = 0; level < 256; ++level) {
+    greys.pixels.insert(greys.pixels.end(), 3, static_cast<std::uint8_t>(level));
+  }
+  EXPECT_TRUE(MakeColourGrid(greys).empty());
 }
 
 TEST(ColourGrid, IsEmptyWhereThereAreNoColours) {
