@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 #include <iterator>
 #include <memory>
 #include <mutex>
@@ -34,8 +35,12 @@ class ScopedPrimitiveThreads {
 template <typename T>
 class Pool {
  public:
-  // At most `max_idle` objects are kept for later.
-  explicit Pool(std::size_t max_idle) : max_idle_(max_idle) {}
+  using Cost = std::function<std::size_t(const T&)>;
+
+  // Those used last are kept for later, as long as their costs add up to `most` or less.
+  explicit Pool(
+      std::size_t most, Cost cost = [](const T&) { return std::size_t{1}; })
+      : most_(most), cost_(std::move(cost)) {}
 
   class Lease {
    public:
@@ -69,16 +74,23 @@ class Pool {
 
  private:
   void Return(std::unique_ptr<T> object) noexcept {
-    std::unique_ptr<T> oldest;  // freed outside the lock
+    if (cost_(*object) > most_) return;
+    std::vector<std::unique_ptr<T>> dropped;  // freed outside the lock
     const std::lock_guard lock(mutex_);
     idle_.push_back(std::move(object));
-    if (idle_.size() > max_idle_) {
-      oldest = std::move(idle_.front());
-      idle_.erase(idle_.begin());
+    std::size_t sum = 0;
+    auto first = idle_.end();  // that is kept
+    while (first != idle_.begin()) {
+      sum += cost_(**std::prev(first));
+      if (sum > most_) break;
+      --first;
     }
+    dropped.assign(std::make_move_iterator(idle_.begin()), std::make_move_iterator(first));
+    idle_.erase(idle_.begin(), first);
   }
 
-  const std::size_t max_idle_;
+  const std::size_t most_;
+  const Cost cost_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<T>> idle_;  // most recently used last; guarded by mutex_
 };

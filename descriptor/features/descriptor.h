@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,6 +15,8 @@
 #include "descriptor/image/image.h"
 
 namespace pliant {
+
+struct EnlargedKeypoints;
 
 struct DescriptorInfo {
   std::string name;  // one of DescriptorNames()
@@ -107,12 +110,20 @@ class FeatureExtractor {
   Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
                        PictureRole role = PictureRole::kQuery) const;
 
+  // `known`, which this extractor made of the same file, and after it what only a closer look finds
+  // (CloserSide): up to four times keypoints.max_keypoints, but 4096, more. Absent where there is
+  // no more to be seen, or options().enlarge_below is 0. Throws what DecodeImage throws.
+  std::optional<Features> LookCloser(Bytes encoded, const Features& known, int threads,
+                                     ExtractionTimings* timings = nullptr) const;
+
   // The same with another ExtractionOptions::enlarge_below.
   FeatureExtractor WithEnlargeBelow(int keypoints) const;
 
  private:
   void AddEnlarged(const Image& image, int threads, PictureRole role, Features* features,
                    ExtractionTimings* timings) const;
+  void Append(const EnlargedKeypoints& more, int threads, PictureRole role,
+              Features* features) const;
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
                        int threads) const;
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "descriptor/features/faint_keypoints.h"
 
@@ -14,14 +15,6 @@ namespace {
 constexpr double kEnlargement = 2;
 constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger picture is not a small one
 constexpr double kLeastEnlargement = 1.25;  // below, nothing new comes to light
-
-// How much larger a picture of this size may be described again; 1 = not at all.
-double EnlargementOf(const Image& image, int most) {
-  const int longer = std::max(image.width, image.height);
-  const int side = most > 0 ? std::min(most, kEnlargedSide) : kEnlargedSide;
-  const double factor = std::min(kEnlargement, static_cast<double>(side) / longer);
-  return factor < kLeastEnlargement ? 1 : factor;
-}
 
 bool IsTwin(const Keypoint& a, const Keypoint& b) {
   constexpr float kPlace = 0.25F;   // of the size
@@ -43,16 +36,19 @@ void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
   }
 }
 
-EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
-                                 int max_side_px, const KeypointOptions& options) {
+double EnlargementOf(int longer_side_px, int max_side_px) {
+  const int side = max_side_px > 0 ? std::min(max_side_px, kEnlargedSide) : kEnlargedSide;
+  const double factor = std::min(kEnlargement, static_cast<double>(side) / longer_side_px);
+  return factor < kLeastEnlargement ? 1 : factor;
+}
+
+EnlargedKeypoints WithoutKnown(Image picture, double scale, int top,
+                               std::span<const Keypoint> found, std::span<const Keypoint> known) {
   EnlargedKeypoints result;
-  const double factor = EnlargementOf(grey, max_side_px);
-  if (factor == 1) return result;
-  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  result.picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  const std::vector<Keypoint> found = DetectFaintKeypoints(result.picture, options);
-  std::vector<Keypoint> placed = found;
-  ScaleToOriginal(placed, factor);
+  result.picture = std::move(picture);
+  std::vector<Keypoint> placed(found.begin(), found.end());
+  for (Keypoint& k : placed) k.y += static_cast<float>(top);
+  ScaleToOriginal(placed, scale);
   for (std::size_t i = 0; i < found.size(); ++i) {
     const Keypoint& place = placed[i];
     if (std::any_of(known.begin(), known.end(),
@@ -63,6 +59,16 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
     result.placed.push_back(place);
   }
   return result;
+}
+
+EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
+                                 int max_side_px, const KeypointOptions& options) {
+  const double factor = EnlargementOf(std::max(grey.width, grey.height), max_side_px);
+  if (factor == 1) return {};
+  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
+  Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  const auto found = DetectFaintKeypoints(picture, options);
+  return WithoutKnown(std::move(picture), factor, /*top=*/0, found, known);
 }
 
 }  // namespace pliant

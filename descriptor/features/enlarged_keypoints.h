@@ -24,6 +24,14 @@ struct EnlargedKeypoints {
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
                                  int max_side_px, const KeypointOptions& options);
 
+// How much larger DetectEnlarged makes a picture with this longer side; 1 = not at all.
+double EnlargementOf(int longer_side_px, int max_side_px);
+
+// Those of `found` in `picture` that `known` has not; `picture` shows what `known` and `placed` are
+// in pixels of, scaled by `scale`, from `top` on (a row of its own pixels).
+EnlargedKeypoints WithoutKnown(Image picture, double scale, int top,
+                               std::span<const Keypoint> found, std::span<const Keypoint> known);
+
 // From pixels of a picture scaled by `scale` to pixels of the original: centres are at integers.
 void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale);
 

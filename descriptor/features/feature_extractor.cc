@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/faint_keypoints.h"
@@ -26,6 +27,9 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
+
+// A closer look takes so many times the key points.
+constexpr int kCloserKeypoints = 4;
 
 }  // namespace
 
@@ -113,10 +117,44 @@ void FeatureExtractor::AddEnlarged(const Image& image, int threads, PictureRole 
   const EnlargedKeypoints more =
       DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, options_.keypoints);
   if (timings != nullptr) timings->detect_ms += watch.Lap();
+  Append(more, threads, role, features);
+  if (timings != nullptr) timings->describe_ms += watch.Lap();
+}
+
+void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, PictureRole role,
+                              Features* features) const {
   if (more.inside.empty()) return;
   features->descriptors.Append(Describe(more.picture, more.inside, role, threads));
   features->keypoints.insert(features->keypoints.end(), more.placed.begin(), more.placed.end());
-  if (timings != nullptr) timings->describe_ms += watch.Lap();
+}
+
+std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Features& known,
+                                                     int threads,
+                                                     ExtractionTimings* timings) const {
+  if (options_.enlarge_below == 0) return {};
+  const auto side = CloserSide(std::max(known.width, known.height), options_.decode.max_side_px);
+  if (!side) return {};
+  Stopwatch watch;
+  DecodeOptions decode = options_.decode;
+  decode.max_side_px = *side;
+  decode.thumbnail_side_px = 0;
+  const DecodedImage decoded = options_.decoder(encoded, decode);
+  const double decode_ms = watch.Lap();
+
+  KeypointOptions keypoints = options_.keypoints;
+  keypoints.max_keypoints = std::min(kCloserKeypoints * keypoints.max_keypoints, kMaxKeypoints);
+  const auto parts = DetectCloser(decoded.image, decoded.scale, known.keypoints, *side, keypoints);
+  const double detect_ms = watch.Lap();
+  Features features = known;
+  for (const EnlargedKeypoints& more : parts) {
+    Append(more, threads, PictureRole::kQuery, &features);
+  }
+  if (timings != nullptr) {
+    timings->decode_ms += decode_ms;
+    timings->detect_ms += detect_ms;
+    timings->describe_ms += watch.Lap();
+  }
+  return features;
 }
 
 FeatureExtractor FeatureExtractor::WithEnlargeBelow(int keypoints) const {

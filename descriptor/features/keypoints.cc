@@ -15,7 +15,6 @@
 namespace pliant {
 namespace {
 
-constexpr int kMaxKeypoints = 4096;
 constexpr double kContrast = 0.04;  // OpenCV's default
 constexpr double kFaintContrast = 0.02;
 constexpr int kLayersAnOctave = 3;

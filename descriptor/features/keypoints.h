@@ -10,8 +10,10 @@
 
 namespace pliant {
 
+inline constexpr int kMaxKeypoints = 4096;
+
 struct KeypointOptions {
-  int max_keypoints = 1024;  // strongest by response; 1..4096
+  int max_keypoints = 1024;  // strongest by response; 1 to kMaxKeypoints
   // SIFT repeats a key point once for each dominant orientation (about 17 % of them). Rotation-
   // invariant descriptors see the repeats as duplicates, so by default one per location is kept.
   bool keep_repeated_orientations = false;

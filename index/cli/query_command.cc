@@ -156,6 +156,9 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "maximum number of instances of one object in the query picture")
       ->capture_default_str()
       ->check(Between(1, 100));
+  app->add_flag("--closer-look,!--no-closer-look", search.closer_look,
+                "where nothing is found, describe the picture once more at a finer scale, and give "
+                "the surer answer (default: yes)");
   app->add_option("--region", options->region,
                   "use only this rectangle of the query picture: X,Y,W,H in pixels")
       ->delimiter(',')

@@ -239,8 +239,13 @@ SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptio
   return impl_->SearchStored(image_id, options);
 }
 
-SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options) {
-  return impl_->SearchFeatures(features, options);
+SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options,
+                                    const CloserLook& closer) {
+  return impl_->SearchFeatures(features, options, closer);
+}
+
+std::optional<Features> Engine::DescribeCloser(Bytes encoded, const Features& known, int threads) {
+  return impl_->DescribeCloser(encoded, known, threads);
 }
 
 SearchResult Engine::SearchExamples(const std::vector<std::string>& image_ids,

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -55,7 +56,11 @@ class Engine::Impl {
   void Reading(bool partial, const std::function<void(const Source&)>& work);
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
-  SearchResult SearchFeatures(const Features& features, const SearchOptions& options);
+  SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
+                              const CloserLook& closer);
+  std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads) {
+    return query_extractor().LookCloser(encoded, known, threads);
+  }
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
   Comparison Compare(Bytes first, Bytes second, int threads);
@@ -95,6 +100,10 @@ class Engine::Impl {
                       const ExtractionTimings& timings);
   SearchResult Answer(const Features& features, const SearchOptions& options,
                       const ExtractionTimings& timings);
+  // Asks once more with what `closer` sees, where `first` found nothing; the answer whose first hit
+  // has more evidence.
+  SearchResult LookCloser(SearchResult first, const SearchOptions& options,
+                          const CloserLook& closer);
   SearchResult AnswerExamples(const Source& source, const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
   CollectionView ViewOf(const Source& source, const std::string& collection);

@@ -42,8 +42,11 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
     CheckVocabulary(ViewOf(source, options.collection), options);  // before any work
   });
   ExtractionTimings timings;
-  Features features = query_extractor().Extract(encoded, options.threads, &timings);
-  return Answer(InStoredPrecision(std::move(features)), options, timings);
+  const Features features = query_extractor().Extract(encoded, options.threads, &timings);
+  return LookCloser(Answer(InStoredPrecision(features), options, timings), options,
+                    [&](ExtractionTimings* more) {
+                      return query_extractor().LookCloser(encoded, features, options.threads, more);
+                    });
 }
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
@@ -55,14 +58,36 @@ SearchResult Engine::Impl::SearchStored(const std::string& image_id, const Searc
   return result;
 }
 
-SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options) {
+SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options,
+                                          const CloserLook& closer) {
   Validate(options);
   const std::string& model_id = store_->model().info.model_id;
   if (features.model_id != model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "the features are of " + features.model_id + ", the database holds " + model_id);
   }
-  return Answer(InStoredPrecision(features), options, {});
+  SearchResult first = Answer(InStoredPrecision(features), options, {});
+  return closer ? LookCloser(std::move(first), options, closer) : first;
+}
+
+SearchResult Engine::Impl::LookCloser(SearchResult first, const SearchOptions& options,
+                                      const CloserLook& closer) {
+  const bool found_nothing = first.found == std::size_t{0} && !first.undecided;
+  if (!options.closer_look || !found_nothing) return first;
+  ExtractionTimings extraction = first.timings.extraction;
+  std::optional<Features> features = closer(&extraction);
+  if (!features) return first;
+  SearchResult second = Answer(InStoredPrecision(*std::move(features)), options, extraction);
+  SearchTimings timings = second.timings;
+  timings.quantize_ms += first.timings.quantize_ms;
+  timings.rank_ms += first.timings.rank_ms;
+  timings.verify_ms += first.timings.verify_ms;
+  timings.database_ms += first.timings.database_ms;
+  // Without evidence the first order is the better one: fine key points resemble much by chance.
+  SearchResult& surer = second.evidence > first.evidence ? second : first;
+  surer.timings = timings;
+  surer.looked_closer = true;
+  return std::move(surer);
 }
 
 SearchResult Engine::Impl::Answer(const Features& features, const SearchOptions& options,

@@ -81,6 +81,7 @@ SearchResult SearchRun::Run() {
   SearchResult result;
   result.rank = rank_.method;
   result.total = hits.size() + ranking.total;
+  if (!hits.empty()) result.evidence = hits.front().evidence;
   if (KnowsProbabilities()) {
     result.found =
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {

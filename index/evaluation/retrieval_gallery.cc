@@ -56,7 +56,10 @@ void NumberRepeats(std::vector<std::string>* ids) {
 }  // namespace
 
 RetrievalGallery::RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options)
-    : set_(std::move(set)), options_(std::move(options)), engine_(ToEngineOptions(options_)) {
+    : set_(std::move(set)),
+      options_(std::move(options)),
+      engine_(ToEngineOptions(options_)),
+      closer_looks_(&engine_, options_.database.string() + ".closer") {
   for (const char* collection : {kSearched, kQueries}) {
     engine_.RemoveCollection(collection);
     engine_.CreateCollection(collection);
@@ -149,9 +152,14 @@ std::size_t RetrievalGallery::UseNewVocabulary(int words, int sample, std::uint6
   return vocabulary.words;
 }
 
-Features RetrievalGallery::QueryFeatures(std::size_t picture) {
+// As Engine::Search does.
+SearchResult RetrievalGallery::Search(std::size_t picture, const SearchOptions& search) {
   ThrowIfStopped();
-  return engine_.GetFeatures(kQueries, ids_[picture]);
+  const Features features = engine_.GetFeatures(kQueries, ids_[picture]);
+  return engine_.SearchFeatures(features, search, [&](ExtractionTimings*) {
+    return closer_looks_.Of(ids_[picture], set_.pictures[picture].path,
+                            options_.extraction.decode.max_bytes, features);
+  });
 }
 
 NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& hits) const {
@@ -179,7 +187,7 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
     answer.possible = possible_[q];
     SearchResult result;
     if (!ids_[q].empty()) {
-      result = engine_.SearchFeatures(QueryFeatures(q), search);
+      result = Search(q, search);
       for (const Hit& hit : result.hits) {
         if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
         if (answer.right.empty()) answer.found = hit.probability.value_or(0) >= kFoundProbability;
@@ -204,7 +212,7 @@ ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
   const double share = 1.0 / static_cast<double>(queries_.size());
   for (const std::size_t q : queries_) {
     if (ids_[q].empty()) continue;
-    for (const Hit& hit : engine_.SearchFeatures(QueryFeatures(q), search).hits) {
+    for (const Hit& hit : Search(q, search).hits) {
       if (hit.object != set_.pictures[q].object) continue;
       mean.mrr += share / static_cast<double>(hit.rank);
       if (hit.rank == 1) mean.top1 += share;
@@ -221,7 +229,7 @@ AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
   for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
     if (!set_.pictures[i].is_absent || ids_[i].empty()) continue;
     ++answers.asked;
-    if (engine_.SearchFeatures(QueryFeatures(i), search).found > 0) ++answers.alarms;
+    if (Search(i, search).found > 0) ++answers.alarms;
   }
   return answers;
 }

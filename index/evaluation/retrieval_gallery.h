@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "index/engine/engine.h"
+#include "index/evaluation/closer_looks.h"
 #include "index/evaluation/retrieval_metrics.h"
 #include "index/evaluation/retrieval_set.h"
 
@@ -113,12 +114,13 @@ class RetrievalGallery {
   void Fill();
   void Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes);
   void ThrowIfStopped() const;
-  Features QueryFeatures(std::size_t picture);
+  SearchResult Search(std::size_t picture, const SearchOptions& search);
   NamedAnswer Named(std::size_t query, const std::vector<Hit>& hits) const;
 
   RetrievalSet set_;
   RetrievalGalleryOptions options_;
   Engine engine_;
+  CloserLooks closer_looks_;
   bool several_pictures_of_an_object_ = false;  // searched ones
   std::vector<std::size_t> queries_;            // positions in set_.pictures
   std::vector<std::size_t> possible_;           // right answers, by position

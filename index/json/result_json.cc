@@ -118,6 +118,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"vocabulary", result.vocabulary},
                {"words", result.words},
                {"keypoints", result.keypoints},
+               {"looked_closer", result.looked_closer},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
                {"verdict", VerdictJson(result)},

@@ -76,6 +76,10 @@ struct SearchOptions {
   std::optional<int> expand;
   int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
   RankTuning tuning;
+  // Of Engine::Search, with probabilities: where nothing is found, the query picture is described
+  // once more at a finer scale (FeatureExtractor::LookCloser), and the answer is the one whose
+  // first hit has more evidence.
+  bool closer_look = true;
   std::optional<Region> region;  // only key points inside count
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
@@ -155,6 +159,8 @@ struct SearchResult {
   std::optional<std::size_t> found;
   // Nothing is found, as objects that are alike share a probability that would do for one.
   bool undecided = false;
+  double evidence = 0;         // of the first hit of all, not of the page (VerifiedPicture)
+  bool looked_closer = false;  // SearchOptions::closer_look, whichever answer this is
   RankMethod rank = RankMethod::kNeighbours;  // that was used
   std::int64_t vocabulary = 0;                // id of the vocabulary that answered
   std::size_t words = 0;                      // its size

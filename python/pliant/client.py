@@ -166,8 +166,8 @@ class Client(Background):
         address, to the id of a stored one, or to several ids: pictures like any of these, those like several first.
         Stored pictures are no hits themselves, unless exclude_self=False.
 
-        options: offset, group_by, rank, verify, verify_depth, expand, instances, region ("x,y,width,height" or four
-        numbers), min_score, object, explain, exclude_self, partial (of a cluster: search the shards that answer; the
+        options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
+        or four numbers), min_score, object, explain, exclude_self, partial (of a cluster: search the shards that answer; the
         answer's "coverage" says which part that was).
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:

@@ -202,6 +202,8 @@ class Index:
                 and up to 100, or the square root of their number, as far as there are some that agree, and twice that
                 where none agrees; expand: query expansion through so many verified pictures, None = 3 by image, 0 by
                 object; instances: of one object that are looked for, 4.
+            closer_look: where nothing is found, the picture is described once more at a finer scale, and the surer
+                answer is given (True); not with Features.
             region: (x, y, width, height) in pixels of the query; only key points inside count.
             min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
@@ -251,8 +253,8 @@ def _region(region: Sequence[float] | None) -> list[float] | None:
 
 def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
     known: dict[str, Any] = {"offset": 0, "group_by": "object", "rank": "neighbours", "verify": "auto",
-                             "verify_depth": 0, "expand": None, "instances": 4, "region": None, "min_score": 0.0,
-                             "object": None, "filter": None, "explain": False, "threads": 0}
+                             "verify_depth": 0, "expand": None, "instances": 4, "closer_look": True, "region": None,
+                             "min_score": 0.0, "object": None, "filter": None, "explain": False, "threads": 0}
     for name in given:
         if name not in known:
             raise TypeError(f"search has no option {name!r}; it has {', '.join(known)}")
@@ -269,4 +271,5 @@ def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
     options["min_score"] = float(options["min_score"])
     options["filter"] = "" if options["filter"] is None else _json("filter", options["filter"])
     options["explain"] = bool(options["explain"])
+    options["closer_look"] = bool(options["closer_look"])
     return options

@@ -16,7 +16,7 @@ const char* const kSearchSchemas = R"json({
   "ObjectPatch": {"type": "object", "additionalProperties": false, "required": ["object"],
     "properties": {"object": {"type": "string", "minLength": 1, "description": "its new name"}}},
   "SearchAnswer": {"type": "object",
-    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "query", "total", "verdict", "found", "hits", "timings"],
+    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "looked_closer", "query", "total", "verdict", "found", "hits", "timings"],
     "properties": {
       "took_ms": {"type": "number"},
       "rank": {"type": "string", "enum": ["neighbours", "tfidf", "histogram"],
@@ -24,6 +24,8 @@ const char* const kSearchSchemas = R"json({
       "vocabulary": {"type": "integer", "description": "number of the one that answered"},
       "words": {"type": "integer", "description": "its size"},
       "keypoints": {"type": "integer", "description": "of the query, inside the region"},
+      "looked_closer": {"type": "boolean",
+        "description": "whether the query picture was described once more at a finer scale, as nothing was found (closer_look)"},
       "query": {"oneOf": [{"$ref": "#/components/schemas/QueryPicture"}, {"type": "null"}],
         "description": "null of a search by image_ids"},
       "examples": {"type": "array", "description": "of a search by image_ids",

@@ -57,6 +57,7 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
       static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
   options.explain = parameters.Flag("explain").value_or(options.explain);
+  options.closer_look = parameters.Flag("closer_look").value_or(options.closer_look);
   options.partial = parameters.Flag("partial").value_or(options.partial);
   if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
   return options;
@@ -158,6 +159,12 @@ std::vector<Parameter> SearchParameters() {
       Parameter("instances", "maximum number of instances of one object in the query picture")
           .Integer(1, kMostInstances)
           .Default("4"),
+      Parameter("closer_look",
+                "where nothing is found, describe the query picture once more at a finer scale, "
+                "and give the surer answer; takes three to four times as long; not with image_id "
+                "or image_ids")
+          .Boolean()
+          .Default("true"),
       Parameter("region", "x,y,width,height in pixels of the query picture: only this part is used")
           .Numbers(4),
       Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),

@@ -2,8 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Real photographs of Debian's package opencv-doc: one view of each object is indexed, another view
 // asks for it. With DEAL, through the real program.
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
 #include <gtest/gtest.h>
 
+#include "descriptor/image/image.h"
 #include "tests/integration/program.h"
 
 namespace pliant::testing {
@@ -28,9 +36,35 @@ constexpr Views kObjects[] = {{"graf1.png", "graf3.png"},
 constexpr const char* kOthers[] = {"home.jpg",     "fruits.jpg", "baboon.jpg",      "butterfly.jpg",
                                    "building.jpg", "messi5.jpg", "starry_night.jpg"};
 
-TEST(Photographs, AnotherViewFindsItsObjectFirst) {
+void ExpectPhotographs() {
   ASSERT_TRUE(std::filesystem::exists(kPhotographs / "graf1.png"))
       << "install Debian's package opencv-doc, as tests/run.sh does";
+}
+
+// The photograph in grey, its longer side with so many pixels.
+Image Shrunk(const char* name, int side_px) {
+  std::ifstream file(kPhotographs / name, std::ios::binary);
+  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(file), {}};
+  return DecodeImage(bytes, {.max_side_px = side_px}).image;
+}
+
+// An aerial photograph of 380 pixels in which a print of `side_px` pixels lies.
+void WriteScene(const char* print, int side_px, const std::filesystem::path& path) {
+  Image scene = Shrunk("aero1.jpg", 380);
+  const Image small = Shrunk(print, side_px);
+  constexpr int kLeft = 150;
+  constexpr int kTop = 100;
+  for (int y = 0; y < small.height; ++y) {
+    std::copy_n(small.pixels.begin() + static_cast<std::ptrdiff_t>(y) * small.width, small.width,
+                scene.pixels.begin() + static_cast<std::ptrdiff_t>(kTop + y) * scene.width + kLeft);
+  }
+  const auto png = EncodePng(scene);
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
+}
+
+TEST(Photographs, AnotherViewFindsItsObjectFirst) {
+  ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
   const TemporaryFolder folder;
   const auto take = [&](const char* name) {
     std::filesystem::create_directories(folder / "pictures");
@@ -51,6 +85,41 @@ TEST(Photographs, AnotherViewFindsItsObjectFirst) {
               std::filesystem::path(views.indexed).stem().string())
         << views.query << ": " << found.out;
   }
+}
+
+// Too small to be found, but by a second description at a finer scale.
+TEST(Photographs, ACloserLookFindsSmallPrints) {
+  ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "pictures");
+  for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
+                           "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
+    std::filesystem::copy_file(kPhotographs / name, folder / "pictures" / name);
+  }
+  const std::string db = (folder / "x.db").string();
+  const ProgramResult indexed = RunProgram({"index", (folder / "pictures").string(), "--db", db});
+  ASSERT_EQ(indexed.status, 0) << indexed.err;
+  const std::string scene = (folder / "scene.png").string();
+  const auto ask = [&](const char* look) {
+    const ProgramResult answer = RunProgram({"query", scene, "--db", db, "--json", look});
+    EXPECT_EQ(answer.status, 0) << answer.err;
+    return answer.json();
+  };
+  for (const auto& [print, side_px] : {std::pair{"sudoku.png", 64}, std::pair{"cards.png", 92}}) {
+    WriteScene(print, side_px, scene);
+    const auto without = ask("--no-closer-look");
+    EXPECT_EQ(without["verdict"], "not_found") << print << ": " << without.dump();
+    EXPECT_EQ(without["looked_closer"], false);
+    const auto closer = ask("--closer-look");
+    EXPECT_EQ(closer["verdict"], "found") << print << ": " << closer.dump();
+    EXPECT_EQ(closer["looked_closer"], true);
+    EXPECT_EQ(closer["hits"][0]["object"], std::filesystem::path(print).stem().string());
+    EXPECT_GT(closer["keypoints"], without["keypoints"]);
+  }
+  WriteScene("graf1.png", 120, scene);
+  const auto at_once = ask("--closer-look");
+  EXPECT_EQ(at_once["verdict"], "found");
+  EXPECT_EQ(at_once["looked_closer"], false) << "what is found at once is not described twice";
 }
 
 }  // namespace

@@ -46,6 +46,11 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   EXPECT_EQ(looked_at, 1);
   EXPECT_EQ(images["hits"][0]["instances"].size(), 1U);
   EXPECT_EQ(images["hits"][0]["instances"][0]["polygon"], images["hits"][0]["polygon"]);
+  // What is not found is looked at more closely, unless that is not wanted.
+  EXPECT_EQ(images["looked_closer"], false);
+  const std::string absent = TestPicture(77, 0);
+  EXPECT_EQ(SearchFor(client, absent)["looked_closer"], true);
+  EXPECT_EQ(SearchFor(client, absent, "?closer_look=false")["looked_closer"], false);
   // Every part answers.
   EXPECT_FALSE(images.contains("coverage"));
   EXPECT_EQ(SearchFor(client, query, "?partial=true")["coverage"],

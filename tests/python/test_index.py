@@ -59,6 +59,9 @@ class Life(IndexCase):
             self.assertEqual(hits[0].polygon.shape[1], 2)
             self.assertEqual((hits.verdict, hits.found, hits.total), ("found", 1, 2))
             self.assertIsNone(index.search(picture(7), verify="none").verdict)
+            for closer_look in (True, False):
+                absent = index.search(picture(7), closer_look=closer_look)
+                self.assertEqual((absent.verdict, absent.document["looked_closer"]), ("not_found", closer_look))
 
             self.assertEqual(len(index), 2)
             self.assertEqual([p.id for p in index], sorted(["cup-1", added.id]))

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "descriptor/deal/kernels.h"
+#include "descriptor/deal/pool.h"
 #include "descriptor/deal/winograd.h"
 #include "tests/unit/deal_golden.h"
 
@@ -140,6 +141,31 @@ TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
                           b.data());
     ExpectNear(a, b, 1e-5, "patch");
   }
+}
+
+// The one that has just been used is found; of the idle ones the oldest go.
+TEST(Pool, KeepsTheLastUsedUpToTheirCosts) {
+  Pool<int> pool(10, [](const int& cost) { return static_cast<std::size_t>(cost); });
+  const auto is_kept = [&](int cost) {
+    bool made = false;
+    {
+      const auto lease = pool.Take([&](const int& idle) { return idle == cost; },
+                                   [&] {
+                                     made = true;
+                                     return std::make_unique<int>(cost);
+                                   });
+    }
+    return !made;
+  };
+  EXPECT_FALSE(is_kept(3));
+  EXPECT_FALSE(is_kept(4));
+  EXPECT_TRUE(is_kept(3));
+  EXPECT_FALSE(is_kept(5));  // 3 + 5: 4 goes, which was used before 3
+  EXPECT_TRUE(is_kept(3));
+  EXPECT_FALSE(is_kept(4));  // 3 + 4: 5 goes
+  EXPECT_FALSE(is_kept(11)) << "is too much by itself";
+  EXPECT_FALSE(is_kept(11));
+  EXPECT_TRUE(is_kept(3)) << "which takes the place of nothing";
 }
 
 INSTANTIATE_TEST_SUITE_P(InstructionSets, DealKernelsTest, ::testing::ValuesIn(UsableKernels()),

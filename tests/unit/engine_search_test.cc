@@ -60,6 +60,70 @@ TEST_F(EngineTest, OfTwoObjectsThatLookTheSameNeitherIsFound) {
   EXPECT_EQ(SearchResultJson(absent, 1)["verdict"], "not_found");
 }
 
+TEST_F(EngineTest, ACloserLookIsTakenWhereNothingIsFound) {
+  Engine engine(Options());
+  AddMany(engine, 8);
+  Train(engine);
+  const FeatureExtractor extractor(MakeDescriptor("rootsift"), {});
+  const Features absent = extractor.Extract(RandomPng(99), 1);
+  const Features present = extractor.Extract(OtherViewPng(3), 1);
+  int looks = 0;
+  const auto look = [&](const Features& seen) {
+    return [&looks, &seen](ExtractionTimings* timings) -> std::optional<Features> {
+      ++looks;
+      timings->detect_ms += 1000;
+      return seen;
+    };
+  };
+  const SearchResult found = engine.SearchFeatures(absent, {}, look(present));
+  EXPECT_EQ(found.found, 1U);
+  EXPECT_EQ(found.hits.at(0).object, "o2");
+  EXPECT_TRUE(found.looked_closer);
+  EXPECT_EQ(found.keypoints, present.keypoints.size());
+  EXPECT_GE(found.timings.extraction.detect_ms, 1000) << "both looks take their time";
+  EXPECT_EQ(looks, 1);
+
+  // No better: the first answer stays, and says that it was tried.
+  const SearchResult still_absent = engine.SearchFeatures(absent, {}, look(absent));
+  EXPECT_EQ(still_absent.found, 0U);
+  EXPECT_TRUE(still_absent.looked_closer);
+  EXPECT_GE(still_absent.timings.extraction.detect_ms, 1000);
+  EXPECT_EQ(looks, 2);
+  const SearchResult no_more = engine.SearchFeatures(
+      absent, {}, [](ExtractionTimings*) { return std::optional<Features>(); });
+  EXPECT_FALSE(no_more.looked_closer);
+  EXPECT_EQ(Ids(no_more), Ids(still_absent));
+
+  EXPECT_FALSE(engine.SearchFeatures(present, {}, look(absent)).looked_closer) << "found at once";
+  SearchOptions without;
+  without.closer_look = false;
+  EXPECT_EQ(engine.SearchFeatures(absent, without, look(present)).found, 0U);
+  SearchOptions unverified;  // which has no probabilities
+  unverified.verify = Verification::kNone;
+  EXPECT_FALSE(engine.SearchFeatures(absent, unverified, look(present)).looked_closer);
+  EXPECT_EQ(looks, 2);
+
+  // Whichever page is asked for, the same look decides.
+  SearchOptions second;
+  second.limit = 1;
+  second.offset = 1;
+  const auto page = engine.SearchFeatures(absent, second, look(present));
+  EXPECT_TRUE(page.looked_closer);
+  EXPECT_EQ(Ids(page).at(0), Ids(found).at(1));
+}
+
+TEST_F(EngineTest, SearchLooksCloserAtThePictureItself) {
+  Engine engine(Options());
+  AddMany(engine, 6);
+  Train(engine);
+  EXPECT_TRUE(engine.Search(RandomPng(99), {}).looked_closer);
+  EXPECT_FALSE(engine.Search(OtherViewPng(3), {}).looked_closer);
+  EXPECT_FALSE(engine.SearchStored("p1", {}).looked_closer);
+  SearchOptions without;
+  without.closer_look = false;
+  EXPECT_FALSE(engine.Search(RandomPng(99), without).looked_closer);
+}
+
 TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
   Engine engine(Options());
   AddMany(engine, 6);

@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "descriptor/features/closer_keypoints.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <utility>
+
+#include "descriptor/features/faint_keypoints.h"
+
+namespace pliant {
+namespace {
+
+constexpr double kCloser = 3;          // times the original's longer side
+constexpr double kBeyondSide = 1.5;    // times the side that is allowed otherwise
+constexpr int kUsualSide = 1024;       // allowed where there is no limit
+constexpr double kLeastCloser = 1.25;  // below, nothing new comes to light
+constexpr int kStripPixels = 600'000;  // without the overlap
+constexpr int kOverlap = 96;           // rows on either side: what DEAL sees around fine key points
+
+// Rows of the picture.
+struct Strip {
+  int top = 0, bottom = 0;    // of its key points
+  int first = 0, height = 0;  // of what is looked at
+};
+
+std::vector<Strip> StripsOf(const Image& picture) {
+  const std::int64_t pixels = std::int64_t{picture.width} * picture.height;
+  const int count = static_cast<int>((pixels + kStripPixels - 1) / kStripPixels);
+  const int rows = (picture.height + count - 1) / count;
+  const int height = std::min(picture.height, rows + 2 * kOverlap);
+  std::vector<Strip> strips;
+  for (int top = 0; top < picture.height; top += rows) {
+    strips.push_back({top, std::min(picture.height, top + rows),
+                      std::clamp(top - kOverlap, 0, picture.height - height), height});
+  }
+  return strips;
+}
+
+Image RowsOf(const Image& picture, const Strip& strip) {
+  const auto at = [&](int row) {
+    return picture.pixels.begin() + static_cast<std::ptrdiff_t>(row) * picture.width;
+  };
+  return {picture.width, strip.height, 1, {at(strip.first), at(strip.first + strip.height)}};
+}
+
+bool IsInMiddle(const Keypoint& k, const Strip& strip) {
+  const auto row = static_cast<int>(std::lround(k.y)) + strip.first;  // centres are at integers
+  return row >= strip.top && row < strip.bottom;
+}
+
+// Of all the strips' key points the strongest so many.
+void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_strips) {
+  std::vector<float> responses;
+  for (const auto& keypoints : *of_strips) {
+    for (const Keypoint& k : keypoints) responses.push_back(k.response);
+  }
+  if (responses.size() <= most) return;
+  const auto last = responses.begin() + static_cast<std::ptrdiff_t>(most - 1);
+  std::nth_element(responses.begin(), last, responses.end(), std::greater<>());
+  for (auto& keypoints : *of_strips) {
+    std::erase_if(keypoints, [&](const Keypoint& k) { return k.response < *last; });
+  }
+}
+
+}  // namespace
+
+std::optional<int> CloserSide(int longer_side_px, int max_side_px) {
+  const int own = max_side_px > 0 ? std::min(longer_side_px, max_side_px) : longer_side_px;
+  const double seen = own * EnlargementOf(own, max_side_px);
+  const double closer = std::min(kCloser * longer_side_px,
+                                 kBeyondSide * (max_side_px > 0 ? max_side_px : kUsualSide));
+  if (closer < kLeastCloser * seen) return {};
+  return static_cast<int>(closer);
+}
+
+std::vector<EnlargedKeypoints> DetectCloser(const Image& grey, double scale,
+                                            std::span<const Keypoint> known, int side_px,
+                                            const KeypointOptions& options) {
+  const double factor =
+      std::max(1.0, static_cast<double>(side_px) / std::max(grey.width, grey.height));
+  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
+  const Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  const std::vector<Strip> strips = StripsOf(picture);
+  std::vector<std::vector<Keypoint>> found;
+  for (const Strip& strip : strips) {
+    found.push_back(DetectFaintKeypoints(RowsOf(picture, strip), options));
+    std::erase_if(found.back(), [&](const Keypoint& k) { return !IsInMiddle(k, strip); });
+  }
+  KeepStrongest(static_cast<std::size_t>(options.max_keypoints), &found);
+  std::vector<EnlargedKeypoints> result;
+  for (std::size_t i = 0; i < strips.size(); ++i) {
+    result.push_back(
+        WithoutKnown(RowsOf(picture, strips[i]), scale * factor, strips[i].first, found[i], known));
+  }
+  return result;
+}
+
+}  // namespace pliant
