@@ -184,7 +184,8 @@ class Engine {
   std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads);
 
   // Whether two pictures show the same object, and where that of the first is in the second; no
-  // picture is stored. `threads`: 0 = all cores. Throws what DecodeImage throws, kUnprocessable
+  // picture is stored. Where not, the second is looked at more closely, as Search does. `threads`:
+  // 0 = all cores. Throws what DecodeImage throws, kUnprocessable
   // "too_few_features" that names the picture.
   Comparison Compare(Bytes first, Bytes second, int threads);
 

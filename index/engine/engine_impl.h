@@ -96,13 +96,14 @@ class Engine::Impl {
 
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
+  // `closer`: `features` and what a closer look added; the ranking stays that of `features`.
   SearchResult Answer(const Source& source, Features features, const SearchOptions& options,
-                      const ExtractionTimings& timings);
+                      const ExtractionTimings& timings, const Features* closer = nullptr);
   SearchResult Answer(const Features& features, const SearchOptions& options,
-                      const ExtractionTimings& timings);
+                      const ExtractionTimings& timings, const Features* closer = nullptr);
   // Asks once more with what `closer` sees, where `first` found nothing; the answer whose first hit
   // has more evidence.
-  SearchResult LookCloser(SearchResult first, const SearchOptions& options,
+  SearchResult LookCloser(SearchResult first, const Features& query, const SearchOptions& options,
                           const CloserLook& closer);
   SearchResult AnswerExamples(const Source& source, const std::vector<std::string>& image_ids,
                               const SearchOptions& options);

@@ -43,7 +43,8 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   });
   ExtractionTimings timings;
   const Features features = query_extractor().Extract(encoded, options.threads, &timings);
-  return LookCloser(Answer(InStoredPrecision(features), options, timings), options,
+  const Features stored = InStoredPrecision(features);
+  return LookCloser(Answer(stored, options, timings), stored, options,
                     [&](ExtractionTimings* more) {
                       return query_extractor().LookCloser(encoded, features, options.threads, more);
                     });
@@ -66,18 +67,20 @@ SearchResult Engine::Impl::SearchFeatures(const Features& features, const Search
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "the features are of " + features.model_id + ", the database holds " + model_id);
   }
-  SearchResult first = Answer(InStoredPrecision(features), options, {});
-  return closer ? LookCloser(std::move(first), options, closer) : first;
+  const Features stored = InStoredPrecision(features);
+  SearchResult first = Answer(stored, options, {});
+  return closer ? LookCloser(std::move(first), stored, options, closer) : first;
 }
 
-SearchResult Engine::Impl::LookCloser(SearchResult first, const SearchOptions& options,
-                                      const CloserLook& closer) {
+SearchResult Engine::Impl::LookCloser(SearchResult first, const Features& query,
+                                      const SearchOptions& options, const CloserLook& closer) {
   const bool found_nothing = first.found == std::size_t{0} && !first.undecided;
   if (!options.closer_look || !found_nothing) return first;
   ExtractionTimings extraction = first.timings.extraction;
   std::optional<Features> features = closer(&extraction);
   if (!features) return first;
-  SearchResult second = Answer(InStoredPrecision(*std::move(features)), options, extraction);
+  const Features seen = InStoredPrecision(*std::move(features));
+  SearchResult second = Answer(query, options, extraction, &seen);
   SearchTimings timings = second.timings;
   timings.quantize_ms += first.timings.quantize_ms;
   timings.rank_ms += first.timings.rank_ms;
@@ -91,27 +94,31 @@ SearchResult Engine::Impl::LookCloser(SearchResult first, const SearchOptions& o
 }
 
 SearchResult Engine::Impl::Answer(const Features& features, const SearchOptions& options,
-                                  const ExtractionTimings& timings) {
+                                  const ExtractionTimings& timings, const Features* closer) {
   SearchResult result;
-  Reading(options.partial,
-          [&](const Source& source) { result = Answer(source, features, options, timings); });
+  Reading(options.partial, [&](const Source& source) {
+    result = Answer(source, features, options, timings, closer);
+  });
   return result;
 }
 
 SearchResult Engine::Impl::Answer(const Source& source, Features features,
-                                  const SearchOptions& options, const ExtractionTimings& timings) {
+                                  const SearchOptions& options, const ExtractionTimings& timings,
+                                  const Features* closer) {
   const CollectionView view = ViewOf(source, options.collection);
   CheckVocabulary(view, options);
-  if (options.region) {
-    features = Subset(features, [&](const Keypoint& k) { return Contains(*options.region, k); });
-  }
+  const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k); };
+  if (options.region) features = Subset(features, in_region);
   CheckQuery(features, options.region.has_value());
-  SearchResult result = SearchRun(ranker_.get(), &source.reads, view, features, options).Run();
+  Features verified = closer != nullptr ? *closer : features;
+  if (closer != nullptr && options.region) verified = Subset(verified, in_region);
+  SearchResult result =
+      SearchRun(ranker_.get(), &source.reads, view, features, verified, options).Run();
   if (options.partial) result.coverage = CoverageOf(source, view);
   result.timings.extraction = timings;
   result.vocabulary = view.vocabulary;
   result.words = view.quantizer->vocabulary().size();
-  result.keypoints = static_cast<std::uint32_t>(features.keypoints.size());
+  result.keypoints = static_cast<std::uint32_t>(verified.keypoints.size());
   result.query_width = features.width;
   result.query_height = features.height;
   return result;

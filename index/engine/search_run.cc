@@ -42,11 +42,12 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 }  // namespace
 
 SearchRun::SearchRun(Ranker* ranker, SearchSource* source, const CollectionView& view,
-                     const Features& query, const SearchOptions& options)
+                     const Features& query, const Features& closer, const SearchOptions& options)
     : ranker_(*ranker),
       source_(*source),
       view_(view),
       query_(query),
+      closer_(closer),
       options_(options),
       bow_([&] {
         const Stopwatch watch(&timings_.quantize_ms);
@@ -57,7 +58,7 @@ SearchRun::SearchRun(Ranker* ranker, SearchSource* source, const CollectionView&
         return ToRankOptions();
       }()),
       shelf_(source, &rank_.admission, query.model_id),
-      verifier_(query, options, &shelf_, &timings_) {}
+      verifier_(closer, options, &shelf_, &timings_) {}
 
 SearchResult SearchRun::Run() {
   Ranking ranking;
@@ -73,7 +74,7 @@ SearchResult SearchRun::Run() {
     SettleClaims(&hits);
     if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
     DropHints(&hits);
-    SettlePlaces(query_, &hits);
+    SettlePlaces(closer_, &hits);
     SortByScore(&hits);
     std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
     if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);

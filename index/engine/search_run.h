@@ -20,9 +20,10 @@ void Validate(const SearchOptions& options);
 
 class SearchRun {
  public:
-  // All must outlive it. The view must have a vocabulary.
+  // All must outlive it. The view must have a vocabulary. Ranks by `query`, and verifies with
+  // `closer`: the same, or what a closer look has added to it.
   SearchRun(Ranker* ranker, SearchSource* source, const CollectionView& view, const Features& query,
-            const SearchOptions& options);
+            const Features& closer, const SearchOptions& options);
 
   SearchResult Run();
 
@@ -39,6 +40,7 @@ class SearchRun {
   SearchSource& source_;
   const CollectionView& view_;
   const Features& query_;
+  const Features& closer_;
   const SearchOptions& options_;
   SearchTimings timings_;  // before what is timed while it is made
   const Bow bow_;

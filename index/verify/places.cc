@@ -58,7 +58,7 @@ double Odds(double probability) { return probability / std::max(1e-12, 1 - proba
 double OddsAt(const VerifiedPicture& picture, const Place& place) {
   const auto points = static_cast<double>(place.points.size());
   const double share = static_cast<double>(place.kept) / points;
-  const double evidence = Evidence(place.independent) * std::sqrt(share);
+  const double evidence = Evidence(place.independent, picture.by_chance) * std::sqrt(share);
   return Odds(Probability(LiftScore(picture.ranking_score, evidence)));
 }
 

@@ -89,7 +89,8 @@ std::vector<VerifiedPicture> Rerank(
     candidate.instances = InstancesOf(result);
     candidate.claims = ClaimsOf(result);
     candidate.seen = SeenPart(*features, result.inliers);
-    candidate.evidence = Evidence(result.independent);
+    candidate.by_chance = InliersByChance(query.keypoints.size());
+    candidate.evidence = Evidence(result.independent, candidate.by_chance);
     candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
   return pictures;
@@ -163,7 +164,7 @@ void SettleClaims(std::vector<VerifiedPicture>* pictures) {
         std::count_if(picture.claims.begin(), picture.claims.end(),
                       [&](const Claim& claim) { return nearest.Keeps(object, claim); });
     const double share = static_cast<double>(kept) / static_cast<double>(picture.claims.size());
-    picture.evidence = Evidence(picture.independent()) * std::sqrt(share);
+    picture.evidence = Evidence(picture.independent(), picture.by_chance) * std::sqrt(share);
     picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);
   }
 }

@@ -31,6 +31,7 @@ struct VerifiedPicture {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
+  double by_chance = 4.5;          // InliersByChance of the query that it was verified with
   double probability = 0;          // that it is right (SettlePlaces)
   double evidence = 0;             // of its own inliers, or through `via` where that is more
   std::vector<Claim> claims = {};  // of the inliers of all instances

@@ -243,10 +243,17 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
                    });
 }
 
-double Evidence(double independent) {
-  constexpr double kByChance = 4.5;
+double InliersByChance(std::size_t query_keypoints) {
+  constexpr double kUsual = 4.5;
+  constexpr double kAnOctave = 1.5;  // more for twice the key points, and no more than that
+  constexpr double kUsualKeypoints = 2048;
+  const double octaves = std::log2(static_cast<double>(query_keypoints) / kUsualKeypoints);
+  return kUsual + kAnOctave * std::clamp(octaves, 0.0, 1.0);
+}
+
+double Evidence(double independent, double by_chance) {
   constexpr double kOfAnyWarp = 0.25;
-  return independent <= 0 ? 0 : std::max(kOfAnyWarp, independent - kByChance);
+  return independent <= 0 ? 0 : std::max(kOfAnyWarp, independent - by_chance);
 }
 
 double LiftScore(double ranking_score, double evidence) {

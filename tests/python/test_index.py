@@ -27,6 +27,12 @@ class IndexCase(FolderCase):
 
 
 class Life(IndexCase):
+    def test_closer_look(self):
+        with self.filled(12) as index:
+            for closer_look in (True, False):
+                absent = index.search(picture(50), closer_look=closer_look)
+                self.assertEqual((absent.verdict, absent.document["looked_closer"]), ("not_found", closer_look))
+
     def test_round_trip(self):
         with self.open() as index:
             self.assertEqual((len(index), list(index), index.vocabularies()), (0, [], []))
@@ -59,9 +65,6 @@ class Life(IndexCase):
             self.assertEqual(hits[0].polygon.shape[1], 2)
             self.assertEqual((hits.verdict, hits.found, hits.total), ("found", 1, 2))
             self.assertIsNone(index.search(picture(7), verify="none").verdict)
-            for closer_look in (True, False):
-                absent = index.search(picture(7), closer_look=closer_look)
-                self.assertEqual((absent.verdict, absent.document["looked_closer"]), ("not_found", closer_look))
 
             self.assertEqual(len(index), 2)
             self.assertEqual([p.id for p in index], sorted(["cup-1", added.id]))

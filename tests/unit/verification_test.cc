@@ -219,5 +219,17 @@ TEST(Outline, HullAndCrossing) {
   EXPECT_TRUE(CrossesItself(std::vector<Vec2>{{0, 0}, {4, 4}, {4, 0}, {0, 4}}));
 }
 
+TEST(Evidence, TheMoreKeypointsTheMoreInliersAgreeByChance) {
+  EXPECT_DOUBLE_EQ(InliersByChance(0), 4.5);
+  EXPECT_DOUBLE_EQ(InliersByChance(2048), 4.5);
+  EXPECT_NEAR(InliersByChance(2896), 5.25, 1e-3);
+  EXPECT_DOUBLE_EQ(InliersByChance(4096), 6);
+  EXPECT_DOUBLE_EQ(InliersByChance(100'000), 6);
+  EXPECT_DOUBLE_EQ(Evidence(8), 3.5);
+  EXPECT_DOUBLE_EQ(Evidence(8, 6), 2);
+  EXPECT_DOUBLE_EQ(Evidence(5, 6), 0.25) << "a warp is a hint";
+  EXPECT_DOUBLE_EQ(Evidence(0, 6), 0);
+}
+
 }  // namespace
 }  // namespace pliant
