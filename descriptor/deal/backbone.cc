@@ -16,7 +16,7 @@ namespace {
 using dnnl::memory;
 using Tag = memory::format_tag;
 
-// Buffers that are kept between calls: a network for 1024 x 768 pixels has 130 MB of them.
+// Buffers that are kept between calls. A network of its size is made for every size of picture.
 constexpr std::size_t kIdleBytes = std::size_t{512} << 20;
 
 // Output extent of a kernel of odd size with half of it as padding.

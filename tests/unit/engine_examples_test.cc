@@ -118,5 +118,27 @@ TEST_F(ExamplesTest, TwoPicturesAreCompared) {
   EXPECT_THAT(engine.List({}), IsEmpty()) << "nothing is stored";
 }
 
+// The first picture is a small part of the second: 32 of 380 pixels wide.
+TEST_F(ExamplesTest, AComparisonLooksCloserWhereNothingIsFound) {
+  Engine engine(Options());
+  const Image print = RandomPicture(1, 320, 240);
+  const Image small = ResizeImage(print, 32, 24);
+  Image scene = RandomPicture(2, 380, 280);
+  const Comparison without = engine.Compare(EncodePng(print), EncodePng(scene), 1);
+  EXPECT_FALSE(without.found());
+  for (int y = 0; y < small.height; ++y) {
+    std::copy_n(small.pixels.begin() + y * small.width, small.width,
+                scene.pixels.begin() + (100 + y) * scene.width + 150);
+  }
+  const Comparison seen = engine.Compare(EncodePng(print), EncodePng(scene), 1);
+  EXPECT_GT(seen.probability, 0.8);
+  EXPECT_GT(seen.second.keypoints, 1000U) << "where the first look has 800";
+  EXPECT_GT(seen.explanation.inliers.size(), 8U);
+  ASSERT_FALSE(seen.outline.empty());
+  for (const Point& p : seen.outline) {
+    EXPECT_TRUE(p.x > 130 && p.x < 200 && p.y > 80 && p.y < 145) << p.x << ' ' << p.y;
+  }
+}
+
 }  // namespace
 }  // namespace pliant::testing
