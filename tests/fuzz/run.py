@@ -131,8 +131,12 @@ def main():
     parser.add_argument("--total", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", action="store_true")
-    options = parser.parse_args()
-    targets = options.targets or sorted(path.name.removesuffix("_fuzz.cc") for path in HERE.glob("*_fuzz.cc"))
+    options = parser.parse_intermixed_args()
+    known = sorted(path.name.removesuffix("_fuzz.cc") for path in HERE.glob("*_fuzz.cc"))
+    targets = options.targets or known
+    for target in targets:
+        if target not in known:
+            parser.error(f"there is no target {target}, only {', '.join(known)}")
     print(f"{'target':20} {'seconds':>8} {'executions':>12} {'per second':>10} {'edges':>7} {'corpus':>7} {'finds':>6}")
     spent = Spent(options.build)
     found = 0
