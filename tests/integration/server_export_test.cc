@@ -115,6 +115,7 @@ std::vector<std::int64_t> NumbersIn(const std::string& archive, const std::strin
   const std::size_t begin = archive.find('\n', header) + 1;
   const std::size_t shape = archive.find("'shape': (", header) + 10;
   std::vector<std::int64_t> numbers(std::stoul(archive.substr(shape, 20)));
+  if (numbers.empty()) return numbers;
   std::memcpy(numbers.data(), archive.data() + begin, numbers.size() * sizeof(std::int64_t));
   return numbers;
 }
