@@ -107,8 +107,9 @@ class Ransac {
   bool Agrees(const LocalAffine& map, std::uint32_t i, Vec2 from) const {
     const double determinant = map.determinant();
     const double reach = std::sqrt(determinant) * Distance(input_[i].reference, from);
-    const double bent = std::min(kBending * reach, 4 * options_.tolerance_px);
-    return Distance(map(input_[i].reference), input_[i].query) <= options_.tolerance_px + bent &&
+    const double tolerance = ToleranceAt(options_, determinant);
+    const double bent = std::min(kBending * reach, 4 * tolerance);
+    return Distance(map(input_[i].reference), input_[i].query) <= tolerance + bent &&
            SizeAgrees(i, determinant);
   }
 
@@ -242,7 +243,9 @@ class Ransac {
       to.push_back(input_[i].query);
       double weight = 1;
       if (before) {  // reweighted least squares for Geman-McClure's r^2 / (1 + r^2)
-        const double r = Distance((*before)(from.back()), to.back()) / options_.tolerance_px;
+        const auto [a, b, c, d] = before->Jacobian(from.back());
+        const double r =
+            Distance((*before)(from.back()), to.back()) / ToleranceAt(options_, a * d - b * c);
         weight = 1 / ((1 + r * r) * (1 + r * r));
       }
       weights.push_back(weight);
@@ -254,8 +257,8 @@ class Ransac {
     std::vector<std::uint32_t> agreeing;
     for (std::uint32_t i = 0; i < input_.size(); ++i) {
       const Vec2 p = input_[i].reference;
-      if (Distance(warp(p), input_[i].query) > options_.tolerance_px) continue;
       const auto [a, b, c, d] = warp.Jacobian(p);
+      if (Distance(warp(p), input_[i].query) > ToleranceAt(options_, a * d - b * c)) continue;
       if (!IsPlausible(a, b, c, d, options_.max_anisotropy)) continue;
       if (SizeAgrees(i, a * d - b * c)) agreeing.push_back(i);
     }
@@ -275,6 +278,8 @@ void Validate(std::span<const Correspondence> input, const TpsRansacOptions& opt
   };
   require(options.iterations >= 1, "iterations", "1 or more");
   require(options.tolerance_px > 0, "tolerance_px", "above 0");
+  require(options.reference_tolerance_px >= 0, "reference_tolerance_px", "0 or more");
+  require(options.least_tolerance_px >= 0, "least_tolerance_px", "0 or more");
   require(options.regularization >= 0, "regularization", "0 or more");
   require(options.max_anisotropy >= 1, "max_anisotropy", "1 or more");
   require(options.max_size_factor >= 1, "max_size_factor", "1 or more");
@@ -302,6 +307,12 @@ const char* ToString(TpsRansacFailure failure) {
       return "folded";
   }
   return "unknown";
+}
+
+double ToleranceAt(const TpsRansacOptions& options, double determinant) {
+  if (options.reference_tolerance_px == 0) return options.tolerance_px;
+  const double shrunk = options.reference_tolerance_px * std::sqrt(std::max(0.0, determinant));
+  return std::min(options.tolerance_px, std::max(options.least_tolerance_px, shrunk));
 }
 
 TpsRansacResult TpsRansac(std::span<const Correspondence> correspondences,

@@ -26,14 +26,22 @@ struct Correspondence {
 
 struct TpsRansacOptions {
   std::uint64_t seed = 1;
-  int iterations = 1500;         // samples of three, at most
-  double tolerance_px = 4;       // in the query picture, between a point and its mapped partner
+  int iterations = 1500;    // samples of three, at most
+  double tolerance_px = 4;  // in the query picture, between a point and its mapped partner
+  // The same in the reference picture: where the warp shows that smaller, tolerance_px shrinks to
+  // this times the warp's local scale, but not below least_tolerance_px. 0: it does not shrink.
+  double reference_tolerance_px = 0;
+  double least_tolerance_px = 0;
   double regularization = 3e-3;  // of the final spline, see TpsOptions
   double max_anisotropy = 6;     // of local maps, see IsPlausible
   // The key points' size ratio may differ from the warp's local scale by this factor.
   double max_size_factor = 2;
   int min_inliers = 5;  // fewer agreeing correspondences are attributed to chance
 };
+
+// Pixels of the query picture in which a point may lie from its mapped partner, where the warp
+// scales areas by `determinant`.
+double ToleranceAt(const TpsRansacOptions& options, double determinant);
 
 // Why there is no warp.
 enum class TpsRansacFailure {

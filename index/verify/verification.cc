@@ -39,6 +39,14 @@ const Features& Checked(const Features& query) {
   return query;
 }
 
+// The longer side of the box around the key points: that of the part the query was limited to.
+double Extent(const std::vector<Keypoint>& keypoints) {
+  if (keypoints.empty()) return 0;
+  const auto [left, right] = std::ranges::minmax(keypoints, {}, &Keypoint::x);
+  const auto [top, bottom] = std::ranges::minmax(keypoints, {}, &Keypoint::y);
+  return std::max(right.x - left.x, bottom.y - top.y);
+}
+
 double MedianScale(const ThinPlateSpline& warp, const std::vector<Vec2>& points) {
   std::vector<double> scales;
   for (const Vec2 p : points) {
@@ -137,12 +145,18 @@ Verifier::Verifier(const Features& query, const VerificationOptions& options)
     throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
                 "tolerance must be above 0 and below 1.");
   }
+  if (!(options.reference_tolerance >= 0 && options.least_tolerance >= 0)) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
+                "reference_tolerance and least_tolerance must be 0 or more.");
+  }
   if (options.max_instances < 1) {
     throw Error(ErrorCode::kInvalidArgument, "bad_max_instances",
                 "max_instances must be 1 or more.");
   }
   options_.ransac.tolerance_px =
       std::max(1.0, options.tolerance * std::max(query.width, query.height));
+  options_.ransac.least_tolerance_px =
+      std::max(1.0, options.least_tolerance * Extent(query.keypoints));
 }
 
 std::vector<Correspondence> Verifier::Correspondences(const Features& reference,
@@ -168,10 +182,19 @@ std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
   return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors, options);
 }
 
-double Verifier::Independent(const Features& reference,
-                             const std::vector<MatchedPair>& inliers) const {
+TpsRansacOptions Verifier::RansacFor(const Features& reference) const {
+  TpsRansacOptions ransac = options_.ransac;
+  ransac.reference_tolerance_px =
+      options_.reference_tolerance * std::max(reference.width, reference.height);
+  return ransac;
+}
+
+double Verifier::Independent(const Features& reference, const std::vector<MatchedPair>& inliers,
+                             const ThinPlateSpline& warp) const {
+  const auto seen = PointsOf(reference.keypoints, inliers, &MatchedPair::reference);
+  const double scale = MedianScale(warp, seen);
   return IndependentInliers(query_, reference, inliers,
-                            kPlaceInTolerances * options_.ransac.tolerance_px,
+                            kPlaceInTolerances * ToleranceAt(RansacFor(reference), scale * scale),
                             kPlaceInReference * std::max(reference.width, reference.height));
 }
 
@@ -198,14 +221,14 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   std::copy_if(matches.begin(), matches.end(), std::back_inserter(mutual),
                [](const Match& match) { return match.mutual; });
   result.matches = static_cast<int>(mutual.size());
-  TpsRansacResult agreed = TpsRansac(Correspondences(reference, mutual), options_.ransac);
+  TpsRansacResult agreed = TpsRansac(Correspondences(reference, mutual), RansacFor(reference));
   result.failure = agreed.failure;
   result.warp = std::move(agreed.warp);
   if (!result.warp) return result;
   result.inliers = PairsOf(mutual, agreed.inliers);
   result.distances = DistancesOf(mutual, agreed.inliers);
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
-  result.independent = Independent(reference, result.inliers);
+  result.independent = Independent(reference, result.inliers, *result.warp);
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
   result.colour_difference = Colours(reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
@@ -214,7 +237,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
 
 void Verifier::FindFurther(const Features& reference, const std::vector<Match>& matches,
                            VerificationResult* result) const {
-  TpsRansacOptions ransac = options_.ransac;
+  TpsRansacOptions ransac = RansacFor(reference);
   ransac.min_inliers *= 2;
   Found found(query_, reference);
   found.Add(result->inliers, result->outline);
@@ -230,7 +253,7 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     const auto outline = Outline(query_, reference, inliers, *agreed.warp);
     if (found.ShowsAgain(inliers)) {
       result->others.push_back({inliers, DistancesOf(left, agreed.inliers),
-                                Independent(reference, inliers),
+                                Independent(reference, inliers, *agreed.warp),
                                 Colours(reference, inliers, *agreed.warp), *agreed.warp, outline});
       found.Add(inliers, outline);
     } else {

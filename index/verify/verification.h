@@ -24,7 +24,12 @@ struct VerificationOptions {
   // How far a match may lie from where the warp puts it, as a share of the query picture's longer
   // side (0.01 of 640 pixels: 6.4 pixels).
   double tolerance = 0.01;
-  TpsRansacOptions ransac = {};  // tolerance_px is set from `tolerance`
+  // Where the query shows the reference small, a share of the reference's longer side, as the query
+  // shows it, is tolerated, if that is less; but at least a share of the longer side of what the
+  // query's key points cover, and a pixel.
+  double reference_tolerance = 0.03;
+  double least_tolerance = 0.004;
+  TpsRansacOptions ransac = {};  // its tolerances are set from these
   int max_instances = 1;         // of the object that are looked for in the query; at least 1
   int threads = 1;               // for the matching of one pair; 0 = all cores
 };
@@ -80,7 +85,9 @@ class Verifier {
   std::vector<Match> MatchesWith(const Features& reference) const;
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
-  double Independent(const Features& reference, const std::vector<MatchedPair>& inliers) const;
+  TpsRansacOptions RansacFor(const Features& reference) const;
+  double Independent(const Features& reference, const std::vector<MatchedPair>& inliers,
+                     const ThinPlateSpline& warp) const;
   std::optional<double> Colours(const Features& reference, const std::vector<MatchedPair>& inliers,
                                 const ThinPlateSpline& warp) const;
   std::vector<Correspondence> Correspondences(const Features& reference,

@@ -137,6 +137,39 @@ TEST(TpsRansac, WrongSizesAreNotTheObject) {
   EXPECT_EQ(TpsRansac(scene.matches).failure, TpsRansacFailure::kNone);
 }
 
+TEST(TpsRansac, ToleranceShrinksWithWhatTheWarpShowsSmaller) {
+  const TpsRansacOptions fixed = {.tolerance_px = 4};
+  EXPECT_EQ(ToleranceAt(fixed, 0.01), 4);
+  const TpsRansacOptions shrinking = {
+      .tolerance_px = 4, .reference_tolerance_px = 8, .least_tolerance_px = 1.5};
+  EXPECT_EQ(ToleranceAt(shrinking, 1), 4) << "never more";
+  EXPECT_EQ(ToleranceAt(shrinking, 0.25), 4);
+  EXPECT_DOUBLE_EQ(ToleranceAt(shrinking, 0.09), 2.4);
+  EXPECT_EQ(ToleranceAt(shrinking, 0.01), 1.5) << "nor below the least";
+  EXPECT_EQ(ToleranceAt(shrinking, -1), 1.5) << "where the warp mirrors";
+}
+
+// An object shown at a tenth of its size: 3 px are 6 % of it, within which much agrees by chance.
+TEST(TpsRansac, ASmallObjectIsHeldToLess) {
+  const auto small = [](double noise_px) {
+    Scene scene = MakeScene(60, 0, 0, 4);
+    std::mt19937_64 generator(5);
+    std::normal_distribution<double> noise(0, noise_px);
+    for (Correspondence& c : scene.matches) {
+      c.query = {0.15 * c.query.x + noise(generator), 0.15 * c.query.y + noise(generator)};
+      c.size_ratio *= 0.15;
+    }
+    return scene.matches;
+  };
+  const TpsRansacOptions fixed = {.tolerance_px = 4};
+  const TpsRansacOptions shrinking = {
+      .tolerance_px = 4, .reference_tolerance_px = 0.02 * kSide, .least_tolerance_px = 0.5};
+  EXPECT_GT(TpsRansac(small(0.2), fixed).inliers.size(), 55U);
+  EXPECT_GT(TpsRansac(small(0.2), shrinking).inliers.size(), 55U);
+  EXPECT_GT(TpsRansac(small(1.5), fixed).inliers.size(), 50U);
+  EXPECT_LT(TpsRansac(small(1.5), shrinking).inliers.size(), 30U);
+}
+
 TEST(TpsRansac, DegenerateInputFailsWithAReason) {
   EXPECT_EQ(TpsRansac({}).failure, TpsRansacFailure::kTooFew);
   EXPECT_EQ(TpsRansac(MakeScene(4, 0, 0, 1).matches).failure, TpsRansacFailure::kTooFew);
@@ -179,6 +212,8 @@ TEST(TpsRansac, RefusesBadOptions) {
   const auto matches = MakeScene(20, 0, 0, 1).matches;
   EXPECT_THROW(TpsRansac(matches, {.iterations = 0}), Error);
   EXPECT_THROW(TpsRansac(matches, {.tolerance_px = 0}), Error);
+  EXPECT_THROW(TpsRansac(matches, {.reference_tolerance_px = -1}), Error);
+  EXPECT_THROW(TpsRansac(matches, {.least_tolerance_px = -1}), Error);
   EXPECT_THROW(TpsRansac(matches, {.regularization = -1}), Error);
   EXPECT_THROW(TpsRansac(matches, {.max_anisotropy = 0.5}), Error);
   EXPECT_THROW(TpsRansac(matches, {.max_size_factor = 0.5}), Error);

@@ -145,6 +145,43 @@ TEST(Verification, ThePictureItself) {
   EXPECT_NEAR(result.outline[8].x, kWidth - 1, 0.01);
 }
 
+// Shown a twelfth as wide, 50 pixels of a photograph of 640, most inliers lie within the tolerance
+// that a large object would have, and still stand apart.
+TEST(Verification, InliersOfASmallObjectStandApart) {
+  const auto reference = Picture(400, false, 1);
+  Features query = BentView(reference, 40, 2);
+  for (std::size_t i = 0; i < 40; ++i) {
+    Keypoint& k = query.keypoints[query.keypoints.size() - 1 - i];
+    k.x = 300 + k.x / 8;
+    k.y = 200 + k.y / 8;
+    k.size /= 8;
+  }
+  const auto shrinking = Verifier(query).Verify(reference);
+  const auto fixed = Verifier(query, {.reference_tolerance = 0}).Verify(reference);
+  ASSERT_TRUE(shrinking.verified());
+  ASSERT_TRUE(fixed.verified());
+  EXPECT_GT(shrinking.inliers.size(), 35U);
+  EXPECT_GT(shrinking.independent, 1.5 * fixed.independent);
+}
+
+// A part of a large photograph: its own size decides, not the photograph's.
+TEST(Verification, APartOfALargePictureIsLookedAtAsFinely) {
+  const auto reference = Picture(400, false, 1);
+  const auto query = BentView(reference, 40, 2);
+  Features part = query;
+  part.width = 20 * kWidth;
+  part.height = 20 * kHeight;
+  for (Keypoint& k : part.keypoints) {
+    k.x += 3000;
+    k.y += 2000;
+  }
+  const auto whole = Verifier(query).Verify(reference);
+  const auto in_part = Verifier(part).Verify(reference);
+  ASSERT_TRUE(whole.verified());
+  ASSERT_TRUE(in_part.verified());
+  EXPECT_GT(in_part.independent, 0.6 * whole.independent);
+}
+
 TEST(Verification, FewOrNoKeypoints) {
   const auto picture = Picture(100, false, 1);
   Features empty;
@@ -166,6 +203,8 @@ TEST(Verification, RefusesWhatDoesNotFit) {
   other.model_id = "test:2";
   EXPECT_THROW(Verifier(picture).Verify(other), Error);
   EXPECT_THROW(Verifier(picture, {.tolerance = 0}), Error);
+  EXPECT_THROW(Verifier(picture, {.reference_tolerance = -1}), Error);
+  EXPECT_THROW(Verifier(picture, {.least_tolerance = -1}), Error);
   EXPECT_THROW(Verifier(picture, {.max_ratio = 2}).Verify(picture), Error);
   other = picture;
   other.keypoints.pop_back();
