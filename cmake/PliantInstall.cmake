@@ -48,6 +48,7 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/features/features.h
     descriptor/features/keypoints.h
     descriptor/image/image.h
+    descriptor/image/region.h
     descriptor/match/distance.h
     descriptor/match/matching.h
     descriptor/match/stepped.h

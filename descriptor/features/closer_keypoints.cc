@@ -40,10 +40,7 @@ std::vector<Strip> StripsOf(const Image& picture) {
 }
 
 Image RowsOf(const Image& picture, const Strip& strip) {
-  const auto at = [&](int row) {
-    return picture.pixels.begin() + static_cast<std::ptrdiff_t>(row) * picture.width;
-  };
-  return {picture.width, strip.height, 1, {at(strip.first), at(strip.first + strip.height)}};
+  return CutOut(picture, {0, strip.first, picture.width, strip.height});
 }
 
 bool IsInMiddle(const Keypoint& k, const Strip& strip) {
@@ -67,8 +64,9 @@ void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_stri
 
 }  // namespace
 
-std::optional<int> CloserSide(int longer_side_px, int max_side_px) {
-  const int own = max_side_px > 0 ? std::min(longer_side_px, max_side_px) : longer_side_px;
+std::optional<int> CloserSide(double longer_side_px, int max_side_px) {
+  const double own =
+      max_side_px > 0 ? std::min<double>(longer_side_px, max_side_px) : longer_side_px;
   const double seen = own * EnlargementOf(own, max_side_px);
   const double closer = std::min(kCloser * longer_side_px,
                                  kBeyondSide * (max_side_px > 0 ? max_side_px : kUsualSide));
@@ -77,16 +75,18 @@ std::optional<int> CloserSide(int longer_side_px, int max_side_px) {
 }
 
 std::vector<EnlargedKeypoints> DetectCloser(const Image& grey, double scale,
-                                            std::span<const Keypoint> known, int side_px,
+                                            std::span<const Keypoint> known, double factor,
                                             const KeypointOptions& options) {
-  const double factor =
-      std::max(1.0, static_cast<double>(side_px) / std::max(grey.width, grey.height));
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
   const Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
   const std::vector<Strip> strips = StripsOf(picture);
   std::vector<std::vector<Keypoint>> found;
   for (const Strip& strip : strips) {
-    found.push_back(DetectFaintKeypoints(RowsOf(picture, strip), options));
+    KeypointOptions of_strip = options;
+    if (options.inside) {
+      of_strip.inside = SeenFrom(Scaled(*options.inside, factor), /*left=*/0, strip.first);
+    }
+    found.push_back(DetectFaintKeypoints(RowsOf(picture, strip), of_strip));
     std::erase_if(found.back(), [&](const Keypoint& k) { return !IsInMiddle(k, strip); });
   }
   KeepStrongest(static_cast<std::size_t>(options.max_keypoints), &found);

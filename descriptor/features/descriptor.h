@@ -98,6 +98,12 @@ class FeatureExtractor {
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
                    PictureRole role = PictureRole::kQuery) const;
 
+  // Of a part of a file's picture only, in as many of its own pixels as a whole picture may have
+  // (DecodePart). Key points are in pixels of the whole original, whose size and colours the
+  // features have. A part outside the picture gives features without rows.
+  Features ExtractPart(Bytes encoded, const Region& part, int threads,
+                       ExtractionTimings* timings = nullptr) const;
+
   // The first of the steps: options().decoder with options().decode.
   DecodedImage Decode(Bytes encoded) const;
 
@@ -111,17 +117,21 @@ class FeatureExtractor {
                        PictureRole role = PictureRole::kQuery) const;
 
   // `known`, which this extractor made of the same file, and after it what only a closer look finds
-  // (CloserSide): up to four times keypoints.max_keypoints, but 4096, more. Absent where there is
-  // no more to be seen, or options().enlarge_below is 0. Throws what DecodeImage throws.
-  std::optional<Features> LookCloser(Bytes encoded, const Features& known, int threads,
+  // (CloserSide): up to four times keypoints.max_keypoints, but 4096, more; of a part where `known`
+  // are of it. Absent where there is no more to be seen, or options().enlarge_below is 0. Throws
+  // what DecodeImage throws.
+  std::optional<Features> LookCloser(Bytes encoded, const Features& known,
+                                     const std::optional<Region>& part, int threads,
                                      ExtractionTimings* timings = nullptr) const;
 
   // The same with another ExtractionOptions::enlarge_below.
   FeatureExtractor WithEnlargeBelow(int keypoints) const;
 
  private:
-  void AddEnlarged(const Image& image, int threads, PictureRole role, Features* features,
-                   ExtractionTimings* timings) const;
+  Features Extract(const DecodedImage& decoded, const std::optional<Region>& inside, int threads,
+                   ExtractionTimings* timings, PictureRole role) const;
+  void AddEnlarged(const Image& image, const KeypointOptions& keypoints, int threads,
+                   PictureRole role, Features* features, ExtractionTimings* timings) const;
   void Append(const EnlargedKeypoints& more, int threads, PictureRole role,
               Features* features) const;
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,

@@ -36,9 +36,9 @@ void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
   }
 }
 
-double EnlargementOf(int longer_side_px, int max_side_px) {
+double EnlargementOf(double longer_side_px, int max_side_px) {
   const int side = max_side_px > 0 ? std::min(max_side_px, kEnlargedSide) : kEnlargedSide;
-  const double factor = std::min(kEnlargement, static_cast<double>(side) / longer_side_px);
+  const double factor = std::min(kEnlargement, side / longer_side_px);
   return factor < kLeastEnlargement ? 1 : factor;
 }
 
@@ -67,7 +67,9 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
   if (factor == 1) return {};
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
   Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  const auto found = DetectFaintKeypoints(picture, options);
+  KeypointOptions enlarged = options;
+  if (options.inside) enlarged.inside = Scaled(*options.inside, factor);
+  const auto found = DetectFaintKeypoints(picture, enlarged);
   return WithoutKnown(std::move(picture), factor, /*top=*/0, found, known);
 }
 

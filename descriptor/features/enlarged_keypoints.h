@@ -25,7 +25,7 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
                                  int max_side_px, const KeypointOptions& options);
 
 // How much larger DetectEnlarged makes a picture with this longer side; 1 = not at all.
-double EnlargementOf(int longer_side_px, int max_side_px);
+double EnlargementOf(double longer_side_px, int max_side_px);
 
 // Those of `found` in `picture` that `known` has not; `picture` shows what `known` and `placed` are
 // in pixels of, scaled by `scale`, from `top` on (a row of its own pixels).

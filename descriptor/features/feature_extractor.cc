@@ -10,6 +10,7 @@
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/faint_keypoints.h"
+#include "descriptor/features/part_view.h"
 
 namespace pliant {
 namespace {
@@ -30,6 +31,13 @@ class Stopwatch {
 
 // A closer look takes so many times the key points.
 constexpr int kCloserKeypoints = 4;
+
+void Shift(std::vector<Keypoint>* keypoints, double right, double down) {
+  for (Keypoint& k : *keypoints) {
+    k.x += static_cast<float>(right);
+    k.y += static_cast<float>(down);
+  }
+}
 
 }  // namespace
 
@@ -88,15 +96,34 @@ Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings
 
 Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
                                    ExtractionTimings* timings, PictureRole role) const {
+  return Extract(decoded, {}, threads, timings, role);
+}
+
+Features FeatureExtractor::ExtractPart(Bytes encoded, const Region& part, int threads,
+                                       ExtractionTimings* timings) const {
   Stopwatch watch;
+  const auto view =
+      DecodePart(encoded, part, options_.decode.max_side_px, options_.decoder, options_.decode);
+  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  if (!view) return {.keypoints = {}, .descriptors = {}, .model_id = descriptor_->info().model_id};
+  Features features = Extract(view->decoded, view->inside, threads, timings, PictureRole::kQuery);
+  Shift(&features.keypoints, view->left, view->top);
+  return features;
+}
+
+Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optional<Region>& inside,
+                                   int threads, ExtractionTimings* timings,
+                                   PictureRole role) const {
+  Stopwatch watch;
+  KeypointOptions keypoints = options_.keypoints;
+  keypoints.inside = inside;
   Features features;
   features.width = decoded.original_width;
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
   features.colours = MakeColourGrid(decoded.thumbnail);
-  features.keypoints = options_.enlarge_below > 0
-                           ? DetectFaintKeypoints(decoded.image, options_.keypoints)
-                           : DetectKeypoints(decoded.image, options_.keypoints);
+  features.keypoints = options_.enlarge_below > 0 ? DetectFaintKeypoints(decoded.image, keypoints)
+                                                  : DetectKeypoints(decoded.image, keypoints);
   const double detect_ms = watch.Lap();
 
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
@@ -105,17 +132,18 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
     timings->describe_ms = watch.Lap();
   }
   if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    AddEnlarged(decoded.image, threads, role, &features, timings);
+    AddEnlarged(decoded.image, keypoints, threads, role, &features, timings);
   }
   ScaleToOriginal(features.keypoints, decoded.scale);
   return features;
 }
 
-void FeatureExtractor::AddEnlarged(const Image& image, int threads, PictureRole role,
-                                   Features* features, ExtractionTimings* timings) const {
+void FeatureExtractor::AddEnlarged(const Image& image, const KeypointOptions& keypoints,
+                                   int threads, PictureRole role, Features* features,
+                                   ExtractionTimings* timings) const {
   Stopwatch watch;
   const EnlargedKeypoints more =
-      DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, options_.keypoints);
+      DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, keypoints);
   if (timings != nullptr) timings->detect_ms += watch.Lap();
   Append(more, threads, role, features);
   if (timings != nullptr) timings->describe_ms += watch.Lap();
@@ -129,24 +157,34 @@ void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, Pictur
 }
 
 std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Features& known,
-                                                     int threads,
+                                                     const std::optional<Region>& part, int threads,
                                                      ExtractionTimings* timings) const {
   if (options_.enlarge_below == 0) return {};
-  const auto side = CloserSide(std::max(known.width, known.height), options_.decode.max_side_px);
+  const Region looked_at = part ? *part : Region{-0.5, -0.5, known.width + 0.0, known.height + 0.0};
+  const double longer_side = LongerSide(looked_at, known.width, known.height);
+  if (longer_side == 0) return {};
+  const auto side = CloserSide(longer_side, options_.decode.max_side_px);
   if (!side) return {};
   Stopwatch watch;
   DecodeOptions decode = options_.decode;
   decode.max_side_px = *side;
   decode.thumbnail_side_px = 0;
-  const DecodedImage decoded = options_.decoder(encoded, decode);
+  const auto view = DecodePart(encoded, looked_at, *side, options_.decoder, decode);
+  if (!view) return {};
   const double decode_ms = watch.Lap();
 
   KeypointOptions keypoints = options_.keypoints;
   keypoints.max_keypoints = std::min(kCloserKeypoints * keypoints.max_keypoints, kMaxKeypoints);
-  const auto parts = DetectCloser(decoded.image, decoded.scale, known.keypoints, *side, keypoints);
+  if (part) keypoints.inside = view->inside;
+  std::vector<Keypoint> known_here = known.keypoints;
+  Shift(&known_here, -view->left, -view->top);
+  const double scale = view->decoded.scale;
+  auto strips = DetectCloser(view->decoded.image, scale, known_here,
+                             std::max(1.0, *side / (longer_side * scale)), keypoints);
   const double detect_ms = watch.Lap();
   Features features = known;
-  for (const EnlargedKeypoints& more : parts) {
+  for (EnlargedKeypoints& more : strips) {
+    Shift(&more.placed, view->left, view->top);
     Append(more, threads, PictureRole::kQuery, &features);
   }
   if (timings != nullptr) {

@@ -49,6 +49,7 @@ std::vector<Keypoint> Detect(const Image& grey, const KeypointOptions& options, 
   std::vector<Keypoint> keypoints;
   keypoints.reserve(detected.size());
   for (const cv::KeyPoint& k : detected) {
+    if (options.inside && !Contains(*options.inside, k.pt.x, k.pt.y)) continue;
     keypoints.push_back({k.pt.x, k.pt.y, k.size, k.angle, k.response, k.octave});
   }
   std::sort(keypoints.begin(), keypoints.end(), StrongerFirst);

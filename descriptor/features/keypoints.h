@@ -3,6 +3,7 @@
 // SIFT key-point detection (Lowe 2004) through OpenCV.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "descriptor/features/features.h"
@@ -17,6 +18,8 @@ struct KeypointOptions {
   // SIFT repeats a key point once for each dominant orientation (about 17 % of them). Rotation-
   // invariant descriptors see the repeats as duplicates, so by default one per location is kept.
   bool keep_repeated_orientations = false;
+  // Only key points in this part, in pixels of the picture they are detected in.
+  std::optional<Region> inside = {};
 };
 
 // Detects in a grey picture. Order is deterministic: response descending, then y, x, size, angle.

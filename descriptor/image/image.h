@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "descriptor/image/region.h"
+
 namespace pliant {
 
 using Bytes = std::span<const std::uint8_t>;
@@ -90,6 +92,9 @@ std::vector<std::uint8_t> EncodePng(const Image& image);
 
 // The grey values (0.299 R + 0.587 G + 0.114 B) of a colour picture; a copy of a grey one.
 Image ToGrey(const Image& image);
+
+// The pixels in the box, which must lie within the picture.
+Image CutOut(const Image& image, const PixelBox& box);
 
 // Scales to exactly width x height: bicubic to a larger picture, else averaging areas.
 Image ResizeImage(const Image& image, int width, int height);

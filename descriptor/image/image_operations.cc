@@ -70,6 +70,10 @@ Image ToGrey(const Image& image) {
   return CopyFromMat(grey);
 }
 
+Image CutOut(const Image& image, const PixelBox& box) {
+  return CopyFromMat(ViewAsMat(image)(cv::Rect(box.x, box.y, box.width, box.height)));
+}
+
 Image ResizeImage(const Image& image, int width, int height) {
   if (width < 1 || height < 1 || image.empty()) {
     throw Error(

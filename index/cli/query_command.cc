@@ -160,7 +160,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                 "where nothing is found, describe the picture once more at a finer scale, and give "
                 "the surer answer (default: yes)");
   app->add_option("--region", options->region,
-                  "use only this rectangle of the query picture: X,Y,W,H in pixels")
+                  "look at this rectangle of the query picture only, in its own pixels: X,Y,W,H")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");

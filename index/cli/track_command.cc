@@ -46,7 +46,7 @@ Image Decode(const std::filesystem::path& file, DecodeOptions decode, bool colou
 Tracker MakeTracker(Options& options) {
   if (!options.region.empty()) {
     options.tracker.region =
-        TemplateBox{options.region[0], options.region[1], options.region[2], options.region[3]};
+        PixelBox{options.region[0], options.region[1], options.region[2], options.region[3]};
   }
   options.tracker.extraction = options.engine.extraction;
   const DecodeOptions& decode = options.engine.extraction.decode;
@@ -86,7 +86,7 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
     for (const SkippedFrame& s : source.skipped()) {
       skipped.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
     }
-    const TemplateBox& box = tracker.box();
+    const PixelBox& box = tracker.box();
     PrintJson({{"summary",
                 {{"frames", summary.frames},
                  {"found", summary.found},

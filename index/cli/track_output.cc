@@ -48,7 +48,7 @@ TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
   if (failed || !fs::is_directory(out)) FailToWrite(out);
 }
 
-void TrackOutput::Write(const TrackedFrame& tracked, const TemplateBox& box) {
+void TrackOutput::Write(const TrackedFrame& tracked, const PixelBox& box) {
   const Image picture = DrawTracked(tracked, box);
   if (video_) {
     if (!writer_) {

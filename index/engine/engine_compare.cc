@@ -63,7 +63,7 @@ Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
   const Features query = describe(query_extractor(), second, "second", &comparison.second);
   Conclude(InStoredPrecision(query), reference, threads, &comparison);
   if (comparison.found()) return comparison;
-  auto closer = query_extractor().LookCloser(second, query, threads, &comparison.timings);
+  auto closer = query_extractor().LookCloser(second, query, {}, threads, &comparison.timings);
   if (!closer) return comparison;
   Comparison at_second_sight = comparison;
   at_second_sight.second = Checked(*closer, "second");

@@ -59,7 +59,7 @@ class Engine::Impl {
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
                               const CloserLook& closer);
   std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads) {
-    return query_extractor().LookCloser(encoded, known, threads);
+    return query_extractor().LookCloser(encoded, known, {}, threads);
   }
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);

@@ -12,11 +12,6 @@
 namespace pliant {
 namespace {
 
-bool Contains(const Region& region, const Keypoint& k) {
-  return k.x >= region.x && k.x < region.x + region.width && k.y >= region.y &&
-         k.y < region.y + region.height;
-}
-
 void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
   if (view.has_vocabulary()) return;
   throw Error(
@@ -42,12 +37,15 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
     CheckVocabulary(ViewOf(source, options.collection), options);  // before any work
   });
   ExtractionTimings timings;
-  const Features features = query_extractor().Extract(encoded, options.threads, &timings);
+  const FeatureExtractor& extractor = query_extractor();
+  const Features features =
+      options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
+                     : extractor.Extract(encoded, options.threads, &timings);
   const Features stored = InStoredPrecision(features);
-  return LookCloser(Answer(stored, options, timings), stored, options,
-                    [&](ExtractionTimings* more) {
-                      return query_extractor().LookCloser(encoded, features, options.threads, more);
-                    });
+  return LookCloser(
+      Answer(stored, options, timings), stored, options, [&](ExtractionTimings* more) {
+        return extractor.LookCloser(encoded, features, options.region, options.threads, more);
+      });
 }
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
@@ -107,7 +105,7 @@ SearchResult Engine::Impl::Answer(const Source& source, Features features,
                                   const Features* closer) {
   const CollectionView view = ViewOf(source, options.collection);
   CheckVocabulary(view, options);
-  const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k); };
+  const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k.x, k.y); };
   if (options.region) features = Subset(features, in_region);
   CheckQuery(features, options.region.has_value());
   Features verified = closer != nullptr ? *closer : features;

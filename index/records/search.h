@@ -34,10 +34,6 @@ enum class Verification {
   kTps,  // one smooth warp, a thin-plate spline
 };
 
-struct Region {
-  double x = 0, y = 0, width = 0, height = 0;  // pixels of the original upright query picture
-};
-
 struct Point {
   double x = 0, y = 0;
 };
@@ -80,7 +76,7 @@ struct SearchOptions {
   // once more at a finer scale (FeatureExtractor::LookCloser), and the answer is the one whose
   // first hit has more evidence.
   bool closer_look = true;
-  std::optional<Region> region;  // only key points inside count
+  std::optional<Region> region;  // of the query, in pixels of the upright original: only this part
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
   Filter filter;                      // only pictures whose metadata pass

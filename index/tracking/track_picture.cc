@@ -54,7 +54,7 @@ Image DrawMesh(const Image& frame, const Location& location) {
   return picture;
 }
 
-Image DrawUnwarped(const Image& frame, const Location& location, const TemplateBox& box) {
+Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box) {
   if (location.found) return ToColour(Unwarp(frame, *location.warp, box.width, box.height).image);
   Image nothing = BlankPicture(box.width, box.height, {40, 40, 40});
   const double right = box.width - 1.0;
@@ -79,7 +79,7 @@ std::string Caption(const TrackedFrame& tracked) {
                           std::to_string(location.matches));
 }
 
-Image DrawTracked(const TrackedFrame& tracked, const TemplateBox& box) {
+Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box) {
   const Image& frame = tracked.frame.picture;
   Image left = DrawMesh(frame, tracked.location);
   const int letters = std::max(10, frame.height / 32);
@@ -98,7 +98,7 @@ ContactSheet::ContactSheet(Image reference, int cells)
     : reference_(std::move(reference)), cells_(static_cast<std::size_t>(std::max(1, cells))) {}
 
 // Keeps every step-th frame; when there are too many, every second of them goes.
-void ContactSheet::Add(const TrackedFrame& tracked, const TemplateBox& box) {
+void ContactSheet::Add(const TrackedFrame& tracked, const PixelBox& box) {
   if (seen_++ % step_ != 0) return;
   if (kept_.size() == 2 * cells_) {
     for (std::size_t i = 0; 2 * i < kept_.size(); ++i) {

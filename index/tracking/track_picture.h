@@ -18,14 +18,14 @@ Image DrawMesh(const Image& frame, const Location& location);
 
 // The template as the frame shows it: un-warped, template.width x height, colour; crossed out when
 // the object is lost.
-Image DrawUnwarped(const Image& frame, const Location& location, const TemplateBox& box);
+Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box);
 
 // "frame 12  3.4 s  inliers 120/210" or "frame 12  3.4 s  lost: too few key points match".
 std::string Caption(const TrackedFrame& tracked);
 
 // DrawMesh with the caption, and DrawUnwarped at the same height beside it. All pictures of one
 // tracker have one size.
-Image DrawTracked(const TrackedFrame& tracked, const TemplateBox& box);
+Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box);
 
 // Collects any number of frames and shows a few of them.
 class ContactSheet {
@@ -33,7 +33,7 @@ class ContactSheet {
   // `reference` is the template's cut-out picture. At most `cells` frames will be shown.
   ContactSheet(Image reference, int cells = 12);
 
-  void Add(const TrackedFrame& tracked, const TemplateBox& box);
+  void Add(const TrackedFrame& tracked, const PixelBox& box);
   // The template first, then frames at equal intervals, each with the flattened object beside it.
   // At least one frame must have been added: kInvalidArgument otherwise.
   Image Draw(const std::string& title) const;

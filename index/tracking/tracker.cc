@@ -19,19 +19,7 @@ constexpr int kLeastSide = 16;
 // Described around the region as well, so that key points at its border see what is beside them.
 constexpr double kMargin = 0.25;
 
-Image Cut(const Image& image, const TemplateBox& box) {
-  Image cut{box.width, box.height, image.channels, {}};
-  const std::size_t row = static_cast<std::size_t>(box.width) * image.channels;
-  for (int y = box.y; y < box.y + box.height; ++y) {
-    const std::uint8_t* from = image.pixels.data() + (static_cast<std::size_t>(y) * image.width +
-                                                      static_cast<std::size_t>(box.x)) *
-                                                         image.channels;
-    cut.pixels.insert(cut.pixels.end(), from, from + row);
-  }
-  return cut;
-}
-
-TemplateBox BoxOfMask(const Image& mask) {
+PixelBox BoxOfMask(const Image& mask) {
   int left = mask.width, top = mask.height, right = -1, bottom = -1;
   for (int y = 0; y < mask.height; ++y) {
     for (int x = 0; x < mask.width; ++x) {
@@ -47,7 +35,7 @@ TemplateBox BoxOfMask(const Image& mask) {
   return {left, top, right - left + 1, bottom - top + 1};
 }
 
-TemplateBox FindBox(const Image& reference, const TrackerOptions& options) {
+PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
   const Image& mask = options.mask;
   if (!mask.empty() &&
       (mask.channels != 1 || mask.width != reference.width || mask.height != reference.height)) {
@@ -55,7 +43,7 @@ TemplateBox FindBox(const Image& reference, const TrackerOptions& options) {
                 "the mask must have the size of the template picture, " +
                     std::to_string(reference.width) + " x " + std::to_string(reference.height));
   }
-  TemplateBox box{0, 0, reference.width, reference.height};
+  PixelBox box{0, 0, reference.width, reference.height};
   if (options.region) {
     box = *options.region;
   } else if (!mask.empty()) {
@@ -73,7 +61,7 @@ TemplateBox FindBox(const Image& reference, const TrackerOptions& options) {
   return box;
 }
 
-TemplateBox WithMargin(const TemplateBox& box, const Image& reference) {
+PixelBox WithMargin(const PixelBox& box, const Image& reference) {
   const int margin = static_cast<int>(std::lround(kMargin * std::max(box.width, box.height)));
   const int left = std::max(0, box.x - margin);
   const int top = std::max(0, box.y - margin);
@@ -89,7 +77,7 @@ TrackerOptions WithoutColours(TrackerOptions options) {
 
 }  // namespace
 
-Features FeaturesInside(const Features& features, const TemplateBox& box, const Image& mask,
+Features FeaturesInside(const Features& features, const PixelBox& box, const Image& mask,
                         std::size_t most) {
   Features inside;
   inside.width = box.width;
@@ -117,8 +105,8 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
       extractor_(std::move(descriptor), options_.extraction),
       box_(FindBox(reference, options_)) {
   Validate(options_.locate);
-  picture_ = Cut(reference, box_);
-  const TemplateBox around = WithMargin(box_, reference);
+  picture_ = CutOut(reference, box_);
+  const PixelBox around = WithMargin(box_, reference);
   // Key points of the margin must not push out those of the region.
   ExtractionOptions extraction = options_.extraction;
   const int most = extraction.keypoints.max_keypoints;
@@ -126,9 +114,9 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
   const FeatureExtractor extractor(
       std::shared_ptr<const Descriptor>(std::shared_ptr<void>(), &extractor_.descriptor()),
       extraction);
-  const Features found = extractor.ExtractFrom(Cut(reference, around), options_.threads, nullptr,
+  const Features found = extractor.ExtractFrom(CutOut(reference, around), options_.threads, nullptr,
                                                PictureRole::kReference);
-  const Image mask = options_.mask.empty() ? Image{} : Cut(options_.mask, around);
+  const Image mask = options_.mask.empty() ? Image{} : CutOut(options_.mask, around);
   features_ = FeaturesInside(found, {box_.x - around.x, box_.y - around.y, box_.width, box_.height},
                              mask, static_cast<std::size_t>(most));
   const auto least = static_cast<std::size_t>(options_.locate.min_inliers);

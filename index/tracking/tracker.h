@@ -14,23 +14,15 @@
 
 namespace pliant {
 
-// A box of whole pixels of the template picture.
-struct TemplateBox {
-  int x = 0;
-  int y = 0;
-  int width = 0;
-  int height = 0;
-};
-
 // The key points of `features` inside the box where `mask` (empty, or a grey picture of the size of
 // the features' picture) is not 0, the first `most` of them, in pixels of the box.
-Features FeaturesInside(const Features& features, const TemplateBox& box, const Image& mask,
+Features FeaturesInside(const Features& features, const PixelBox& box, const Image& mask,
                         std::size_t most);
 
 struct TrackerOptions {
   ExtractionOptions extraction;  // of the template's region and of each frame
   LocateOptions locate;
-  std::optional<TemplateBox> region;  // nullopt: the bounding box of the mask, or the whole picture
+  std::optional<PixelBox> region;  // nullopt: the bounding box of the mask, or the whole picture
   // Grey, of the template picture's size, 0 outside the object; empty: the whole region.
   Image mask;
   int threads = 0;  // for the description of one frame; 0 = all cores
@@ -46,7 +38,7 @@ class Tracker {
           TrackerOptions options);
 
   // The template: the region's box. Locations map its pixels.
-  const TemplateBox& box() const { return box_; }
+  const PixelBox& box() const { return box_; }
   const Image& picture() const { return picture_; }  // the cropped box
   const Features& features() const { return features_; }
   const TrackerOptions& options() const { return options_; }
@@ -57,7 +49,7 @@ class Tracker {
  private:
   TrackerOptions options_;
   FeatureExtractor extractor_;
-  TemplateBox box_;
+  PixelBox box_;
   Image picture_;
   Features features_;
 };

@@ -161,7 +161,7 @@ class Benchmark {
 
   void Compare(const Image& picture, const ThinPlateSpline& warp, const TemplateTruth& reference,
                const ViewTruth& truth, TrackedView& tracked) {
-    const TemplateBox& box = reference.box;
+    const PixelBox& box = reference.box;
     const UnwarpedImage flat = Unwarp(picture, warp, box.width, box.height);
     const std::vector<float> ssim = SsimMap(flat.image, reference.picture);
     const auto count = static_cast<double>(truth.seen.size());

@@ -13,7 +13,7 @@ namespace pliant {
 
 // What of the template is the object.
 struct TemplateTruth {
-  TemplateBox box;
+  PixelBox box;
   Image mask;                 // of view 0's size
   Image picture;              // the box of view 0
   std::vector<Vec2> samples;  // every 8 pixels of view 0, on the object

@@ -27,7 +27,7 @@ std::unique_ptr<Tracker> MakeTracker(const FeatureExtractor& extractor, const By
   options.locate.verification.ransac.iterations = iterations;
   options.locate.verification.ransac.regularization = regularization;
   if (region) {
-    options.region = TemplateBox{(*region)[0], (*region)[1], (*region)[2], (*region)[3]};
+    options.region = PixelBox{(*region)[0], (*region)[1], (*region)[2], (*region)[3]};
   }
   if (mask) options.mask = ToImage(*mask);
   const Image picture = ToImage(reference);
@@ -103,7 +103,7 @@ void BindTracking(py::module_& module) {
           py::arg("frame").noconvert())
       .def_property_readonly("region",
                              [](const Tracker& tracker) {
-                               const TemplateBox& box = tracker.box();
+                               const PixelBox& box = tracker.box();
                                return py::make_tuple(box.x, box.y, box.width, box.height);
                              })
       .def_property_readonly(

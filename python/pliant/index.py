@@ -204,7 +204,7 @@ class Index:
                 object; instances: of one object that are looked for, 4.
             closer_look: where nothing is found, the picture is described once more at a finer scale, and the surer
                 answer is given (True); not with Features.
-            region: (x, y, width, height) in pixels of the query; only key points inside count.
+            region: (x, y, width, height) in pixels of the query: only this part is looked at, in more of its own pixels.
             min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
                 exists, and filters are joined by "and": [...], "or": [...] and "not": {...}.

@@ -165,7 +165,10 @@ std::vector<Parameter> SearchParameters() {
                 "or image_ids")
           .Boolean()
           .Default("true"),
-      Parameter("region", "x,y,width,height in pixels of the query picture: only this part is used")
+      Parameter(
+          "region",
+          "x,y,width,height in pixels of the query picture: only this part is looked at, in as "
+          "many of its own pixels as a whole picture may have")
           .Numbers(4),
       Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
       {"object", "only pictures of this object"},

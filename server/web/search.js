@@ -16,7 +16,7 @@ import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "
 import { link, noteAddress, pushAddress } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
-import { isWeak, sharing, verdictWords } from "./words.js";
+import { adviceWords, isWeak, sharing, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
@@ -131,11 +131,13 @@ function showAnswer(answer, offset, how) {
   addHits(fresh, coloursOf(hits), choose);
   byId("results-panel").hidden = false;
   showRest(total - received);
-  const verdict = verdictWords({ hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how });
+  const said = { hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how };
   const results = count(answer.total, hits.length && hits.every(isWeak) ? "weak result" : "result");
   say(status, "");
-  status.append(make("strong", { class: "verdict", text: verdict }),
+  status.append(make("strong", { class: "verdict", text: verdictWords(said) }),
                 make("span", { class: "quiet", text: ` ${results} in ${(answer.took_ms / 1000).toFixed(2)} s` }));
+  const advice = adviceWords(said);
+  if (advice) status.append(make("span", { class: "quiet", text: ` ${advice}` }));
   if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);
   else drawStage(query, hits, chosen);
   if (offset) focusHit(before);

@@ -148,3 +148,9 @@ export function verdictWords({ hits, found, grouped = true, inPart = false, filt
   if (stored) return `Nothing else in your collection is like it${where}.`;
   return inPart ? "Nothing of your collection is inside the part." : "Not in your collection.";
 }
+
+// What may help where nothing was found for sure; "" where nothing would. Arguments as above.
+export function adviceWords({ hits, inPart = false, stored = false }) {
+  if (inPart || stored || hits.some(isFound)) return "";
+  return "If it is small in your picture, select the part that shows it.";
+}

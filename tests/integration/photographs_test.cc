@@ -48,19 +48,38 @@ Image Shrunk(const char* name, int side_px) {
   return DecodeImage(bytes, {.max_side_px = side_px}).image;
 }
 
-// An aerial photograph of 380 pixels in which a print of `side_px` pixels lies.
-void WriteScene(const char* print, int side_px, const std::filesystem::path& path) {
-  Image scene = Shrunk("aero1.jpg", 380);
-  const Image small = Shrunk(print, side_px);
-  constexpr int kLeft = 150;
-  constexpr int kTop = 100;
+struct Scene {
+  const char* print;
+  int print_side_px;
+  int side_px = 380;
+  int left = 150;
+  int top = 100;
+};
+
+// An aerial photograph in which a print lies.
+void WriteScene(const Scene& wanted, const std::filesystem::path& path) {
+  const Image photograph = Shrunk("aero1.jpg", 1024);
+  Image scene = ResizeImage(photograph, wanted.side_px,
+                            wanted.side_px * photograph.height / photograph.width);
+  const Image small = Shrunk(wanted.print, wanted.print_side_px);
   for (int y = 0; y < small.height; ++y) {
     std::copy_n(small.pixels.begin() + static_cast<std::ptrdiff_t>(y) * small.width, small.width,
-                scene.pixels.begin() + static_cast<std::ptrdiff_t>(kTop + y) * scene.width + kLeft);
+                scene.pixels.begin() + static_cast<std::ptrdiff_t>(wanted.top + y) * scene.width +
+                    wanted.left);
   }
   const auto png = EncodePng(scene);
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
+}
+
+void IndexPrints(const TemporaryFolder& folder, const std::string& db) {
+  std::filesystem::create_directories(folder / "pictures");
+  for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
+                           "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
+    std::filesystem::copy_file(kPhotographs / name, folder / "pictures" / name);
+  }
+  const ProgramResult indexed = RunProgram({"index", (folder / "pictures").string(), "--db", db});
+  ASSERT_EQ(indexed.status, 0) << indexed.err;
 }
 
 TEST(Photographs, AnotherViewFindsItsObjectFirst) {
@@ -91,14 +110,8 @@ TEST(Photographs, AnotherViewFindsItsObjectFirst) {
 TEST(Photographs, ACloserLookFindsSmallPrints) {
   ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
   const TemporaryFolder folder;
-  std::filesystem::create_directories(folder / "pictures");
-  for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
-                           "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
-    std::filesystem::copy_file(kPhotographs / name, folder / "pictures" / name);
-  }
   const std::string db = (folder / "x.db").string();
-  const ProgramResult indexed = RunProgram({"index", (folder / "pictures").string(), "--db", db});
-  ASSERT_EQ(indexed.status, 0) << indexed.err;
+  ASSERT_NO_FATAL_FAILURE(IndexPrints(folder, db));
   const std::string scene = (folder / "scene.png").string();
   const auto ask = [&](const char* look) {
     const ProgramResult answer = RunProgram({"query", scene, "--db", db, "--json", look});
@@ -106,7 +119,7 @@ TEST(Photographs, ACloserLookFindsSmallPrints) {
     return answer.json();
   };
   for (const auto& [print, side_px] : {std::pair{"sudoku.png", 64}, std::pair{"cards.png", 92}}) {
-    WriteScene(print, side_px, scene);
+    WriteScene({.print = print, .print_side_px = side_px}, scene);
     const auto without = ask("--no-closer-look");
     EXPECT_EQ(without["verdict"], "not_found") << print << ": " << without.dump();
     EXPECT_EQ(without["looked_closer"], false);
@@ -116,10 +129,42 @@ TEST(Photographs, ACloserLookFindsSmallPrints) {
     EXPECT_EQ(closer["hits"][0]["object"], std::filesystem::path(print).stem().string());
     EXPECT_GT(closer["keypoints"], without["keypoints"]);
   }
-  WriteScene("graf1.png", 120, scene);
+  WriteScene({.print = "graf1.png", .print_side_px = 120}, scene);
   const auto at_once = ask("--closer-look");
   EXPECT_EQ(at_once["verdict"], "found");
   EXPECT_EQ(at_once["looked_closer"], false) << "what is found at once is not described twice";
+}
+
+// A photograph of 3600 pixels has a print of 120: a thirtieth of it, of which the whole picture
+// shows 34 pixels, or 51 to a closer look; the part shows them all.
+TEST(Photographs, APartIsSeenInItsOwnPixels) {
+  ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
+  const TemporaryFolder folder;
+  const std::string db = (folder / "x.db").string();
+  ASSERT_NO_FATAL_FAILURE(IndexPrints(folder, db));
+  const std::string scene = (folder / "scene.png").string();
+  const auto ask = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"query", scene, "--db", db, "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult answer = RunProgram(arguments);
+    EXPECT_EQ(answer.status, 0) << answer.err;
+    return answer.json();
+  };
+  for (const char* print : {"sudoku.png", "cards.png"}) {
+    WriteScene({.print = print, .print_side_px = 120, .side_px = 3600, .left = 1500, .top = 1100},
+               scene);
+    const auto whole = ask({});
+    EXPECT_NE(whole["verdict"], "found") << print << ": " << whole.dump();
+    const auto part = ask({"--region", "1480,1080,160,160"});
+    EXPECT_EQ(part["verdict"], "found") << print << ": " << part.dump();
+    EXPECT_EQ(part["query"]["width"], 3600);
+    ASSERT_FALSE(part["hits"].empty());
+    EXPECT_EQ(part["hits"][0]["object"], std::filesystem::path(print).stem().string());
+    for (const auto& corner : part["hits"][0]["polygon"]) {
+      EXPECT_NEAR(corner[0].get<double>(), 1560, 75) << "in pixels of the whole picture";
+      EXPECT_NEAR(corner[1].get<double>(), 1160, 75);
+    }
+  }
 }
 
 }  // namespace

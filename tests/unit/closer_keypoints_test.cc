@@ -53,7 +53,7 @@ TEST(CloserKeypoints, ACloserLookIsThreeTimesAsCloseButNotBeyondOneAndAHalfTimes
 TEST(CloserKeypoints, StripsHaveTheKeypointsOfTheWholePicture) {
   const Image picture = Noise(900, 1500, 1);  // three strips
   const KeypointOptions options = {.max_keypoints = kMaxKeypoints};
-  const auto parts = DetectCloser(picture, 1, {}, 1500, options);
+  const auto parts = DetectCloser(picture, 1, {}, 1, options);
   ASSERT_EQ(parts.size(), 3U);
   for (const EnlargedKeypoints& part : parts) {
     EXPECT_EQ(part.picture.width, 900);
@@ -74,13 +74,13 @@ TEST(CloserKeypoints, StripsHaveTheKeypointsOfTheWholePicture) {
 TEST(CloserKeypoints, ThoseThatAreKnownAreLeftOut) {
   const Image picture = Noise(600, 400, 2);
   const KeypointOptions options = {.max_keypoints = 1000};
-  const auto first = Placed(DetectCloser(picture, 1, {}, 900, options));
+  const auto first = Placed(DetectCloser(picture, 1, {}, 1.5, options));
   ASSERT_GT(first.size(), 500U);
   const std::vector<Keypoint> half(first.begin(), first.begin() + 300);
-  const auto rest = Placed(DetectCloser(picture, 1, half, 900, options));
+  const auto rest = Placed(DetectCloser(picture, 1, half, 1.5, options));
   EXPECT_LE(rest.size(), first.size() - half.size());
   EXPECT_GT(rest.size(), first.size() / 3);
-  EXPECT_TRUE(Placed(DetectCloser(picture, 1, first, 900, options)).empty());
+  EXPECT_TRUE(Placed(DetectCloser(picture, 1, first, 1.5, options)).empty());
 }
 
 // Decoded at a part of its size, described enlarged: places are the original's.
@@ -88,7 +88,7 @@ TEST(CloserKeypoints, PlacesAreInPixelsOfTheOriginal) {
   const Image picture = Noise(400, 300, 3);
   const Image half = ResizeImage(picture, 200, 150);
   const KeypointOptions options = {.max_keypoints = 300};
-  const auto placed = Placed(DetectCloser(half, 0.5, {}, 400, options));
+  const auto placed = Placed(DetectCloser(half, 0.5, {}, 2, options));
   const auto in_half = DetectFaintKeypoints(half, options);
   ASSERT_GT(in_half.size(), 100U);
   int found = 0;
@@ -110,7 +110,7 @@ TEST(LookCloser, AddsToWhatIsKnown) {
                                          .WithEnlargeBelow(std::numeric_limits<int>::max());
   const Features known = extractor.Extract(bytes, 1);
   ExtractionTimings timings;
-  const auto closer = extractor.LookCloser(bytes, known, 1, &timings);
+  const auto closer = extractor.LookCloser(bytes, known, {}, 1, &timings);
   ASSERT_TRUE(closer);
   EXPECT_GT(closer->keypoints.size(), known.keypoints.size());
   EXPECT_LE(closer->keypoints.size(), known.keypoints.size() + 4096);
@@ -128,7 +128,7 @@ TEST(LookCloser, AddsToWhatIsKnown) {
   }
   // The paper's way of describing pictures has no such look.
   const FeatureExtractor plain(MakeDescriptor("rootsift"), {});
-  EXPECT_FALSE(plain.LookCloser(bytes, plain.Extract(bytes, 1), 1));
+  EXPECT_FALSE(plain.LookCloser(bytes, plain.Extract(bytes, 1), {}, 1));
 }
 
 TEST(LookCloser, LargePicturesAreLookedAtInMoreOfTheirPixels) {
@@ -138,7 +138,7 @@ TEST(LookCloser, LargePicturesAreLookedAtInMoreOfTheirPixels) {
   const FeatureExtractor extractor = FeatureExtractor(MakeDescriptor("orb"), options)
                                          .WithEnlargeBelow(std::numeric_limits<int>::max());
   const Features known = extractor.Extract(bytes, 1);
-  const auto closer = extractor.LookCloser(bytes, known, 1);
+  const auto closer = extractor.LookCloser(bytes, known, {}, 1);
   ASSERT_TRUE(closer);
   EXPECT_GT(closer->keypoints.size(), known.keypoints.size() + 400);
   EXPECT_LE(closer->keypoints.size(), known.keypoints.size() + 800);

@@ -13,7 +13,7 @@
 namespace pliant::testing {
 namespace {
 
-double MeanError(const Location& location, const Bend& bend, const TemplateBox& box) {
+double MeanError(const Location& location, const Bend& bend, const PixelBox& box) {
   double sum = 0;
   int count = 0;
   for (double y = 40; y < box.height - 40; y += 20) {
@@ -87,7 +87,7 @@ TEST(Tracker, OnlyTheTemplateIsAReference) {
 
 TEST(Tracker, ARegionIsATemplateOfItsOwn) {
   TrackerOptions options;
-  options.region = TemplateBox{120, 60, 200, 160};
+  options.region = PixelBox{120, 60, 200, 160};
   const Tracker tracker = MakeTracker(options);
   EXPECT_EQ(tracker.picture().width, 200);
   EXPECT_EQ(tracker.picture().pixels[0], Template().pixels[60 * kWidth + 120]);
@@ -122,7 +122,7 @@ TEST(Tracker, AMaskLeavesOutWhatIsNotTheObject) {
 TEST(Tracker, KeepsTheStrongestOfTheRegionOnly) {
   TrackerOptions options;
   options.extraction.keypoints.max_keypoints = 40;
-  options.region = TemplateBox{20, 20, 100, 100};
+  options.region = PixelBox{20, 20, 100, 100};
   EXPECT_EQ(MakeTracker(options).features().keypoints.size(), 40U);
 }
 
@@ -150,14 +150,14 @@ TEST(Tracker, SaysWhyItIsLost) {
 }
 
 TEST(Tracker, RefusesTemplatesThatCannotWork) {
-  const auto with_region = [](TemplateBox box) {
+  const auto with_region = [](PixelBox box) {
     TrackerOptions options;
     options.region = box;
     return options;
   };
-  for (const TemplateBox& box :
-       {TemplateBox{-1, 0, 50, 50}, TemplateBox{0, 0, 401, 50}, TemplateBox{380, 0, 50, 50},
-        TemplateBox{0, 0, 15, 50}, TemplateBox{0, 2147483647, 50, 50}, TemplateBox{0, 0, 0, 0}}) {
+  for (const PixelBox& box :
+       {PixelBox{-1, 0, 50, 50}, PixelBox{0, 0, 401, 50}, PixelBox{380, 0, 50, 50},
+        PixelBox{0, 0, 15, 50}, PixelBox{0, 2147483647, 50, 50}, PixelBox{0, 0, 0, 0}}) {
     ExpectError(ErrorCode::kInvalidArgument, "region_invalid",
                 [&] { MakeTracker(with_region(box)); });
   }

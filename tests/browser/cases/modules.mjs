@@ -127,6 +127,12 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   const score = (value) => [{ name: "mug", probability: null, score: value }];
   assert.equal(await words({ hits: score(0.5) }), "Not sure: perhaps mug.", "without probabilities nothing is sure");
   assert.equal(await words({ hits: score(0.49) }), "Not in your collection.");
+  const advice = async (given) => (await call("words.js", "adviceWords", given)).value;
+  assert.match(await advice({ hits: hits(["mug", 0.89]) }), /select the part/);
+  assert.match(await advice({ hits: [] }), /select the part/);
+  for (const given of [{ hits: hits(["mug", 0.9]) }, { hits: [], inPart: true }, { hits: [], stored: true }]) {
+    assert.equal(await advice(given), "");
+  }
 }));
 
 test("names are made of folders and files, and of the time where those say nothing", () => withModules(async (call) => {
