@@ -137,7 +137,7 @@ function showAnswer(answer, offset, how) {
   status.append(make("strong", { class: "verdict", text: verdictWords(said) }),
                 make("span", { class: "quiet", text: ` ${results} in ${(answer.took_ms / 1000).toFixed(2)} s` }));
   const advice = adviceWords(said);
-  if (advice) status.append(make("span", { class: "quiet", text: ` ${advice}` }));
+  if (advice) status.append(make("span", { class: "quiet advice", text: ` ${advice}` }));
   if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);
   else drawStage(query, hits, chosen);
   if (offset) focusHit(before);

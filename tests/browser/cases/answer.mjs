@@ -15,7 +15,7 @@ test("what is not in the collection is said to be so; nothing is chosen, nothing
   await house.trainVocabulary(server.address, 600);
   const page = await house.openPage(server.address);
   await page.locator("#search-file").setInputFiles(unknown);
-  await house.waitForText(page, "#search-status", /^Not in your collection\..* If it is small in your picture, select the part that shows it\.$/);
+  await house.waitForText(page, "#search-status", /^Not in your collection\.[^]*If it is small in your picture, select the part that shows it\.$/);
   await house.eventually(async () => assert.equal(await page.locator("#results .hit").count(), 0));
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 0));
   await house.eventually(async () => assert.equal(await page.locator("#compare").isVisible(), false));
