@@ -43,6 +43,9 @@ struct TpsRansacOptions {
 // scales areas by `determinant`.
 double ToleranceAt(const TpsRansacOptions& options, double determinant);
 
+// Throws kInvalidArgument that names the option, or for numbers that are not finite.
+void Validate(std::span<const Correspondence> input, const TpsRansacOptions& options);
+
 // Why there is no warp.
 enum class TpsRansacFailure {
   kNone,

@@ -190,11 +190,11 @@ TpsRansacOptions Verifier::RansacFor(const Features& reference) const {
 }
 
 double Verifier::Independent(const Features& reference, const std::vector<MatchedPair>& inliers,
-                             const ThinPlateSpline& warp) const {
-  const auto seen = PointsOf(reference.keypoints, inliers, &MatchedPair::reference);
-  const double scale = MedianScale(warp, seen);
+                             const ThinPlateSpline& warp, const TpsRansacOptions& ransac) const {
+  const double scale =
+      MedianScale(warp, PointsOf(reference.keypoints, inliers, &MatchedPair::reference));
   return IndependentInliers(query_, reference, inliers,
-                            kPlaceInTolerances * ToleranceAt(RansacFor(reference), scale * scale),
+                            kPlaceInTolerances * ToleranceAt(ransac, scale * scale),
                             kPlaceInReference * std::max(reference.width, reference.height));
 }
 
@@ -221,14 +221,15 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   std::copy_if(matches.begin(), matches.end(), std::back_inserter(mutual),
                [](const Match& match) { return match.mutual; });
   result.matches = static_cast<int>(mutual.size());
-  TpsRansacResult agreed = TpsRansac(Correspondences(reference, mutual), RansacFor(reference));
+  const TpsRansacOptions ransac = RansacFor(reference);
+  TpsRansacResult agreed = TpsRansac(Correspondences(reference, mutual), ransac);
   result.failure = agreed.failure;
   result.warp = std::move(agreed.warp);
   if (!result.warp) return result;
   result.inliers = PairsOf(mutual, agreed.inliers);
   result.distances = DistancesOf(mutual, agreed.inliers);
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
-  result.independent = Independent(reference, result.inliers, *result.warp);
+  result.independent = Independent(reference, result.inliers, *result.warp, ransac);
   result.outline = Outline(query_, reference, result.inliers, *result.warp);
   result.colour_difference = Colours(reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
@@ -253,7 +254,7 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     const auto outline = Outline(query_, reference, inliers, *agreed.warp);
     if (found.ShowsAgain(inliers)) {
       result->others.push_back({inliers, DistancesOf(left, agreed.inliers),
-                                Independent(reference, inliers, *agreed.warp),
+                                Independent(reference, inliers, *agreed.warp, ransac),
                                 Colours(reference, inliers, *agreed.warp), *agreed.warp, outline});
       found.Add(inliers, outline);
     } else {

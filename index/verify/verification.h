@@ -87,7 +87,7 @@ class Verifier {
                    VerificationResult* result) const;
   TpsRansacOptions RansacFor(const Features& reference) const;
   double Independent(const Features& reference, const std::vector<MatchedPair>& inliers,
-                     const ThinPlateSpline& warp) const;
+                     const ThinPlateSpline& warp, const TpsRansacOptions& ransac) const;
   std::optional<double> Colours(const Features& reference, const std::vector<MatchedPair>& inliers,
                                 const ThinPlateSpline& warp) const;
   std::vector<Correspondence> Correspondences(const Features& reference,

@@ -72,15 +72,33 @@ void WriteScene(const Scene& wanted, const std::filesystem::path& path) {
       .write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
 }
 
-void IndexPrints(const TemporaryFolder& folder, const std::string& db) {
-  std::filesystem::create_directories(folder / "pictures");
-  for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
-                           "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
-    std::filesystem::copy_file(kPhotographs / name, folder / "pictures" / name);
+// A collection of prints, and a scene that is asked for them.
+class PhotographsOfPrints : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
+    std::filesystem::create_directories(folder_ / "pictures");
+    for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
+                             "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
+      std::filesystem::copy_file(kPhotographs / name, folder_ / "pictures" / name);
+    }
+    const ProgramResult indexed =
+        RunProgram({"index", (folder_ / "pictures").string(), "--db", db_});
+    ASSERT_EQ(indexed.status, 0) << indexed.err;
   }
-  const ProgramResult indexed = RunProgram({"index", (folder / "pictures").string(), "--db", db});
-  ASSERT_EQ(indexed.status, 0) << indexed.err;
-}
+
+  auto Ask(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments = {"query", scene_, "--db", db_, "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult answer = RunProgram(arguments);
+    EXPECT_EQ(answer.status, 0) << answer.err;
+    return answer.json();
+  }
+
+  const TemporaryFolder folder_;
+  const std::string db_ = (folder_ / "x.db").string();
+  const std::string scene_ = (folder_ / "scene.png").string();
+};
 
 TEST(Photographs, AnotherViewFindsItsObjectFirst) {
   ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
@@ -107,55 +125,33 @@ TEST(Photographs, AnotherViewFindsItsObjectFirst) {
 }
 
 // Too small to be found, but by a second description at a finer scale.
-TEST(Photographs, ACloserLookFindsSmallPrints) {
-  ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
-  const TemporaryFolder folder;
-  const std::string db = (folder / "x.db").string();
-  ASSERT_NO_FATAL_FAILURE(IndexPrints(folder, db));
-  const std::string scene = (folder / "scene.png").string();
-  const auto ask = [&](const char* look) {
-    const ProgramResult answer = RunProgram({"query", scene, "--db", db, "--json", look});
-    EXPECT_EQ(answer.status, 0) << answer.err;
-    return answer.json();
-  };
+TEST_F(PhotographsOfPrints, ACloserLookFindsSmallPrints) {
   for (const auto& [print, side_px] : {std::pair{"sudoku.png", 64}, std::pair{"cards.png", 92}}) {
-    WriteScene({.print = print, .print_side_px = side_px}, scene);
-    const auto without = ask("--no-closer-look");
+    WriteScene({.print = print, .print_side_px = side_px}, scene_);
+    const auto without = Ask({"--no-closer-look"});
     EXPECT_EQ(without["verdict"], "not_found") << print << ": " << without.dump();
     EXPECT_EQ(without["looked_closer"], false);
-    const auto closer = ask("--closer-look");
+    const auto closer = Ask({"--closer-look"});
     EXPECT_EQ(closer["verdict"], "found") << print << ": " << closer.dump();
     EXPECT_EQ(closer["looked_closer"], true);
     EXPECT_EQ(closer["hits"][0]["object"], std::filesystem::path(print).stem().string());
     EXPECT_GT(closer["keypoints"], without["keypoints"]);
   }
-  WriteScene({.print = "graf1.png", .print_side_px = 120}, scene);
-  const auto at_once = ask("--closer-look");
+  WriteScene({.print = "graf1.png", .print_side_px = 120}, scene_);
+  const auto at_once = Ask({"--closer-look"});
   EXPECT_EQ(at_once["verdict"], "found");
   EXPECT_EQ(at_once["looked_closer"], false) << "what is found at once is not described twice";
 }
 
 // A photograph of 3600 pixels has a print of 120: a thirtieth of it, of which the whole picture
 // shows 34 pixels, or 51 to a closer look; the part shows them all.
-TEST(Photographs, APartIsSeenInItsOwnPixels) {
-  ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
-  const TemporaryFolder folder;
-  const std::string db = (folder / "x.db").string();
-  ASSERT_NO_FATAL_FAILURE(IndexPrints(folder, db));
-  const std::string scene = (folder / "scene.png").string();
-  const auto ask = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"query", scene, "--db", db, "--json"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProgramResult answer = RunProgram(arguments);
-    EXPECT_EQ(answer.status, 0) << answer.err;
-    return answer.json();
-  };
+TEST_F(PhotographsOfPrints, APartIsSeenInItsOwnPixels) {
   for (const char* print : {"sudoku.png", "cards.png"}) {
     WriteScene({.print = print, .print_side_px = 120, .side_px = 3600, .left = 1500, .top = 1100},
-               scene);
-    const auto whole = ask({});
+               scene_);
+    const auto whole = Ask({});
     EXPECT_NE(whole["verdict"], "found") << print << ": " << whole.dump();
-    const auto part = ask({"--region", "1480,1080,160,160"});
+    const auto part = Ask({"--region", "1480,1080,160,160"});
     EXPECT_EQ(part["verdict"], "found") << print << ": " << part.dump();
     EXPECT_EQ(part["query"]["width"], 3600);
     ASSERT_FALSE(part["hits"].empty());
