@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "descriptor/image/byte_reader.h"
 #include "descriptor/image/finish_pixels.h"
 #include "descriptor/image/image_header.h"
@@ -44,8 +45,8 @@ void CheckMemory(const ScannedImage& scanned, int reduction, const DecodeOptions
   throw Error(ErrorCode::kTooLarge, "image_too_large",
               "Decoding the picture of " + std::to_string(scanned.header.width) + " x " +
                   std::to_string(scanned.header.height) + " pixels takes more than " +
-                  std::to_string(options.max_decode_bytes >> 20) +
-                  " MiB of memory. Scale it down, or save it as JPEG that is not progressive.");
+                  FormatBytes(static_cast<std::uint64_t>(options.max_decode_bytes)) +
+                  " of memory. Scale it down, or save it as JPEG that is not progressive.");
 }
 
 // libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
@@ -178,8 +179,9 @@ void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, Deco
 DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The picture file has " + std::to_string(bytes.size()) + " bytes; at most " +
-                    std::to_string(options.max_bytes) + " are accepted.");
+                "The picture file is larger than " +
+                    FormatBytes(static_cast<std::uint64_t>(options.max_bytes)) +
+                    ", which is the limit.");
   }
   ScannedImage scanned = ScanImage(bytes);
   const ImageHeader& header = scanned.header;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/cluster_output.h"
 
+#include "descriptor/base/format_bytes.h"
 #include "index/cli/output.h"
 #include "index/files/text.h"
 

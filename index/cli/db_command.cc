@@ -3,6 +3,7 @@
 // pliant db stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
 
+#include "descriptor/base/format_bytes.h"
 #include "index/cli/command.h"
 #include "index/cli/db_check.h"
 #include "index/cli/db_copy.h"

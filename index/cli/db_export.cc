@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "descriptor/base/format_bytes.h"
 #include "index/cli/hdf5_file.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"

@@ -71,7 +71,8 @@ ExitStatus DescribeAll(const Options& options) {
   } else {
     ReportSkipped(folder.skipped);
     Print("wrote " + file + ": " + std::to_string(written.keypoints) + " key points of " +
-          std::to_string(written.images) + " pictures below " + root + ", " + written.model_id);
+          std::to_string(written.images) + (written.images == 1 ? " picture" : " pictures") +
+          " below " + root + ", " + written.model_id);
   }
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }

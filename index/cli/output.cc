@@ -112,14 +112,6 @@ std::string FormatFixed(double value, int decimals) {
   return buffer.data();
 }
 
-std::string FormatBytes(std::uint64_t bytes) {
-  static constexpr std::array kUnits = {"B", "KiB", "MiB", "GiB", "TiB"};
-  auto value = static_cast<double>(bytes);
-  std::size_t unit = 0;
-  for (; value >= 1024 && unit + 1 < kUnits.size(); value /= 1024) ++unit;
-  return FormatFixed(value, unit == 0 ? 0 : 1) + " " + kUnits[unit];
-}
-
 std::string FormatTime(std::int64_t unix_ms) {
   const auto seconds = static_cast<std::time_t>(unix_ms / 1000);
   std::tm utc{};

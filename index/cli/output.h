@@ -31,7 +31,6 @@ void ReportError(const Error& error, bool json);
 std::string FormatTable(const std::vector<std::string>& header,
                         const std::vector<std::vector<std::string>>& rows);
 
-std::string FormatBytes(std::uint64_t bytes);  // "1.5 MiB"
 std::string FormatTime(std::int64_t unix_ms);  // "2025-01-31 13:45:10" UTC
 std::string FormatFixed(double value, int decimals);
 // A field of a CSV file (RFC 4180): in quotes where it has a comma, a quote or a line break.

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <system_error>
 
+#include "descriptor/base/format_bytes.h"
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/texture_source.h"
 #include "index/files/text.h"
@@ -22,8 +23,8 @@ std::vector<std::uint8_t> ReadStandardInput(std::int64_t max_bytes) {
   while ((count = std::fread(piece.data(), 1, piece.size(), stdin)) > 0) {
     if (bytes.size() + count > static_cast<std::uint64_t>(max_bytes)) {
       throw Error(ErrorCode::kTooLarge, "image_too_large",
-                  "standard input has more than " + std::to_string(max_bytes) +
-                      " bytes, which is the limit");
+                  "standard input is larger than " +
+                      FormatBytes(static_cast<std::uint64_t>(max_bytes)) + ", which is the limit");
     }
     bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(count));
   }

@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "descriptor/image/image.h"
 #include "index/files/durable_file.h"
 #include "index/files/text.h"
@@ -158,8 +159,8 @@ std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes)
   if (error) fail(error.message());
   if (size > static_cast<std::uintmax_t>(max_bytes)) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                path.string() + " has " + std::to_string(size) + " bytes; the limit is " +
-                    std::to_string(max_bytes));
+                path.string() + " is larger than " +
+                    FormatBytes(static_cast<std::uint64_t>(max_bytes)) + ", which is the limit");
   }
   std::vector<std::uint8_t> bytes(size);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));

@@ -3,6 +3,7 @@
 // Reading bodies: plain ones and forms, within their limits.
 #include <fmt/format.h>
 
+#include "descriptor/base/format_bytes.h"
 #include "index/files/text.h"
 #include "server/http/exchange.h"
 
@@ -91,9 +92,9 @@ ProblemError Exchange::BodyProblem(bool too_large, bool too_many_parts) const {
                         fmt::format("The form has more than {} parts.", MaxParts(*route_)));
   }
   if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
-    return ProblemError("body_too_large",
-                        fmt::format("A body may have {} bytes, and a form field {}.",
-                                    shared_.max_body_bytes, kMaxFieldBytes));
+    return ProblemError("body_too_large", fmt::format("A body may have {}, and a form field {}.",
+                                                      FormatBytes(shared_.max_body_bytes),
+                                                      FormatBytes(kMaxFieldBytes)));
   }
   if (connection_.fault() == Connection::Fault::kTimeout) {
     return ProblemError("request_timeout", "The body did not arrive in time.");

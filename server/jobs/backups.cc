@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "index/store/open_store.h"
 
 namespace pliant::server {
@@ -143,7 +144,7 @@ std::shared_ptr<BackupUpload> Backups::Receive(const std::string& name, std::uin
   RequireDirectory();
   if (options_.max_bytes > 0 && bytes > options_.max_bytes) {
     throw ProblemError("body_too_large",
-                       fmt::format("A backup may have {} bytes.", options_.max_bytes));
+                       fmt::format("A backup may have {}.", FormatBytes(options_.max_bytes)));
   }
   const fs::path path = PathOfNew(name);
   const auto give_back = [uploads = uploads_](std::atomic<int>*) { --*uploads; };

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "server/http/file_error.h"
 #include "server/http/problem.h"
 
@@ -46,7 +47,8 @@ bool IsId(const std::string& text) {
 
 void CheckSize(std::uint64_t bytes, std::uint64_t max_bytes) {
   if (max_bytes == 0 || bytes <= max_bytes) return;
-  throw ProblemError("body_too_large", fmt::format("An import may have {} bytes.", max_bytes));
+  throw ProblemError("body_too_large",
+                     fmt::format("An import may have {}.", FormatBytes(max_bytes)));
 }
 
 // Of all jobs that have not ended.

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "descriptor/base/format_bytes.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
@@ -105,7 +106,7 @@ BulkItem BulkItems::Item(std::size_t i) const {
       i < lines_.size() ? lines_[i].second.size() : files_.at(i).content.size();
   if (bytes > defaults_.max_item_bytes) {
     throw ProblemError("body_too_large",
-                       "Each may have " + std::to_string(defaults_.max_item_bytes) + " bytes.");
+                       "Each may have " + FormatBytes(defaults_.max_item_bytes) + ".");
   }
   return i < lines_.size() ? OfLine(lines_[i].second) : OfFile(files_.at(i));
 }

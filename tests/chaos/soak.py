@@ -26,7 +26,6 @@ from service.server import Connection, Server, Wrong
 
 IMAGES = "/v1/collections/default/images"
 SEARCH = "/v1/collections/default/search?limit=5"
-DESCRIBE = ["--descriptor", "rootsift"]  # the fastest: what is tested is all else
 MOST_GROWTH = 1.1  # of the memory between its second and its last third
 MOST_GROWTH_MB = 32  # beside that: a server of few pictures is small
 MOST_MORE_FILES = 8
@@ -46,7 +45,7 @@ class Client(threading.Thread):
     def run(self):
         try:
             while not self.stopped and not self.wrong:
-                self.random.choices([self.search, self.put, self.remove, self.read], [60, 15, 15, 10])[0]()
+                self.random.choices([self.search, self.search_absent, self.put, self.remove, self.read], [55, 5, 15, 15, 10])[0]()
         except (OSError, http.client.HTTPException, Wrong) as error:
             self.wrong.append(f"client {self.number}: {error!r}")
 
@@ -74,6 +73,10 @@ class Client(threading.Thread):
         if self.ids[name] not in found[:1]:
             self.wrong.append(f"client {self.number}: a search for {name} found {found}")
 
+    def search_absent(self):
+        """Nothing is found, so the server looks closer: the dearest of searches."""
+        self.ask("POST", SEARCH, texture(f"absent {self.random.random()}"), {200})
+
     def put(self):
         name = f"c{self.number}-{self.random.randrange(20)}"
         self.added += 1
@@ -98,9 +101,9 @@ class Client(threading.Thread):
 class Importer(threading.Thread):
     """Adds a folder again and again, by a job of one server and by `pliant index` in turns, and removes its objects through the other."""
 
-    def __init__(self, binaries, folder, database, addresses):
+    def __init__(self, binaries, describe, folder, database, addresses):
         super().__init__(daemon=True)
-        self.binaries, self.folder, self.database, self.addresses = binaries, folder, database, addresses
+        self.binaries, self.describe, self.folder, self.database, self.addresses = binaries, describe, folder, database, addresses
         self.rounds, self.wrong, self.stopped = 0, [], False
 
     def run(self):
@@ -130,7 +133,7 @@ class Importer(threading.Thread):
         removing.close()
 
     def index(self, name):
-        done = subprocess.run([self.binaries / "pliant", "index", self.folder / name, "--db", self.database, "--jobs", "1", *DESCRIBE],
+        done = subprocess.run([self.binaries / "pliant", "index", self.folder / name, "--db", self.database, "--jobs", "1", *self.describe],
                               capture_output=True, text=True, check=False)
         if done.returncode != 0:
             self.wrong.append(f"pliant index: {done.returncode} {done.stderr}")
@@ -212,7 +215,7 @@ def fill(options, folder, database):
     for name in names:
         (shelf / f"{name}.png").write_bytes(texture(name))
     made = time.monotonic()
-    subprocess.run([options.bin / "pliant", "index", shelf, "--db", database, "--object-from", "stem", *DESCRIBE], check=True,
+    subprocess.run([options.bin / "pliant", "index", shelf, "--db", database, "--object-from", "stem", *options.describe], check=True,
                    stdout=subprocess.DEVNULL)
     print(f"{options.pictures} pictures indexed in {time.monotonic() - made:.0f} s (made in {made - begin:.0f} s)", flush=True)
     if options.filled:
@@ -254,20 +257,22 @@ def main():
     parser.add_argument("--clients", type=int, default=32)
     parser.add_argument("--pictures", type=int, default=50_000, help="that are there and searched for")
     parser.add_argument("--filled", type=pathlib.Path, metavar="FILE", help="keeps the filled database, and begins with it the next time")
+    parser.add_argument("--descriptor", default="rootsift", help="default: %(default)s, the fastest: what is tested is all else")
     options = parser.parse_args()
+    options.describe = ["--descriptor", options.descriptor]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         database, shelf = folder / "pictures.db", folder / "imports"
         shelf.mkdir()
         names = fill(options, folder, database)
-        command = [options.bin / "pliant-server", "--db", database, "--listen", "127.0.0.1:0", "--import-dir", shelf, "--log-level", "warn", *DESCRIBE]
+        command = [options.bin / "pliant-server", "--db", database, "--listen", "127.0.0.1:0", "--import-dir", shelf, "--log-level", "warn", *options.describe]
         servers = [Server(command, folder / f"log{i}") for i in range(2)]
         for server in servers:
             server.wait_ready()
         addresses = [server.address for server in servers]
         ids = ids_of(addresses[0], names)
         clients = [Client(i, addresses[i % 2], ids) for i in range(options.clients)]
-        importer, watch = Importer(options.bin, shelf, database, addresses), Watch(servers)
+        importer, watch = Importer(options.bin, options.describe, shelf, database, addresses), Watch(servers)
         live(options, clients, importer, watch)
         wrong = [each for thread in [*clients, importer] for each in thread.wrong]
         searches = sorted(s for client in clients for s in client.searches_s) or [0.0]

@@ -163,7 +163,7 @@ TEST_F(BackupsTest, OnlyWhatIsABackupIsTaken) {
 TEST_F(BackupsTest, LimitsAndAFullDisk) {
   StartWithBackups({"--max-backup-mb", "2"});
   const std::string bytes = MakeBackup("a.db");
-  Refused(Put("b.db", std::string((2 << 20) + 1, 'x')), 413, "body_too_large", "2097152");
+  Refused(Put("b.db", std::string((2 << 20) + 1, 'x')), 413, "body_too_large", "2 MiB");
   EXPECT_THAT(server_->Talk("PUT /v1/backups/b.db HTTP/1.1\r\nHost: 127.0.0.1\r\n"
                             "Content-Type: application/octet-stream\r\n"
                             "Content-Length: 99999999999999999999999\r\n\r\n"),

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "index/files/durable_file.h"
 
 namespace pliant {
@@ -54,9 +55,9 @@ void Access::RequireSpace(std::uint64_t bytes, const std::filesystem::path& dire
   const std::filesystem::space_info space = std::filesystem::space(where, unknown);
   if (unknown || space.available >= bytes + reserve_bytes_) return;
   throw Error(ErrorCode::kNoSpace, "no_space",
-              "only " + std::to_string(space.available >> 20) + " MiB are free on the disk of " +
-                  DisplayPath(where) + ", and " + std::to_string(reserve_bytes_ >> 20) +
-                  " MiB are kept for removing pictures; nothing was stored. Remove pictures, or "
+              "only " + FormatBytes(space.available) + " are free on the disk of " +
+                  DisplayPath(where) + ", and " + FormatBytes(reserve_bytes_) +
+                  " are kept for removing pictures; nothing was stored. Remove pictures, or "
                   "give it more space");
 }
 
