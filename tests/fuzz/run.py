@@ -7,7 +7,8 @@
     tests/fuzz/run.py SECONDS [TARGET ...] [--build build/fuzz] [--total] [--jobs N] [--keep]
 
 SECONDS is for each target. What it finds lies in BUILD/finds, the inputs that reached new code in
-BUILD/corpora, where the next run goes on. BUILD/spent.json says how long each program was run without a find; with
+BUILD/corpora, where the next run goes on. An input that was slow is a find only where it takes processor time: on a busy
+machine any may wait. BUILD/spent.json says how long each program was run without a find; with
 --total that counts, so that a long campaign can be stopped and taken up again; a program that was built anew from other
 code, or found something, begins at nothing. --jobs runs so many targets side by side. --keep adds to the corpora of the
 repository what reaches more than they do, the smallest files first, as far as there is room. The exit status is 1 when
@@ -32,6 +33,7 @@ MOST_BYTES = 4096  # of a file that is added to it
 SHARED = {"picture_structure": "picture"}  # targets that have the corpus of another
 # An allocation that large breaks a limit: the largest is for 4 MiB (picture_fuzz.cc).
 MOST_FINDS = 10  # of a target, then it is left
+SLOW_S = 5  # of processor time; libFuzzer calls an input slow after 10 seconds by the clock
 SLICE = 300  # seconds; what a campaign that is killed loses at most
 LIMITS = ["-malloc_limit_mb=64", "-rss_limit_mb=2048", "-timeout=20", "-max_len=8192"]
 LIMITS_OF = {"weights": ["-max_len=16384"]}
@@ -46,6 +48,19 @@ def run_once(program, arguments, seconds):
     if not executions and done.returncode == 0:
         sys.exit(f"{program} says nothing about its run:\n{done.stderr[-2000:]}")
     return done.returncode, int(executions[1]) if executions else 0, max(map(int, reached), default=0)
+
+
+def only_waited(program, find):
+    """Whether an input was slow because the machine was busy. Removes it then."""
+    if not re.search("-(slow-unit|timeout)-", find.name):
+        return False
+    again = subprocess.Popen([program, *LIMITS, find], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(again.pid, 0)
+    again.returncode = os.waitstatus_to_exitcode(status)
+    if usage.ru_utime + usage.ru_stime >= SLOW_S:
+        return False
+    find.unlink()
+    return True
 
 
 class Spent:
@@ -92,6 +107,7 @@ def fuzz(build, target, seconds, spent, total):
         new = set(finds.glob(f"{target}-*")) - before - found
         if status != 0 and not new:
             sys.exit(f"{program} ended with {status}, without a find")
+        new = {find for find in new if not only_waited(program, find)}
         found |= new
         entry = {"program": entry["program"], "seconds": 0 if new else entry["seconds"] + took,
                  "executions": 0 if new else entry["executions"] + more}
