@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 #include "server/fetch/transfer.h"
 #include "server/fetch/web_address.h"
 #include "server/http/problem.h"
@@ -62,8 +63,9 @@ bool IsRedirection(int status) {
                               std::chrono::duration<double>(options.timeout).count()),
                   internal);
     case End::kTooLarge:
-      ThrowFailed(fmt::format("What is at image_url is larger than {} bytes.", options.max_bytes),
-                  internal);
+      ThrowFailed(
+          fmt::format("What is at image_url is larger than {}.", FormatBytes(options.max_bytes)),
+          internal);
     case End::kStopped:
       ThrowStopping();
     case End::kBroken:

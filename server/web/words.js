@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What problem codes and scores mean, for people who have not read the manual.
-import { fileSize } from "./dom.js";
 
 const kProblems = {
   first_key_admin: "The first key has to be one that may do everything: else nobody could make more.",
@@ -49,13 +48,13 @@ const kStatuses = {
 };
 
 function tooLarge(detail) {
-  const bytes = /(\d{4,}) bytes/.exec(detail ?? "")?.[1];
-  return `The file is larger than ${bytes ? `the ${fileSize(Number(bytes))} that` : ""} this server takes.`;
+  const size = /\d[\d.]* (bytes|[KMGT]iB)/.exec(detail ?? "")?.[0];
+  return `The file is larger than ${size ? `the ${size} that ` : ""}this server takes.`;
 }
 
 // What is said of a parameter, to people who have given an address and know of no parameter.
 function fetchWords(detail) {
-  const words = detail.replaceAll("image_url", "this address").replace(/(\d{4,}) bytes/, (all, bytes) => fileSize(Number(bytes)));
+  const words = detail.replaceAll("image_url", "this address");
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 

@@ -115,7 +115,7 @@ TEST_F(FetchTest, RefusesWhatIsWrong) {
   StartFetching({"--fetch-private", "true", "--max-body-mb", "1", "--fetch-timeout", "2"});
   const auto url = [&](const std::string& path) { return Json{{"image_url", other_.url(path)}}; };
   Refused(kImages, url("/gone.png"), 422, "fetch_failed", "image_url", "answered 404");
-  Refused(kImages, url("/large.png"), 422, "fetch_failed", "image_url", "larger than 1048576");
+  Refused(kImages, url("/large.png"), 422, "fetch_failed", "image_url", "larger than 1 MiB");
   Refused(kImages, url("/drip.png"), 422, "fetch_failed", "image_url", "longer than 2 s");
   Refused(kImages, url("/away.png"), 422, "fetch_host_not_allowed", "image_url", "redirected");
   Refused(kImages, url("/page.html"), 415, "image_type_unknown", "");

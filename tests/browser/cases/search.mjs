@@ -171,7 +171,7 @@ test("what goes wrong is said in words", async () => {
   await ask("blank.png", "image/png", blank());
   await house.waitForText(page, "#search-status.error", /too little detail/);
   await ask("large.png", "image/png", Buffer.alloc(34_000_000));
-  await house.waitForText(page, "#search-status.error", /^The file is larger than the 34 MB that this server takes/);
+  await house.waitForText(page, "#search-status.error", /^The file is larger than the 32 MiB that this server takes/);
   await ask("half.jpg", "image/jpeg", crumpled.subarray(0, crumpled.length / 2));
   await house.waitForText(page, "#search-status.error", /ends too early|damaged/);
   await house.shoot(page, "error");
