@@ -3,6 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is needed, builds with warnings as errors and runs every test of the default set.
 # Arguments go to ctest, for example: bash tests/run.sh -R image
+# (one test at a time: --parallel 1)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -17,4 +18,5 @@ cmake --preset ci
 step "Build"
 cmake --build --preset ci
 step "Test"
-ctest --preset ci --label-exclude slow "$@"
+# Two at a time: most tests wait for servers, and some use all cores.
+ctest --preset ci --label-exclude slow --parallel 2 "$@"
