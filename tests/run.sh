@@ -18,5 +18,5 @@ cmake --preset ci
 step "Build"
 cmake --build --preset ci
 step "Test"
-# Two at a time: most tests wait for servers, and some use all cores.
+# Two at a time, but for those that need the machine for themselves: most tests wait for servers.
 ctest --preset ci --label-exclude slow --parallel 2 "$@"

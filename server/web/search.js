@@ -13,7 +13,7 @@ import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
 import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "./results.js";
-import { link, noteAddress, pushAddress } from "./router.js";
+import { link, noteAddress, pushAddress, showing } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
 import { adviceWords, isWeak, sharing, verdictWords } from "./words.js";
@@ -27,6 +27,7 @@ let running = null;  // AbortController of the search on its way
 let asked = "";      // the collection that was asked
 let hits = [];       // each with its name
 let chosen = null;   // the hit that is compared
+let latest = null;   // the file that was given last, and not yet asked with
 let received = 0, total = 0;  // hits of the server, those on their way out included
 
 // --- the query picture
@@ -169,16 +170,20 @@ function forget() {
 
 // --- ways in
 
+// A picture may take long to be read: whoever has gone elsewhere or given another one meanwhile wants that.
 async function searchFile(given) {
   if (!given) return;
+  latest = given;
+  const isWanted = () => latest === given && showing() === "search";
   let file = null;
   try {
     file = await readable(given);
   } catch (error) {
-    say(status, error.message, true);
+    if (isWanted()) say(status, error.message, true);
     return;
   }
   const key = await keepQuery(file);
+  if (!isWanted()) return;
   pushAddress(link("search", { photo: key, ...filterParameters() }));
   if (await setQuery({ file, key })) run();
 }
@@ -233,6 +238,7 @@ async function showKept(key, part, greeted) {
 export const searchView = {
   title: "Search",
   async show(parameters) {
+    latest = null;
     const greeted = refreshDemonstration();
     const id = parameters.get("image");
     const key = parameters.get("photo");

@@ -121,6 +121,42 @@ test("data in place of an address are a picture; one of the page's own is search
   await house.closePage(page);
 });
 
+test("an address that was just chosen is not lost to the search before it", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  const searched = (id, act) => Promise.all([
+    page.waitForRequest((one) => one.url().endsWith("/search") && one.postDataJSON()?.image_id === id), act()]);
+  await searched("two", () => page.evaluate(() => { location.hash = "#/search?image=two"; }));
+  // The search of "two" notes its address before the page has heard of the next one.
+  await searched("three", () => page.evaluate(async () => {
+    const { noteAddress } = await import("/assets/router.js");
+    location.hash = "#/search?image=three";
+    noteAddress("#/search?image=two");
+  }));
+  assert.equal(await page.evaluate(() => location.hash), "#/search?image=three");
+  await searched("two", () => page.goBack());
+  await house.closePage(page);
+});
+
+test("of two pictures that are dropped one after the other the second is searched with, however long the first takes", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await house.waitForText(page, "#search-status", /to find/);
+  const searches = [];
+  page.on("request", (one) => { if (one.url().endsWith("/search")) searches.push(one.url()); });
+  await page.evaluate((files) => {
+    for (const [name, type, text] of files) {
+      const transfer = new DataTransfer();
+      transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name, { type }));
+      document.querySelector("#search-drop").dispatchEvent(
+        new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+    }
+  }, [["slow.gif", "image/gif", thingGif(602).toString("base64")], ["mine.png", "image/png", thing(601).toString("base64")]]);
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  assert.equal(searches.length, 1);
+  await house.closePage(page);
+});
+
 test("GIF and AVIF are converted by the browser; what nobody can read is said with what to do", async () => {
   await prepare();
   const page = await house.openPage(server.address);
