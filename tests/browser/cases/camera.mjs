@@ -2,17 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The live camera, with Chromium's own that plays a film: crumpled pictures of two demonstration objects by turns.
 import assert from "node:assert/strict";
-import { mkdtempSync, writeFileSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { test } from "node:test";
+import { after, test } from "node:test";
 import * as house from "../house.mjs";
 
 const kFramesEach = 300;  // of one object, before the other comes; Chromium plays about 30 a second
 const server = await house.server("demonstration");
 
 async function film(...names) {
-  const file = join(mkdtempSync(join(tmpdir(), "pliant-film-")), "film.mjpeg");
+  const folder = mkdtempSync(join(tmpdir(), "pliant-film-"));
+  after(() => rmSync(folder, { recursive: true, force: true }));
+  const file = join(folder, "film.mjpeg");
   const parts = [];
   const objects = await house.loadDemonstration(server.address);  // not before: others begin with nothing
   for (const name of names) {
