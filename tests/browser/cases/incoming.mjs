@@ -157,6 +157,26 @@ test("of two pictures that are dropped one after the other the second is searche
   await house.closePage(page);
 });
 
+test("who goes to another view while a picture is read stays there", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await house.waitForText(page, "#search-status", /to find/);
+  await page.evaluate(async (text) => {
+    const { readable } = await import("/assets/convert.js");
+    const { keepQuery } = await import("/assets/kept.js");
+    const file = () => new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], "slow.gif", { type: "image/gif" });
+    const transfer = new DataTransfer();
+    transfer.items.add(file());
+    document.querySelector("#search-drop").dispatchEvent(
+      new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+    location.hash = "#/objects";
+    for (let i = 0; i < 3; ++i) await keepQuery(await readable(file()));  // by then the one that was dropped is read
+  }, thingGif(602).toString("base64"));
+  assert.equal(await page.evaluate(() => location.hash), "#/objects");
+  assert.equal(await page.locator("#view-objects").isVisible(), true);
+  await house.closePage(page);
+});
+
 test("GIF and AVIF are converted by the browser; what nobody can read is said with what to do", async () => {
   await prepare();
   const page = await house.openPage(server.address);
