@@ -67,11 +67,8 @@ export function pushAddress(hash) {
   history.pushState({ entry, inside: true }, "", hash);
 }
 
-// Another address for the same place in the history, of what is shown already. Where the page is on its way to another
-// place, of which it has not heard yet, that one stays.
-export function noteAddress(hash) {
-  if (history.state?.entry === entry) history.replaceState(history.state, "", hash);
-}
+// Another address for the same place in the history, of what is shown already.
+export const noteAddress = (hash) => history.replaceState(history.state, "", hash);
 
 // The same, and what it says.
 export function replaceAddress(hash) {
@@ -146,6 +143,7 @@ export function showCurrent() {
 
 export function startRouter() {
   history.scrollRestoration = "manual";
-  addEventListener("hashchange", showCurrent);
+  // Sent while the address changes, where hashchange comes later: what is given and noted in between would be lost.
+  addEventListener("popstate", showCurrent);
   return showCurrent();
 }

@@ -177,6 +177,22 @@ test("who goes to another view while a picture is read stays there", async () =>
   await house.closePage(page);
 });
 
+test("a picture that is given as soon as the search view is asked for is searched with", async () => {
+  await prepare();
+  const page = await house.openPage(`${server.address}/#/objects`);
+  await page.locator("#objects-list .card").first().waitFor();
+  await page.evaluate((text) => {
+    document.querySelector("nav [data-view=search]").click();
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], "mine.png", { type: "image/png" }));
+    const input = document.querySelector("#search-file");
+    input.files = transfer.files;
+    input.dispatchEvent(new Event("change", { bubbles: true }));
+  }, thing(601).toString("base64"));
+  await house.waitForText(page, "#search-status", /^Found: one/);
+  await house.closePage(page);
+});
+
 test("GIF and AVIF are converted by the browser; what nobody can read is said with what to do", async () => {
   await prepare();
   const page = await house.openPage(server.address);
