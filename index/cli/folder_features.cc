@@ -31,6 +31,12 @@ fs::path RootOf(const std::vector<fs::path>& inputs) {
   return root;
 }
 
+// A link keeps its own name; the folders that it lies in are those of the root.
+std::string NameBelow(const fs::path& root, const fs::path& path) {
+  const fs::path lies_in = fs::weakly_canonical(fs::absolute(path).parent_path());
+  return (lies_in / path.filename()).lexically_relative(root).generic_string();
+}
+
 bool IsSurfaceMap(const fs::path& path) {  // of the simulator
   return path.filename().string().ends_with(".uv.png");
 }
@@ -57,14 +63,12 @@ FolderFeatures FindFolderPictures(const std::vector<fs::path>& inputs) {
   PictureFiles files = FindPictures(inputs, ObjectFrom::kNone);
   folder.root = RootOf(inputs);
   folder.skipped = std::move(files.skipped);
+  for (SkippedFile& skipped : folder.skipped) skipped.file = NameBelow(folder.root, skipped.file);
   for (const PictureFile& file : files.pictures) {
     if (IsSurfaceMap(file.path)) continue;
     FolderPicture picture;
     picture.path = file.path;
-    // A link keeps its own name; the folders that it lies in are those of the root.
-    const fs::path lies_in = fs::weakly_canonical(fs::absolute(file.path).parent_path());
-    picture.name =
-        (lies_in / file.path.filename()).lexically_relative(folder.root).generic_string();
+    picture.name = NameBelow(folder.root, file.path);
     folder.pictures.push_back(std::move(picture));
   }
   return folder;

@@ -136,9 +136,11 @@ class Test:
         for log in self.home.glob("*/*.log"):
             shutil.copy(log, self.logs / f"{log.parent.name}-{log.name}")
 
-    def tidy(self):
+    def tidy(self, *, passed):
         for server in getattr(self, "servers", []):
             server.kill()
+        if passed:
+            shutil.rmtree(self.logs)
 
 
 def run_case(description, servers, work):
@@ -147,16 +149,17 @@ def run_case(description, servers, work):
     parser.add_argument("--bin", type=pathlib.Path, required=True)
     options = parser.parse_args()
     options.servers, options.seconds, options.gap, options.seed = servers, 0, 5, 1
-    test = Test(options)
+    test, passed = Test(options), False
     try:
         test.prepare()
         work(test)
+        passed = True
     except Wrong as wrong:
         test.keep_logs()
         print(f"WRONG: {wrong}; all logs are in {test.logs}")
         return 1
     finally:
-        test.tidy()
+        test.tidy(passed=passed)
     print("ok")
     return 0
 
@@ -169,17 +172,18 @@ def main():
     parser.add_argument("--clients", type=int, default=4)
     parser.add_argument("--gap", type=float, default=5, help="seconds at most between one trouble and the next")
     parser.add_argument("--seed", type=int, default=1)
-    test = Test(parser.parse_args())
+    test, finished = Test(parser.parse_args()), False
     try:
         test.prepare()
         clients = test.run()
         if not test.book.wrong:
             test.settle()
             test.verify(clients)
+        finished = True
     except Wrong as wrong:
         test.book.blame(str(wrong))
     finally:
-        test.tidy()
+        test.tidy(passed=finished and not test.book.wrong)
     for name, number in sorted(test.book.figures.items()):
         print(f"{number:7} {name}")
     print(f"{len(test.book.wrong):7} wrong")

@@ -11,6 +11,7 @@ namespace pliant::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::SizeIs;
 using ::testing::StartsWith;
 
 TEST_F(CliTest, DescribeWritesSafetensors) {
@@ -100,6 +101,7 @@ TEST_F(CliTest, DescribeTakesAFolder) {
   WriteObjects(3);
   WriteBytes(folder_ / "objects" / "o2" / "small.png",
              EncodePng({4, 4, 1, std::vector<std::uint8_t>(16)}));
+  std::filesystem::create_symlink("nowhere", folder_ / "objects" / "o3" / "gone.png");
   const auto describe = [&](const std::string& folder, const std::string& out) {
     return RunProgram({"describe", (folder_ / folder).string(), "--descriptor", "orb", "--out",
                        (folder_ / out).string(), "--json"});
@@ -107,8 +109,11 @@ TEST_F(CliTest, DescribeTakesAFolder) {
   const ProgramResult some = describe("objects", "all.safetensors");
   EXPECT_EQ(some.status, 3) << some.err;
   EXPECT_EQ(some.json()["images"], 3);
-  EXPECT_EQ(some.json()["skipped"][0]["file"], "o2/small.png");
-  EXPECT_EQ(some.json()["skipped"][0]["code"], "image_too_small");
+  ASSERT_THAT(some.json()["skipped"], SizeIs(2));
+  EXPECT_EQ(some.json()["skipped"][0]["file"], "o3/gone.png");
+  EXPECT_EQ(some.json()["skipped"][0]["code"], "cannot_read");
+  EXPECT_EQ(some.json()["skipped"][1]["file"], "o2/small.png");
+  EXPECT_EQ(some.json()["skipped"][1]["code"], "image_too_small");
   const std::vector<std::uint8_t> bytes = ReadBytes(folder_ / "all.safetensors");
   std::uint64_t length = 0;
   std::memcpy(&length, bytes.data(), 8);
@@ -119,6 +124,7 @@ TEST_F(CliTest, DescribeTakesAFolder) {
   EXPECT_EQ(header["starts"]["shape"], Json{4});
   EXPECT_EQ(header["keypoints"]["shape"], (Json{some.json()["keypoints"], 6}));
   std::filesystem::remove(folder_ / "objects" / "o2" / "small.png");
+  std::filesystem::remove(folder_ / "objects" / "o3" / "gone.png");
   EXPECT_EQ(describe("objects", "all.npz").status, 0);
   std::filesystem::create_directory(folder_ / "empty");
   const ProgramResult none = describe("empty", "none.npz");
