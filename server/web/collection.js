@@ -135,6 +135,7 @@ function askBeforeDeleting(button, name) {
       await api.deletePath(api.address("", name));
       say(byId("collection-made"), `The collection ${name} is deleted.`);
       if (name === api.collectionName()) location.hash = "#/collection";
+      else showCollections().catch(() => {});  // refresh() says what is wrong
     } catch (error) {
       say(byId("collection-made"), error.message, true);
     }
@@ -175,8 +176,16 @@ byId("collection-rename").addEventListener("submit", async (event) => {
   }
 });
 
+let collectionsText = "";  // what is shown: while nothing changes, a question that is being answered stays
+let latestCollections = 0;
+
 async function showCollections() {
+  const number = ++latestCollections;
   const { labels } = await api.collections();
+  if (number !== latestCollections) return;
+  const text = JSON.stringify([api.collectionName(), labels]);
+  if (text === collectionsText) return;
+  collectionsText = text;
   byId("collections").replaceChildren(...labels.map(collectionItem));
 }
 

@@ -30,7 +30,6 @@ export async function refreshHeader() {
 choice.addEventListener("change", () => {
   api.setCollection(choice.value);
   go("search");
-  showCurrent();
 });
 
 let wanted = false;  // the server has asked for a key

@@ -56,8 +56,11 @@ test("collections are made, entered and deleted", async () => {
   await house.checkWidth(page, "named collection");
   await page.goto(`${server.address}/#/collection`);
   await page.getByRole("button", { name: "Delete the collection attic" }).click();
+  await Promise.all([page.waitForResponse((one) => one.url().endsWith("/v1/collections")),
+                     page.getByRole("link", { name: "Collection", exact: true }).click()]);  // the same ones, shown anew
   await page.getByRole("button", { name: "Yes, delete all in it" }).click();
   await house.waitForText(page, "#collection-made", /attic is deleted/);
+  await house.waitForText(page, "#collections", /^(?![^]*attic)/);
   assert.equal((await fetch(`${server.address}/v1/collections/attic`)).status, 404);
   await house.closePage(page);
 });
