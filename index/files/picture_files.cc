@@ -124,13 +124,13 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
   for (const fs::path& input : inputs) walk.Visit(input, 0);
   PictureFiles files;
   files.skipped = std::move(walk.skipped_);
-  const bool one_folder = inputs.size() == 1;
+  const int outside = inputs.size() == 1 ? 1 : 0;  // the depth down to which pictures have no folder
   std::set<fs::path> seen;  // a folder and a file in it may both be named
   for (const Walk::Found& found : walk.found_) {
     if (!seen.insert(found.path).second) continue;
     ObjectFrom from = object_from;
     if (from == ObjectFrom::kAuto) {
-      from = one_folder && found.depth <= 1 ? ObjectFrom::kStem : ObjectFrom::kFolder;
+      from = found.depth <= outside ? ObjectFrom::kStem : ObjectFrom::kFolder;
     }
     files.by_folder = files.by_folder || from == ObjectFrom::kFolder;
     files.by_stem = files.by_stem || from == ObjectFrom::kStem;

@@ -13,8 +13,8 @@
 namespace pliant {
 
 enum class ObjectFrom {
-  // Where a single folder is given, kStem for what lies directly in it, and kFolder for the rest;
-  // else kFolder.
+  // kStem for a file that is given itself, and for what lies directly in a folder that is given
+  // alone; else kFolder.
   kAuto,
   // The way to the picture's folder from the one that was given ("coat/front"), so that folders of
   // one name in different places are different objects; what lies directly in it has its name.

@@ -71,6 +71,8 @@ TEST_F(FindPicturesTest, WhatLiesBesideFoldersIsNamedByItsFile) {
             (Names{{"shop/blue.jpg", "blue"}, {"shop/hat/1.jpg", "hat"}, {"shop/red.jpg", "red"}}));
   const PictureFiles files = FindPictures({root_ / "shop"}, ObjectFrom::kAuto);
   EXPECT_TRUE(files.by_folder && files.by_stem);
+  EXPECT_EQ(Named({"shop/red.jpg", "shop/blue.jpg", "shop/hat"}),  // as of shop/*
+            (Names{{"shop/blue.jpg", "blue"}, {"shop/hat/1.jpg", "hat"}, {"shop/red.jpg", "red"}}));
   EXPECT_EQ(Named({"shop"}, ObjectFrom::kFolder)["shop/red.jpg"], "shop");
   EXPECT_EQ(Named({"shop"}, ObjectFrom::kStem)["shop/hat/1.jpg"], "1");
   EXPECT_EQ(Named({"shop"}, ObjectFrom::kNone)["shop/hat/1.jpg"], "");

@@ -100,6 +100,20 @@ TEST(NpzArchiveTest, BeyondFourGibIsZip64) {
                 " False 45 \nlast.npy 136 True 45 0707070707070707\n");
 }
 
+TEST(NpzArchiveTest, NoValuesAmongOthers) {
+  const TemporaryFolder folder;
+  SparseFile file(folder / "a.npz");
+  NpzArchive archive(file.write());
+  const std::array<std::int64_t, 1> eight = {8};
+  const std::size_t array = archive.Declare("a", "|u1", eight);
+  archive.Append(array, {});  // of a picture without key points
+  archive.Append(array, std::string(8, '\7'));
+  archive.Append(array, {});
+  archive.Finish();
+  file.Close();
+  EXPECT_EQ(Python(kList, folder / "a.npz"), "a.npy 136 False 20 0707070707070707\n");
+}
+
 TEST(NpzArchiveTest, AsManyValuesAsWereDeclared) {
   const auto nothing = [](std::uint64_t, std::string_view) {};
   const std::array<std::int64_t, 1> two = {2};
