@@ -3,10 +3,12 @@
 #include "index/files/text.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <random>
 #include <sstream>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -19,6 +21,7 @@ namespace {
 
 constexpr std::size_t kMaxMetadataBytes = 64 * 1024;
 constexpr int kMaxMetadataDepth = 32;
+constexpr std::size_t kMaxMetadataNames = 1000;  // of one object; a name is looked up among all
 
 // Length of the valid UTF-8 sequence that `text` begins with; 0 = none (RFC 3629).
 std::size_t SequenceLength(std::string_view text) {
@@ -68,25 +71,42 @@ std::uint32_t CodePoint(std::string_view sequence) {
   return point;
 }
 
-// Invisible, or turning what follows around (UAX #9, UTR #36): two names that look the same would
-// not be the same.
+struct Range {
+  std::uint32_t first, last;
+};
+
+// Control characters of eight bits (ECMA-48: a terminal may obey them), and what is invisible or
+// turns what follows around (Unicode's Default_Ignorable_Code_Point; UAX #9, UTR #36) or is a blank
+// that is no space: two names that look the same would not be the same.
+constexpr std::array<Range, 19> kDeceptive = {{{0x80, 0x9F},       {0xAD, 0xAD},
+                                               {0x34F, 0x34F},     {0x61C, 0x61C},
+                                               {0x115F, 0x1160},   {0x17B4, 0x17B5},
+                                               {0x180B, 0x180F},   {0x200B, 0x200F},
+                                               {0x2028, 0x202E},   {0x2060, 0x206F},
+                                               {0x2800, 0x2800},   {0x3164, 0x3164},
+                                               {0xFE00, 0xFE0F},   {0xFEFF, 0xFEFF},
+                                               {0xFFA0, 0xFFA0},   {0xFFF0, 0xFFFB},
+                                               {0x1BCA0, 0x1BCA3}, {0x1D173, 0x1D17A},
+                                               {0xE0000, 0x10FFFF}}};
+
 bool IsDeceptive(std::uint32_t point) {
-  return point == 0xAD || point == 0x61C || point == 0x180E ||
-         (point >= 0x200B && point <= 0x200F) || (point >= 0x2028 && point <= 0x202E) ||
-         (point >= 0x2060 && point <= 0x206F) || point == 0xFEFF ||
-         (point >= 0xFFF9 && point <= 0xFFFB) || point >= 0xE0000;
+  return std::any_of(kDeceptive.begin(), kDeceptive.end(), [point](const Range& range) {
+    return point >= range.first && point <= range.last;
+  });
 }
 
-// Finds deceptive characters of valid UTF-8, one code point after the other. Joiners stay where
-// writing needs them: after a letter of another script than ours (Persian, Hindi), or inside of an
-// emoji.
+bool IsVariationSelector(std::uint32_t point) { return point >= 0xFE00 && point <= 0xFE0F; }
+
+// Finds deceptive characters of valid UTF-8, one code point after the other. Joiners and variation
+// selectors stay where writing needs them: after a letter of another script than ours (Persian,
+// Hindi), and in an emoji.
 class DeceptionFinder {
  public:
   // `last` = nothing follows.
   bool IsDeceptiveHere(std::uint32_t point, bool last) {
     const bool joiner = point == 0x200C || point == 0x200D;
     const bool joins = joiner && before_ >= 0x600 && !last;
-    const bool deceptive = IsDeceptive(point) && !joins;
+    const bool deceptive = IsDeceptive(point) && !joins && !Varies(point);
     before_ = joiner || deceptive ? 0 : point;
     return deceptive;
   }
@@ -94,6 +114,13 @@ class DeceptionFinder {
   void OnEscape() { before_ = 0; }
 
  private:
+  // Signs that are drawn as emojis: (c), (R), those of a telephone's keys, and later ones.
+  bool Varies(std::uint32_t point) const {
+    const bool key = before_ == '#' || before_ == '*' || (before_ >= '0' && before_ <= '9');
+    return IsVariationSelector(point) && !IsVariationSelector(before_) &&
+           (key || before_ == 0xA9 || before_ == 0xAE || before_ >= 0x600);
+  }
+
   std::uint32_t before_ = 0;
 };
 
@@ -216,6 +243,9 @@ void CheckObject(std::string_view object) {
   if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
     ThrowInvalid("object_invalid", "object must be more than dots");
   }
+  if (!object.empty() && object.find_first_not_of(' ') == std::string_view::npos) {
+    ThrowInvalid("object_invalid", "object must be more than spaces");
+  }
 }
 
 void CheckSource(std::string_view source) {
@@ -227,13 +257,22 @@ std::string CanonicalMetadata(const std::string& metadata) {
   if (metadata.size() > kMaxMetadataBytes) {
     ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
   }
+  using Event = nlohmann::json::parse_event_t;
   bool too_deep = false;
-  const auto watch_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+  bool too_many = false;
+  std::vector<std::size_t> names;  // how many, of the objects that are open
+  const auto watch = [&](int depth, Event event, nlohmann::json&) {
     too_deep = too_deep || depth > kMaxMetadataDepth;
-    return !too_deep;
+    if (event == Event::object_start) names.push_back(0);
+    if (event == Event::object_end) names.pop_back();
+    if (event == Event::key && ++names.back() > kMaxMetadataNames) too_many = true;
+    return !too_deep && !too_many;
   };
-  OwnedJson json(nlohmann::json::parse(metadata, watch_depth, false));
+  OwnedJson json(nlohmann::json::parse(metadata, watch, false));
   if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
+  if (too_many) {
+    ThrowInvalid("metadata_invalid", "metadata has more than 1000 names in one object");
+  }
   if (!json->is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
   std::string canonical = json->dump();  // may be longer: 1e9 is 1000000000.0
   if (canonical.size() > kMaxMetadataBytes) {

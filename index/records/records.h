@@ -39,6 +39,9 @@ struct ImageRecord {
 
 struct AddRequest {
   std::string collection = kDefaultCollection;
+  // CollectionRecord::created_ms: only into the collection that was made then, not into one that
+  // has its name since (kNotFound "collection_not_found"). 0 = whichever has the name.
+  std::int64_t collection_created_ms = 0;
   // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged,
   // and Error kConflict "same_bytes" when it is given another object or other metadata than it
   // has), a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.

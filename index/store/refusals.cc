@@ -10,6 +10,11 @@ Error NoCollection(const std::string& name) {
   return {ErrorCode::kNotFound, "collection_not_found", "there is no collection \"" + name + "\""};
 }
 
+void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
+  if (request.collection_created_ms == 0 || request.collection_created_ms == created_ms) return;
+  throw NoCollection(request.collection);
+}
+
 Error NoPicture(const std::string& collection, const std::string& id) {
   return {ErrorCode::kNotFound, "image_not_found",
           "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\""};

@@ -7,10 +7,13 @@
 #include <string>
 
 #include "descriptor/base/error.h"
+#include "index/records/records.h"
 
 namespace pliant::refusals {
 
 Error NoCollection(const std::string& name);  // kNotFound "collection_not_found"
+// Throws NoCollection where the request means another of this name (collection_created_ms).
+void CheckIsMeant(const AddRequest& request, std::int64_t created_ms);
 Error NoPicture(const std::string& collection, const std::string& id);  // "image_not_found"
 Error NoObject(const std::string& object);                              // "object_not_found"
 Error ContentNotKept(const std::string& id);                            // "content_not_kept"

@@ -14,10 +14,13 @@ namespace pliant::server {
 
 // Deeper documents are refused: writing one out again recurses once per level.
 inline constexpr int kMaxJsonDepth = 32;
+// More names in one object are refused: Json looks a name up among all of them, so that reading an
+// object takes a time that grows with the square of their number.
+inline constexpr std::size_t kMaxJsonNames = 1000;
 
 // Parses a document whose top is an object. Throws ProblemError "invalid_json" naming what is
 // wrong with `name`: it does not parse, is not an object, is nested deeper than kMaxJsonDepth, or
-// one of its objects has a name twice.
+// one of its objects has more names than kMaxJsonNames, or one twice.
 Json ParseJsonObject(const std::string& text, const std::string& name);
 // The same for an array.
 Json ParseJsonArray(const std::string& text, const std::string& name);

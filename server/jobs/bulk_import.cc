@@ -22,8 +22,10 @@ BulkDefaults DefaultsOf(const Json& parameters, std::size_t max_item_bytes) {
           parameters.at("object_from").get<std::string>(), max_item_bytes};
 }
 
-Json ParametersOf(const BulkItems& items, const std::string& type, const BulkDefaults& defaults) {
-  return {{"type", type},
+Json ParametersOf(const CollectionRecord& collection, const BulkItems& items,
+                  const std::string& type, const BulkDefaults& defaults) {
+  return {{kCollectionCreated, collection.created_ms},
+          {"type", type},
           {"items", items.size()},
           {"object", defaults.object},
           {"metadata", MetadataJson(defaults.metadata)},
@@ -124,7 +126,7 @@ class BulkImport {
     try {
       BulkItem item = items.Item(i);
       if (item.url) Fetch(item);
-      item.request.collection = job_.collection;
+      KeepTo(job_, item.request);
       const AddResult added = AddPatiently(engine_, pool_, item.request, context_.stop());
       if (added.outcome != AddOutcome::kUnchanged) on_added_(job_.collection);
       outcome.json["status"] = added.outcome == AddOutcome::kCreated ? 201 : 200;
@@ -157,20 +159,21 @@ class BulkImport {
 
 }  // namespace
 
-JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, const std::string& body,
+JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection,
+                           const std::string& body,
                            const std::string& type, const BulkDefaults& defaults) {
   const BulkItems items(body, type, defaults);  // says now what is wrong with the whole
-  return jobs.AddWithInput(kKind, collection, ParametersOf(items, type, defaults),
+  return jobs.AddWithInput(kKind, collection.name, ParametersOf(collection, items, type, defaults),
                            {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()});
 }
 
-JobStatus AddBulkImportJob(JobQueue& jobs, const std::string& collection, BulkUpload& body,
+JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection, BulkUpload& body,
                            const std::string& type, const BulkDefaults& defaults) {
   const BulkItems items(body.All(), type, defaults);
-  Json parameters = ParametersOf(items, type, defaults);
+  Json parameters = ParametersOf(collection, items, type, defaults);
   parameters["file"] = body.id();
   body.Sync();
-  const JobStatus job = jobs.Add(kKind, collection, parameters);
+  const JobStatus job = jobs.Add(kKind, collection.name, parameters);
   body.Keep();
   return job;
 }

@@ -8,6 +8,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/demonstration.h"
+#include "server/jobs/import_job.h"
 
 namespace pliant::server {
 
@@ -17,12 +18,11 @@ constexpr int kJpegQuality = 90;
 
 const std::vector<std::string>& Names() { return simulation::DemonstrationObjects(); }
 
-void AddFlatPicture(Engine& engine, const std::string& collection, std::size_t number,
-                    int threads) {
+void AddFlatPicture(Engine& engine, const JobStatus& job, std::size_t number, int threads) {
   const std::vector<std::uint8_t> jpeg =
       EncodeJpeg(simulation::PaintDemonstrationObject(number), kJpegQuality);
   AddRequest request;
-  request.collection = collection;
+  KeepTo(job, request);
   request.id = DemonstrationId(number);
   request.object = Names()[number];
   request.metadata = R"({"made_of": ")" + simulation::DemonstrationMaterial(number) + "\"}";
@@ -76,8 +76,9 @@ std::shared_ptr<const std::string> CrumpledPictures::Get(std::size_t number) {
 }
 
 JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection) {
-  engine.GetCollection(collection);  // before the job: the caller gets the error
-  return jobs.Add("demo", collection, Json::object());
+  // Before the job: the caller gets the error.
+  const CollectionRecord record = engine.GetCollection(collection);
+  return jobs.Add("demo", collection, {{kCollectionCreated, record.created_ms}});
 }
 
 void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
@@ -90,7 +91,7 @@ void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
                   const auto total = static_cast<double>(2 * count);
                   for (std::size_t i = 0; i < count; ++i) {
                     CheckStop(context);
-                    AddFlatPicture(engine, job.collection, i, std::max(1, lease->cores()));
+                    AddFlatPicture(engine, job, i, std::max(1, lease->cores()));
                     context.Progress(static_cast<double>(i + 1), total);
                   }
                   on_added(job.collection);

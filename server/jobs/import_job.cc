@@ -45,7 +45,8 @@ std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& option
   how.skipped = [&](const SkippedFile& file) {
     context.Skipped({file.file, file.code, file.reason});
   };
-  how.add = [&](const AddRequest& request) {
+  how.add = [&](AddRequest request) {
+    KeepTo(job, request);
     AddResult added = AddPatiently(engine, pool, request, context.stop());
     if (added.outcome != AddOutcome::kUnchanged) options.on_added(job.collection);
     return added;
@@ -80,9 +81,17 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   return folder;
 }
 
-JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
-                       const std::string& object_from) {
-  return jobs.Add("import", collection, {{"folder", folder}, {"object_from", object_from}});
+JobStatus AddImportJob(JobQueue& jobs, const CollectionRecord& collection,
+                       const std::string& folder, const std::string& object_from) {
+  return jobs.Add("import", collection.name,
+                  {{"folder", folder},
+                   {"object_from", object_from},
+                   {kCollectionCreated, collection.created_ms}});
+}
+
+void KeepTo(const JobStatus& job, AddRequest& request) {
+  request.collection = job.collection;
+  request.collection_created_ms = job.parameters.value(kCollectionCreated, std::int64_t{0});
 }
 
 int ImportsAtOnce(const WorkerPool& pool) {

@@ -28,8 +28,14 @@ struct ImportOptions {
 std::filesystem::path ResolveImportFolder(const std::filesystem::path& directory,
                                           const std::string& name);
 
-JobStatus AddImportJob(JobQueue& jobs, const std::string& collection, const std::string& folder,
-                       const std::string& object_from);
+JobStatus AddImportJob(JobQueue& jobs, const CollectionRecord& collection,
+                       const std::string& folder, const std::string& object_from);
+
+// The parameter of a job that says when the collection that it was asked for was made.
+inline constexpr const char* kCollectionCreated = "collection_created_ms";
+
+// Into the job's collection, and no other that has its name by now.
+void KeepTo(const JobStatus& job, AddRequest& request);
 
 // How many pictures an import has under way: the pool gives cores to a part of them, and the others
 // wait for the store meanwhile, which commits them together. What was under way when a server was

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Many pictures at once: in one request, or from a folder on the server.
+#include <algorithm>
 #include <map>
 #include <optional>
 
@@ -98,12 +99,16 @@ Response AddBatch(Service& service, const Request& request, const Parameters& pa
   for (const char* name : {"created", "replaced", "unchanged", "failed"})
     answer[name] = counts[name];
   answer["results"] = std::move(list);
-  return JsonResponse(answer, 207);
+  Response response = JsonResponse(answer, 207);
+  response.unfinished = std::any_of(results.begin(), results.end(), [](const Json& result) {
+    return result.at("status").get<int>() >= 500;
+  });
+  return response;
 }
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(service, request);
-  service.engine().GetCollection(collection);
+  const CollectionRecord collection =
+      service.engine().GetCollection(CollectionOf(service, request));
   const std::string folder = parameters.Text("folder").value_or("");
   ResolveImportFolder(service.options.import_dir, folder);  // says now what is wrong with it
   return JobResponse(AddImportJob(*service.jobs, collection, folder,

@@ -25,8 +25,8 @@ void RequireSpace(const Service& service, std::size_t bytes) {
 }
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(service, request);
-  service.engine().GetCollection(collection);
+  const CollectionRecord collection =
+      service.engine().GetCollection(CollectionOf(service, request));
   if (request.received ? request.received->All().empty() : request.body.empty()) {
     throw ProblemError("missing_parameter", "The body has no pictures.").Parameter("body");
   }

@@ -57,6 +57,27 @@ class ImportTest : public ServerTest {
   std::unique_ptr<httplib::Client> client_;
 };
 
+TEST_F(ImportTest, ACollectionThatIsMadeAnewIsNotFilled) {
+  Start({"--auto-train", "false", "--cores", "1"});
+  client_ = std::make_unique<httplib::Client>(server_->Client());
+  const std::string path = "/v1/collections/shelf";
+  ASSERT_EQ(client_->Put(path)->status, 201);
+  std::string body;
+  for (int i = 0; i < 100; ++i) body += Json{{"image", Base64Of(TestPicture(i))}}.dump() + "\n";
+  const auto started = client_->Post(path + "/images:import", body, kLines);
+  ASSERT_EQ(started->status, 202) << started->body;
+  const std::string job = started->get_header_value("Location");
+  while (Json::parse(client_->Get(job)->body)["done"] == 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  ASSERT_EQ(client_->Delete(path)->status, 204);
+  ASSERT_EQ(client_->Put(path)->status, 201);
+  const Json ended = Finished(started);
+  EXPECT_EQ(ended["state"], "failed") << ended;
+  EXPECT_EQ(ended["problem"]["code"], "collection_not_found") << ended;
+  EXPECT_EQ(Json::parse(client_->Get(path)->body)["images"], 0);
+}
+
 TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
   const std::string one = Base64Of(TestPicture(1));
   std::string body;

@@ -94,7 +94,9 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
               [&] { Add(engine, png, "x", std::string(129, 'a')); });
   for (const std::string object :
        {"a\nb", "\xc3\x28", "\xed\xa0\x80", "\xf5\x80\x80\x80", "shirt\u202Egpj.exe", "shi\u200Drt",
-        "shi\u200Brt", ".", "..", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069"}) {
+        "shi\u200Brt", ".", "..", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069", "mug\u009B31m",
+        "mug\u3164", "mug\u115F", "mug\u034F", "mug\u17B4", "mug\u2800", "mug\uFE0F",
+        "mug\U0001D173", "\u2764\uFE0F\uFE0F", "  "}) {
     ExpectError(ErrorCode::kInvalidArgument, "object_invalid", [&] { Add(engine, png, object); });
   }
   for (const std::string metadata : {"", "[]", "1", "{", "{\"a\":\"\xff\"}", "nonsense"}) {
@@ -109,14 +111,27 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   while (growing.size() < 60'000) growing += ",1e9";
   ExpectError(ErrorCode::kInvalidArgument, "metadata_invalid",
               [&] { Add(engine, png, "x", {}, growing + "]}"); });
+  std::string many = "{\"a\": [{\"0\": 0";  // a name is looked up among all of its object
+  for (int i = 1; i < 1001; ++i) many += ", \"" + std::to_string(i) + "\": 0";
+  ExpectError(ErrorCode::kInvalidArgument, "metadata_invalid",
+              [&] { Add(engine, png, "x", {}, many + "}]}"); });
   AddRequest request;
   request.bytes = png;
   request.collection = "nowhere";
   ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { engine.Add(request); });
+  engine.CreateCollection("nowhere");
+  const std::int64_t created_ms = engine.GetCollection("nowhere").created_ms;
+  request.collection_created_ms = created_ms - 1;  // another of the name, removed since
+  ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { engine.Add(request); });
+  EXPECT_EQ(engine.GetCollection("nowhere").images, 0U);
+  request.collection_created_ms = created_ms;
+  EXPECT_EQ(engine.Add(request).outcome, AddOutcome::kCreated);
   EXPECT_EQ(Add(engine, png, "Tasse \xc3\xa4\xf0\x9f\x98\x80").outcome, AddOutcome::kCreated);
   // Joiners belong to Persian and to emojis.
   EXPECT_EQ(Add(engine, RandomPng(2), "\u0645\u06CC\u200C\u062E").outcome, AddOutcome::kCreated);
   EXPECT_EQ(Add(engine, RandomPng(3), "\U0001F469\u200D\U0001F4BB").outcome, AddOutcome::kCreated);
+  EXPECT_EQ(Add(engine, RandomPng(4), "\u2764\uFE0F\u200D\U0001F525 1\uFE0F\u20E3").outcome,
+            AddOutcome::kCreated);
 }
 
 TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
@@ -132,6 +147,7 @@ TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
   EXPECT_EQ(stored(2, "shi\u200Brt\n\xff.jpg"), "shi\\u{200b}rt\\x0a\\xff.jpg");
   EXPECT_EQ(stored(3, "\u202E\u200D\u0645\u200C\u062E"), "\\u{202e}\\u{200d}\u0645\u200C\u062E");
   EXPECT_EQ(stored(4, "\u0645\xff\u200D."), "\u0645\\xff\\u{200d}.");
+  EXPECT_EQ(stored(5, "mug\u009B31m"), "mug\\u{9b}31m");
   const std::string id = engine.List({}).at(0).id;
   for (const std::string name : {"shirt\u202Egpj.exe", "a\nb", "\xff"}) {
     PictureChange change;  // said by a person, so it is refused

@@ -206,6 +206,22 @@ TEST(Json, RefusesDepthAndNonObjects) {
   EXPECT_EQ(ToText(Json("\xff")), "\"\xef\xbf\xbd\"");
 }
 
+TEST(Json, RefusesObjectsOfManyNames) {
+  const auto with = [](std::size_t names) {
+    std::string text = "{\"a\": [{";
+    for (std::size_t i = 0; i < names; ++i) {
+      text += (i == 0 ? "\"" : ", \"") + std::to_string(i) + "\": 1";
+    }
+    return text + "}]}";
+  };
+  EXPECT_EQ(ParseJsonObject(with(kMaxJsonNames), "it")["a"][0].size(), kMaxJsonNames);
+  const Problem problem = ProblemOf([&] { ParseJsonObject(with(kMaxJsonNames + 1), "it"); });
+  EXPECT_EQ(problem.code, "invalid_json");
+  EXPECT_EQ(problem.detail, "it has more than 1000 names in one object.");
+  // More than a minute where each name is looked up among those before it.
+  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(with(1'000'000), "it"); }).code, "invalid_json");
+}
+
 TEST(Json, Base64IsDecoded) {
   const auto decoded = [](std::string_view text) -> std::optional<std::string> {
     std::vector<std::uint8_t> bytes;

@@ -57,6 +57,7 @@ std::optional<ImageRecord> ClickhouseCatalogue::FindUnchanged(const AddRequest& 
                                                               const std::string& sha256) {
   const Snapshot now = snapshots_.Now();
   const CollectionEntry& in = now.registry->Require(request.collection);
+  refusals::CheckIsMeant(request, in.created_ms);
   if (!request.id) return FindMeant(WithBytes(states_.BySha256({sha256}, now.log), in), request);
   const auto state = states_.ById(in.key, *request.id, now.log);
   if (!state || !IsUnchanged(state->record, request, sha256)) return std::nullopt;

@@ -57,6 +57,7 @@ std::vector<PutOutcome> ClickhouseWriter::PutAll(std::span<const PicturePut> put
 PutOutcome ClickhouseWriter::Store(Change& change, const PicturePut& put) {
   const AddRequest& request = put.request;
   const CollectionEntry collection = change.registry().Require(request.collection);
+  refusals::CheckIsMeant(request, collection.created_ms);
   // Somebody else may have stored the same while this picture was described.
   if (auto unchanged = FindUnchangedIn(change, collection, request, put.record.sha256)) {
     if (put.check) put.check(&*unchanged);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "index/store/refusals.h"
 #include "index/store/sqlite/catalogue_lists.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
@@ -163,8 +164,9 @@ std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
 std::optional<ImageRecord> SqliteCatalogue::FindUnchanged(const AddRequest& request,
                                                           const std::string& sha256) {
   return access_.Read([&](Connection& db) {
-    return FindUnchangedIn(db, pliant::RequireCollection(db, request.collection).key, request,
-                           sha256);
+    const CollectionRow in = pliant::RequireCollection(db, request.collection);
+    refusals::CheckIsMeant(request, in.created_ms);
+    return FindUnchangedIn(db, in.key, request, sha256);
   });
 }
 

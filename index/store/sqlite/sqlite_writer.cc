@@ -72,6 +72,7 @@ PutOutcome SqliteWriter::Store(Connection& db, const PicturePut& put,
                                IncomingOriginal* original) const {
   const AddRequest& request = put.request;
   const CollectionRow collection = RequireCollection(db, request.collection);
+  refusals::CheckIsMeant(request, collection.created_ms);
   // Somebody else may have stored the same while this picture was described.
   if (const auto unchanged = FindUnchangedIn(db, collection.key, request, put.record.sha256)) {
     if (put.check) put.check(&*unchanged);
