@@ -92,11 +92,28 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
   }
   ExpectError(ErrorCode::kInvalidArgument, "id_invalid",
               [&] { Add(engine, png, "x", std::string(129, 'a')); });
-  for (const std::string object :
-       {"a\nb", "\xc3\x28", "\xed\xa0\x80", "\xf5\x80\x80\x80", "shirt\u202Egpj.exe", "shi\u200Drt",
-        "shi\u200Brt", ".", "..", "\uFEFFshirt", "\u05D0\u200D", "shirt\u2069", "mug\u009B31m",
-        "mug\u3164", "mug\u115F", "mug\u034F", "mug\u17B4", "mug\u2800", "mug\uFE0F",
-        "mug\U0001D173", "\u2764\uFE0F\uFE0F", "  "}) {
+  for (const std::string object : {"a\nb",
+                                   "\xc3\x28",
+                                   "\xed\xa0\x80",
+                                   "\xf5\x80\x80\x80",
+                                   "shirt\u202Egpj.exe",
+                                   "shi\u200Drt",
+                                   "shi\u200Brt",
+                                   ".",
+                                   "..",
+                                   "\uFEFFshirt",
+                                   "\u05D0\u200D",
+                                   "shirt\u2069",
+                                   "mug\u009B31m",
+                                   "mug\u3164",
+                                   "mug\u115F",
+                                   "mug\u034F",
+                                   "mug\u17B4",
+                                   "mug\u2800",
+                                   "mug\uFE0F",
+                                   "mug\U0001D173",
+                                   "\u2764\uFE0F\uFE0F",
+                                   "  "}) {
     ExpectError(ErrorCode::kInvalidArgument, "object_invalid", [&] { Add(engine, png, object); });
   }
   for (const std::string metadata : {"", "[]", "1", "{", "{\"a\":\"\xff\"}", "nonsense"}) {
