@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string_view>
 
@@ -23,15 +24,18 @@ class IncomingBackup {
   // throws, also when less than the reserve would stay free.
   virtual void Append(std::string_view bytes) = 0;
 
-  // Checks the whole (it is a database of Pliant's, not of a newer one, complete, and its pages,
-  // keys and counts agree), flushes it and gives it its name. Throws kCorrupt "not_a_database",
-  // "newer_schema", "database_truncated" and "database_corrupt", kConflict "backup_exists".
+  // Checks the whole (it is a database of Pliant's, not of a newer one, complete, with no tables,
+  // views or triggers but Pliant's, and its pages, keys and counts agree), flushes it and gives it
+  // its name. Throws kCorrupt "not_a_database", "newer_schema", "foreign_schema",
+  // "database_truncated", "database_corrupt" and "check_too_long" (a minute, and one per GiB),
+  // kConflict "backup_exists", kCancelled "check_stopped".
   virtual void Publish() = 0;
 };
 
 // Throws kConflict "backup_exists", kNotFound "no_such_directory", and what a full disk throws when
-// there is no room for `bytes` beside the reserve.
+// there is no room for `bytes` beside the reserve. `stop` ends the check of the whole.
 std::unique_ptr<IncomingBackup> ReceiveBackup(const std::filesystem::path& target,
-                                              std::uint64_t bytes, std::uint64_t reserve_bytes);
+                                              std::uint64_t bytes, std::uint64_t reserve_bytes,
+                                              std::function<bool()> stop);
 
 }  // namespace pliant

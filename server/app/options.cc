@@ -75,6 +75,32 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   return engine;
 }
 
+[[noreturn]] void Fail(const std::string& flag, const std::string& why) {
+  throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
+}
+
+void CheckDirectories(const ServerOptions& options) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  for (const auto& [flag, directory] :
+       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
+    if (!directory.empty() && !fs::is_directory(directory, ignored)) {
+      Fail(flag, "is not a directory: " + directory);
+    }
+  }
+  if (options.backup_dir.empty() || IsClusterUrl(options.database)) return;
+  // A backup is downloaded and deleted by its name: the database must have none there. A link to
+  // the database lies elsewhere than the file and its log.
+  const fs::path database = fs::absolute(options.database, ignored);
+  for (const fs::path& name : {database, fs::weakly_canonical(database, ignored)}) {
+    if (!fs::equivalent(name.parent_path(), options.backup_dir, ignored)) continue;
+    Fail("backup-dir", options.backup_dir +
+                           " holds the database itself, which could be downloaded and deleted as "
+                           "one of its backups; name a directory of its own, such as " +
+                           (fs::path(options.backup_dir) / "backups").string());
+  }
+}
+
 void CheckFetching(const ServerOptions& options) {
   const auto fail = [](const std::string& why) {
     throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--fetch-" + why);
@@ -106,24 +132,15 @@ FetchOptions MakeFetchOptions(const ServerOptions& options) {
 }  // namespace
 
 void CheckOptions(const ServerOptions& options) {
-  const auto fail = [](const std::string& flag, const std::string& why) {
-    throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
-  };
-  for (const auto& [flag, directory] :
-       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
-    std::error_code ignored;
-    if (!directory.empty() && !std::filesystem::is_directory(directory, ignored)) {
-      fail(flag, "is not a directory: " + directory);
-    }
-  }
+  CheckDirectories(options);
   if (options.tls_cert.empty() != options.tls_key.empty()) {
-    fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
+    Fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
   }
   CheckFetching(options);
   const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
   for (const std::string& one : SplitAtCommas(options.allowed_hosts)) {
     if (!std::regex_match(one, host)) {
-      fail("allowed-hosts",
+      Fail("allowed-hosts",
            "must be names like pictures.example without scheme and port, with "
            "commas between, or *, not '" +
                one + "'");
@@ -132,7 +149,7 @@ void CheckOptions(const ServerOptions& options) {
   const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
   for (const std::string& one : SplitAtCommas(options.cors_origins)) {
     if (!std::regex_match(one, origin)) {
-      fail("cors-origins",
+      Fail("cors-origins",
            "must be like https://shop.example, separated by commas, or *, not '" + one + "'");
     }
   }

@@ -70,8 +70,8 @@ struct ServerOptions {
   bool fetch_private = false;  // also where these have private addresses
 };
 
-// Throws Error kInvalidArgument naming the flag: a path that is not a directory, a certificate
-// without key, an invalid origin.
+// Throws Error kInvalidArgument naming the flag: a path that is not a directory, a directory of
+// backups that holds the database, a certificate without key, an invalid origin.
 void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.

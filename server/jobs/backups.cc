@@ -54,10 +54,17 @@ void WithProblems(Work&& work) {
     work();
   } catch (const Error& error) {
     if (error.reason() == "backup_exists") ThrowExists();
+    if (error.reason() == "check_stopped") {
+      throw ProblemError("stopping", "The server is being stopped.");
+    }
     if (error.code() != ErrorCode::kCorrupt) throw;
     std::string detail = "What was sent is damaged.";
     if (error.reason() == "not_a_database") detail = "What was sent is no database of Pliant's.";
     if (error.reason() == "newer_schema") detail = "What was sent was made by a newer Pliant.";
+    if (error.reason() == "foreign_schema") {
+      detail = "What was sent has tables, views or triggers that are not Pliant's.";
+    }
+    if (error.reason() == "check_too_long") detail = "What was sent takes too long to be checked.";
     if (error.reason() == "database_truncated") detail = "What was sent is cut short.";
     Problem problem = ProblemError("backup_invalid", detail).problem();
     problem.internal = error.reason() + ": " + error.what();
@@ -153,8 +160,10 @@ std::shared_ptr<BackupUpload> Backups::Receive(const std::string& name, std::uin
     throw ProblemError("busy", "Other backups are being uploaded. Try again later.").RetryAfter(30);
   }
   std::unique_ptr<std::atomic<int>, decltype(give_back)> counted(uploads_.get(), give_back);
-  auto upload =
-      std::make_shared<BackupUpload>(ReceiveBackup(path, bytes, options_.reserve_bytes), uploads_);
+  auto upload = std::make_shared<BackupUpload>(
+      ReceiveBackup(path, bytes, options_.reserve_bytes,
+                    [stopped = stopped_] { return stopped->load(); }),
+      uploads_);
   counted.release();  // it gives that back itself
   return upload;
 }

@@ -51,6 +51,9 @@ class Backups {
   // "invalid_parameter", "backup_exists", "body_too_large" and "busy", and Error kNoSpace.
   std::shared_ptr<BackupUpload> Receive(const std::string& name, std::uint64_t bytes) const;
 
+  // Ends the checks of uploads that run, soon, and of those that come.
+  void Stop() const { stopped_->store(true); }
+
   // Starts the job that writes the file `name` (letters, digits, . _ -, ending in ".db"); empty =
   // one with the time in it. Throws ProblemError "invalid_parameter" and "backup_exists".
   JobStatus Add(JobQueue& jobs, std::string name) const;
@@ -65,6 +68,7 @@ class Backups {
 
   const BackupOptions options_;
   const std::shared_ptr<std::atomic<int>> uploads_ = std::make_shared<std::atomic<int>>(0);
+  const std::shared_ptr<std::atomic<bool>> stopped_ = std::make_shared<std::atomic<bool>>(false);
 };
 
 // A backup on its way from a client.
@@ -77,7 +81,7 @@ class BackupUpload final : public BodySink {
 
   // Both throw ProblemError "backup_invalid", and Error kNoSpace.
   void Append(std::string_view bytes) override;
-  // Checks it and gives it its name. Throws also ProblemError "backup_exists".
+  // Checks it and gives it its name. Throws also ProblemError "backup_exists" and "stopping".
   void Publish();
 
  private:

@@ -150,6 +150,10 @@ std::shared_ptr<JobQueue::Job> JobQueue::FindOrNull(const std::string& id) const
   return found == jobs_.end() ? nullptr : *found;
 }
 
+void ThrowJobNotFound() {
+  throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
+}
+
 JobStatus JobQueue::Get(const std::string& id) const {
   {
     const std::lock_guard lock(mutex_);
@@ -160,7 +164,7 @@ JobStatus JobQueue::Get(const std::string& id) const {
       if (record.id == id) return FromRecord(record);
     }
   }
-  throw ProblemError("job_not_found", "There is no such job, or it is long finished.");
+  ThrowJobNotFound();
 }
 
 JobStatus JobQueue::Cancel(const std::string& id) {

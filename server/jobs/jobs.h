@@ -55,6 +55,8 @@ struct JobStatus {
   std::int64_t finished_ms = 0;  // 0 = not yet
 };
 
+[[noreturn]] void ThrowJobNotFound();  // ProblemError "job_not_found"
+
 // What a running job may do with itself. Thread-safe.
 class JobContext {
  public:

@@ -143,7 +143,7 @@ void AddBatchRoutes(Service& service, std::vector<Route>& routes) {
        .method = "POST",
        .pattern = "/v1/collections/{c}/imports",
        .summary = "Add the pictures of a folder on the server, in the background",
-       .scope = Scope::kWrite,
+       .scope = Scope::kAdmin,
        .body = BodyKind::kJson,
        .parameters =
            {Parameter("folder", "path inside --import-dir; \".\" is all of it").Required(),

@@ -53,8 +53,7 @@ std::shared_ptr<BodySink> ReceiveImport(Service& service, const Request& request
 }
 
 Response Items(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string& id = request.captures.at("id");
-  service.jobs->Get(id);  // or it is not found
+  const std::string id = JobOf(*service.jobs, request).id;
   const std::string identity = ToText(Json::array({"job_items", id}));
   const std::string after = AfterFromCursor(parameters, identity);
   const int limit = PageLimit(parameters);

@@ -121,6 +121,16 @@ void ThrowInvalidCursor() {
       .Parameter("cursor");
 }
 
+bool MaySee(const Caller& caller, const JobStatus& job) {
+  return caller.scope >= Scope::kAdmin || (job.kind != "backup" && job.kind != "import");
+}
+
+JobStatus JobOf(const JobQueue& jobs, const Request& request) {
+  JobStatus job = jobs.Get(request.captures.at("id"));
+  if (!MaySee(request.caller, job)) ThrowJobNotFound();
+  return job;
+}
+
 Json JobJson(const JobStatus& job) {
   Json json = {{"id", job.id},
                {"kind", job.kind},

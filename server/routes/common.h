@@ -55,6 +55,12 @@ std::string MakeCursor(const std::string& list, const std::string& after);
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
 [[noreturn]] void ThrowInvalidCursor();
 
+// Whether the caller may know of it. Backups and imports of folders are begun by admins, and their
+// records name files of the server: to others they are not there.
+bool MaySee(const Caller& caller, const JobStatus& job);
+// The job that the {id} of the path names. Throws ProblemError "job_not_found".
+JobStatus JobOf(const JobQueue& jobs, const Request& request);
+
 Json JobJson(const JobStatus& job);
 Json ProblemSummary(const Problem& problem);  // code, detail, parameter
 

@@ -14,8 +14,7 @@ constexpr double kLongestWaitS = 60;
 
 // The job as it is, or, when that was asked for, as soon as it has ended.
 Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& parameters) {
-  const std::string id = request.captures.at("id");
-  const JobStatus job = jobs.Get(id);
+  const JobStatus job = JobOf(jobs, request);
   const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
@@ -24,26 +23,27 @@ Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& par
   Response later;
   later.wait = Wait{
       std::chrono::steady_clock::now() + std::chrono::ceil<std::chrono::milliseconds>(patience),
-      [&jobs, id](JobWaiters::Wake wake) { return jobs.WhenEnded(id, std::move(wake)); }};
+      [&jobs, id = job.id](JobWaiters::Wake wake) { return jobs.WhenEnded(id, std::move(wake)); }};
   return later;
 }
 
 }  // namespace
 
 void AddJobRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "jobs.list",
-                    .method = "GET",
-                    .pattern = "/v1/jobs",
-                    .summary = "Background jobs, newest first",
-                    .answers = {{200, "the jobs", "JobList"}},
-                    .example = R"(curl "$PLIANT/v1/jobs")",
-                    .handler = [&service](const Request&, const Parameters&) {
-                      Json items = Json::array();
-                      for (const JobStatus& job : service.jobs->List()) {
-                        items.push_back(JobJson(job));
-                      }
-                      return JsonResponse({{"jobs", items}});
-                    }});
+  routes.push_back(
+      {.name = "jobs.list",
+       .method = "GET",
+       .pattern = "/v1/jobs",
+       .summary = "Background jobs, newest first; backups and imports of folders for admins",
+       .answers = {{200, "the jobs", "JobList"}},
+       .example = R"(curl "$PLIANT/v1/jobs")",
+       .handler = [&service](const Request& request, const Parameters&) {
+         Json items = Json::array();
+         for (const JobStatus& job : service.jobs->List()) {
+           if (MaySee(request.caller, job)) items.push_back(JobJson(job));
+         }
+         return JsonResponse({{"jobs", items}});
+       }});
   routes.push_back({.name = "jobs.get",
                     .method = "GET",
                     .pattern = "/v1/jobs/{id}",
@@ -66,8 +66,8 @@ void AddJobRoutes(Service& service, std::vector<Route>& routes) {
                     .codes = {"job_not_found"},
                     .example = R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")",
                     .handler = [&service](const Request& request, const Parameters&) {
-                      return JsonResponse(JobJson(service.jobs->Cancel(request.captures.at("id"))),
-                                          202);
+                      const JobStatus job = JobOf(*service.jobs, request);
+                      return JsonResponse(JobJson(service.jobs->Cancel(job.id)), 202);
                     }});
 }
 

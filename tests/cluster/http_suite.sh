@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 # http_suite.sh BIN [TEST...]: the tests of the HTTP interface with databases of one cluster in place of files; a line each.
-# Left out are programs that look into the file, damage it or concern it alone: server_backups_test, restore_test, server_auth_test,
+# Left out are programs that look into the file, damage it or concern it alone: server_backups_test, server_job_scopes_test, restore_test, server_auth_test,
 # server_slow_store_test, server_files_test (directories of originals), server_load_test; and what is the same whatever the
 # database: connections, TLS, fetching, decoders, the OpenAPI document.
 set -euo pipefail

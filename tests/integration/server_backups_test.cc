@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -157,6 +158,22 @@ TEST_F(BackupsTest, OnlyWhatIsABackupIsTaken) {
                             "Content-Type: application/octet-stream\r\n"
                             "Transfer-Encoding: chunked\r\n\r\n"),
               HasSubstr("length_required"));
+  EXPECT_THAT(FilesWhenSettled({"a.db"}), ElementsAre("a.db"));
+}
+
+TEST_F(BackupsTest, OneWhoseCheckWouldNeverEndIsRefusedAtOnce) {
+  StartWithBackups();
+  MakeBackup("a.db");
+  const std::string changed = folder_ / "changed.db";
+  fs::copy_file(fs::path(directory_) / "a.db", changed);
+  SQLite::Database(changed, SQLite::OPEN_READWRITE)
+      .exec(
+          "PRAGMA journal_mode = DELETE; DROP TABLE pictures; CREATE VIEW pictures AS "
+          "WITH RECURSIVE n (key) AS (SELECT 1 UNION ALL SELECT key + 1 FROM n) "
+          "SELECT key, 1 AS collection, 1 AS keypoints FROM n");
+  for (int i = 0; i < 3; ++i) {  // more often than there are places for uploads
+    Refused(Put("b.db", Contents(changed)), 422, "backup_invalid", "not Pliant's");
+  }
   EXPECT_THAT(FilesWhenSettled({"a.db"}), ElementsAre("a.db"));
 }
 

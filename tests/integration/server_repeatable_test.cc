@@ -112,10 +112,10 @@ TEST_F(RepeatableTest, ABatchThatTheServerFailedIsDoneAnew) {
   auto client = server_->Client();
   ASSERT_EQ(Add(client, "first", TestPicture(1), "mug")->status, 201);
   const auto batch = [&](const std::string& key) {
-    return client.Post(std::string(kImages) + ":batch", Key(key),
-                       httplib::MultipartFormDataItems{
-                           {"image", TestPicture(2), "a.png", "image/png"},
-                           {"image", "no picture", "b.png", "image/png"}});
+    return client.Post(
+        std::string(kImages) + ":batch", Key(key),
+        httplib::MultipartFormDataItems{{"image", TestPicture(2), "a.png", "image/png"},
+                                        {"image", "no picture", "b.png", "image/png"}});
   };
   const auto statuses = [](const httplib::Result& answer) {
     std::vector<int> list;

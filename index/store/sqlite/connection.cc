@@ -12,6 +12,7 @@ namespace pliant {
 namespace {
 
 constexpr std::size_t kMaxIdleConnections = 16;
+constexpr int kStepsBetweenLooks = 1000;  // of SQLite's virtual machine, for StopWhen
 
 // SQLite reads a name that begins with "file:" as a URI; an absolute one never does.
 std::string FileName(const std::filesystem::path& path) {
@@ -104,6 +105,9 @@ void Cursor::BindOne(int index, Bytes value) {
 Connection::Connection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms)
     : row_tests_(std::make_unique<RowTests>()), database_(Open(path, mode, busy_timeout_ms)) {
   AddRowTests(database_.getHandle(), row_tests_.get());
+  // A file may come from elsewhere: its schema is given no more than it needs.
+  sqlite3_db_config(database_.getHandle(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(database_.getHandle(), SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   database_.exec("PRAGMA foreign_keys = ON");
   if (mode == Mode::kReadWrite) {
     database_.exec("PRAGMA synchronous = FULL");
@@ -125,6 +129,14 @@ Cursor Connection::Prepare(std::string_view sql) {
 
 bool Connection::in_transaction() const {
   return sqlite3_get_autocommit(database_.getHandle()) == 0;
+}
+
+void Connection::StopWhen(std::function<bool()> stop) {
+  stop_ = std::move(stop);
+  const auto look = [](void* asked) {
+    return (*static_cast<std::function<bool()>*>(asked))() ? 1 : 0;
+  };
+  sqlite3_progress_handler(database_.getHandle(), kStepsBetweenLooks, look, &stop_);
 }
 
 void Connection::GiveBack(std::unique_ptr<SQLite::Statement> statement) noexcept {

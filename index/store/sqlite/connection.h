@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -99,6 +100,9 @@ class Connection {
   std::int64_t last_insert_key() const { return database_.getLastInsertRowid(); }
   int changes() const { return database_.getChanges(); }
   bool in_transaction() const;
+  // From now on what runs ends soon, with the code SQLITE_INTERRUPT, when `stop` says so. It is
+  // asked often, and must not throw.
+  void StopWhen(std::function<bool()> stop);
   RowTests& row_tests() { return *row_tests_; }  // see row_tests.h
   // Ends a transaction whose own rollback has failed (for want of memory): no other could begin.
   void EndLeftOver() {
@@ -110,6 +114,7 @@ class Connection {
   void GiveBack(std::unique_ptr<SQLite::Statement> statement) noexcept;
 
   std::unique_ptr<RowTests> row_tests_;  // before what uses it
+  std::function<bool()> stop_;           // likewise
   SQLite::Database database_;
   std::map<std::string, std::vector<std::unique_ptr<SQLite::Statement>>, std::less<>> idle_;
 };

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <fcntl.h>
+#include <sqlite3.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -20,6 +22,7 @@
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
+#include "index/store/sqlite/schema_check.h"
 #include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
@@ -29,6 +32,14 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kMagic("SQLite format 3", 16);  // with its zero
 constexpr std::uint64_t kLookEvery = 4 * 1024 * 1024;      // at the free space
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::minutes kCheckTime{1};  // on a slow disk
+constexpr std::chrono::minutes kCheckTimePerGib{1};
+
+[[noreturn]] void ThrowStopped() {
+  throw Error(ErrorCode::kCancelled, "check_stopped", "stopped on request");
+}
 
 [[noreturn]] void ThrowForeign(const fs::path& target) {
   throw Error(ErrorCode::kCorrupt, "not_a_database",
@@ -50,8 +61,11 @@ void RequireSpace(const fs::path& directory, std::uint64_t bytes, std::uint64_t 
 
 class IncomingFile final : public IncomingBackup {
  public:
-  IncomingFile(fs::path target, std::uint64_t reserve_bytes)
-      : target_(std::move(target)), reserve_bytes_(reserve_bytes), made_(target_) {
+  IncomingFile(fs::path target, std::uint64_t reserve_bytes, std::function<bool()> stop)
+      : target_(std::move(target)),
+        reserve_bytes_(reserve_bytes),
+        stop_(std::move(stop)),
+        made_(target_) {
     file_ = ::open(made_.path().c_str(), O_WRONLY | O_CLOEXEC);
     if (file_ < 0) ThrowErrno("cannot write", made_.path());
   }
@@ -94,23 +108,39 @@ class IncomingFile final : public IncomingBackup {
   }
 
   void Check() const {
-    Connection db(made_.path(), Connection::Mode::kReadCopy, 0);
-    db.database().exec("PRAGMA trusted_schema = OFF");
+    if (stop_()) ThrowStopped();
+    const auto until = Clock::now() + kCheckTime + (written_ >> 30) * kCheckTimePerGib;
+    try {
+      Connection db(made_.path(), Connection::Mode::kReadCopy, 0);
+      db.StopWhen([&] { return stop_() || Clock::now() > until; });
+      Check(db);
+    } catch (const SQLite::Exception& error) {
+      if (error.getErrorCode() != SQLITE_INTERRUPT) throw;
+      if (stop_()) ThrowStopped();
+      ThrowBad("check_too_long", "takes too long to be checked");
+    }
+  }
+
+  void Check(Connection& db) const {
     db.database().exec("PRAGMA cell_size_check = ON");
     const std::int64_t version = db.Scalar("PRAGMA user_version");
     if (version < 1) ThrowForeign(target_);
-    if (version > SchemaVersion()) {
-      throw Error(ErrorCode::kCorrupt, "newer_schema",
-                  "what was sent for " + DisplayPath(target_) + " was made by a newer Pliant");
-    }
+    if (version > SchemaVersion()) ThrowBad("newer_schema", "was made by a newer Pliant");
+    // Before any query: what it would run on may be a view that never ends.
+    const std::vector<std::string> foreign = CheckSchema(db, Others::kRefused);
+    if (!foreign.empty()) ThrowBad("foreign_schema", "was changed: " + foreign[0]);
     const std::vector<std::string> problems = QuickCheck(db);
-    if (problems.empty()) return;
-    throw Error(ErrorCode::kCorrupt, "database_corrupt",
-                "what was sent for " + DisplayPath(target_) + " is damaged: " + problems[0]);
+    if (!problems.empty()) ThrowBad("database_corrupt", "is damaged: " + problems[0]);
+  }
+
+  [[noreturn]] void ThrowBad(const char* reason, const std::string& why) const {
+    throw Error(ErrorCode::kCorrupt, reason,
+                "what was sent for " + DisplayPath(target_) + " " + why);
   }
 
   const fs::path target_;
   const std::uint64_t reserve_bytes_;
+  const std::function<bool()> stop_;
   NewDatabaseFile made_;
   int file_ = -1;
   std::uint64_t written_ = 0;
@@ -120,14 +150,15 @@ class IncomingFile final : public IncomingBackup {
 }  // namespace
 
 std::unique_ptr<IncomingBackup> ReceiveBackup(const fs::path& name, std::uint64_t bytes,
-                                              std::uint64_t reserve_bytes) {
+                                              std::uint64_t reserve_bytes,
+                                              std::function<bool()> stop) {
   const fs::path target = fs::absolute(name);
   CheckParentDirectory(target);
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) throw Exists(target);
   RemoveAbandonedBackups(target.parent_path());
   RequireSpace(target.parent_path(), bytes, reserve_bytes);
-  return std::make_unique<IncomingFile>(target, reserve_bytes);
+  return std::make_unique<IncomingFile>(target, reserve_bytes, std::move(stop));
 }
 
 }  // namespace pliant

@@ -10,6 +10,7 @@
 #include "index/store/feature_codec.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/schema.h"
+#include "index/store/sqlite/schema_check.h"
 #include "index/store/word_codec.h"
 
 namespace pliant {
@@ -214,7 +215,9 @@ void CheckKeys(Connection& db, Problems& problems) {
 }  // namespace
 
 std::vector<std::string> CheckDatabase(Connection& db) {
-  Problems problems;
+  // Nothing else is asked of tables that are not Pliant's: the answer might never end.
+  Problems problems = CheckSchema(db, Others::kLeft);
+  if (!problems.empty()) return problems;
   for (const auto check : {CheckFile, CheckFeatures, CheckVocabularies, CheckWords, CheckOriginals,
                            CheckObjects, CheckCounts, CheckNames, CheckKeys}) {
     try {
@@ -227,7 +230,8 @@ std::vector<std::string> CheckDatabase(Connection& db) {
 }
 
 std::vector<std::string> QuickCheck(Connection& db) {
-  Problems problems;
+  Problems problems = CheckSchema(db, Others::kLeft);
+  if (!problems.empty()) return problems;
   const std::string answer = db.Prepare("PRAGMA quick_check(1)").One().Text(0);
   if (answer != "ok") {
     problems.push_back("SQLite: " + answer);

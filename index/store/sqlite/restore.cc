@@ -22,6 +22,7 @@
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
+#include "index/store/sqlite/schema_check.h"
 #include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
@@ -111,23 +112,29 @@ bool IsThere(const fs::path& database) {
   }
 }
 
+[[noreturn]] void ThrowDamaged(const fs::path& backup, const std::vector<std::string>& problems) {
+  const std::size_t more = problems.size() - 1;
+  throw Error(ErrorCode::kCorrupt, "backup_damaged",
+              DisplayPath(backup) + " is damaged: " + problems[0] +
+                  (more > 0 ? " (and " + std::to_string(more) + " more)" : "") +
+                  "; nothing was changed");
+}
+
 std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   {
     Connection source(backup, Connection::Mode::kReadCopy, kBusyTimeoutMs);
     CopyDatabase(source, copy);
   }
   Connection made(copy, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+  const std::vector<std::string> foreign = CheckSchema(made, Others::kRefused);
+  if (!foreign.empty()) ThrowDamaged(backup, foreign);
   Migrate(made.database(), Migrations());
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
     return static_cast<std::uint64_t>(made.Scalar("SELECT count(*) FROM pictures"));
   }
-  const std::size_t more = problems.size() - 1;
-  throw Error(ErrorCode::kCorrupt, "backup_damaged",
-              DisplayPath(backup) + " is damaged: " + problems[0] +
-                  (more > 0 ? " (and " + std::to_string(more) + " more)" : "") +
-                  "; nothing was changed");
+  ThrowDamaged(backup, problems);
 }
 
 std::string TimeSuffix() {

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Whether a database's tables, indices and triggers are Pliant's. A file from elsewhere may have a
+// view in place of a table, on which a query never ends, or a trigger that works on every write.
+// Private to index/.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "index/store/sqlite/connection.h"
+
+namespace pliant {
+
+// What the schema has beside Pliant's, and SQLite's statistics.
+enum class Others {
+  kRefused,  // in a file that others may have made
+  kLeft,     // its operator's own tables, indices and views; but no triggers
+};
+
+// Everything in the schema must be, to the letter, what the migrations up to the database's
+// version make, and all of that must be there. One sentence a problem; empty = sound, or of a
+// version that this program does not know.
+std::vector<std::string> CheckSchema(Connection& db, Others others);
+
+}  // namespace pliant
