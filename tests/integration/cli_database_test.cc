@@ -11,6 +11,7 @@ namespace pliant::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
   const ProgramResult missing = RunProgram({"query", "nowhere.png", "--db", db_, "--json"});
@@ -156,6 +157,20 @@ TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {
   }
 }
 
+TEST_F(CliTest, TheCheckSaysWhatHelpsAgainstMissingOriginals) {
+  WriteObjects(2);
+  ASSERT_EQ(Index({"--originals-dir", (folder_ / "kept").string()}).status, 0);
+  std::filesystem::rename(folder_ / "kept", folder_ / "moved");
+  const ProgramResult missing = RunProgram({"db", "check", "--db", db_});
+  EXPECT_EQ(missing.status, 1);
+  EXPECT_THAT(missing.out, HasSubstr("its original is not in"));
+  EXPECT_THAT(missing.err, HasSubstr("--originals-dir"));
+  EXPECT_THAT(missing.err, Not(HasSubstr("db restore"))) << "a backup does not have them";
+  EXPECT_EQ(
+      RunProgram({"db", "check", "--db", db_, "--originals-dir", (folder_ / "moved").string()}).out,
+      "ok\n");
+}
+
 TEST_F(CliTest, LookingAfterADatabase) {
   WriteObjects(5);
   ASSERT_EQ(Index().status, 0);
@@ -191,6 +206,7 @@ TEST_F(CliTest, LookingAfterADatabase) {
   ASSERT_NE(at, bytes.end());
   at[40] ^= 1;
   WriteBytes(copy, bytes);
+  EXPECT_THAT(RunProgram({"db", "check", "--db", copy}).err, HasSubstr("db restore BACKUP"));
   const ProgramResult broken = RunProgram({"db", "check", "--db", copy, "--json"});
   EXPECT_EQ(broken.status, 1);
   EXPECT_EQ(broken.json()["ok"], false);
