@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/db_check.h"
 
+#include <algorithm>
+#include <iterator>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -28,6 +31,23 @@ void RequireOwnOriginals(Engine& engine) {
 void PrintLines(const std::string& text) {
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) Print(ToDisplayText(line));
+}
+
+// A backup has no files of the directory of originals: problems that name one are not mended by it.
+void Advise(const std::optional<OriginalsRecord>& originals,
+            const std::vector<std::string>& problems) {
+  const std::string directory = originals ? originals->directory.string() : "";
+  const auto of_files =
+      std::count_if(problems.begin(), problems.end(), [&](const std::string& problem) {
+        return !directory.empty() && problem.find(directory) != std::string::npos;
+      });
+  if (of_files > 0) {
+    Message("originals are files of " + directory +
+            " and in no backup: mount that directory, put a copy of it there, or name the one "
+            "that has them with --originals-dir");
+  }
+  if (of_files == std::ssize(problems)) return;
+  Message("pliant db restore BACKUP --db FILE --replace puts a backup in its place");
 }
 
 // A file that this user may not write is checked as it is; else an older one is migrated.
@@ -68,7 +88,7 @@ ExitStatus RunCheck(EngineOptions& opened, const CheckOptions& options) {
     Print("ok");
   } else {
     for (const std::string& problem : problems) PrintLines(problem);
-    Message("pliant db restore BACKUP --db FILE --replace puts a backup in its place");
+    Advise(engine.DescribeOriginals(), problems);
   }
   return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }

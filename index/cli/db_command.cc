@@ -8,6 +8,7 @@
 #include "index/cli/db_check.h"
 #include "index/cli/db_copy.h"
 #include "index/cli/db_export.h"
+#include "index/cli/db_stats.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
@@ -21,6 +22,7 @@ namespace {
 struct Options {
   EngineOptions engine;
   std::string collection;
+  bool collection_named = false;
   std::filesystem::path backup;
   std::string place;
   CopyCommandOptions copy;
@@ -32,48 +34,11 @@ struct Options {
   bool json = false;
 };
 
-Engine OpenEngine(Options& options, Access access, bool with_index = false) {
-  return OpenForCare(options.engine, access, with_index);
-}
-
-Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
-  if (!originals) return nullptr;
-  return {{"directory", ToDisplayText(originals->directory.string())},
-          {"files", originals->files},
-          {"owned", originals->owned}};
-}
+Engine OpenEngine(Options& options, Access access) { return OpenForCare(options.engine, access); }
 
 ExitStatus Stats(Options& options) {
-  Engine engine = OpenEngine(options, Access::kRead, true);
-  const EngineStats stats = engine.Stats();
-  const auto originals = engine.DescribeOriginals();
-  if (options.json) {
-    PrintJson(
-        {{"images", stats.images},
-         {"objects", stats.objects},
-         {"descriptors", stats.descriptors},
-         {"database_bytes", stats.database_bytes},
-         {"index_bytes", stats.index_bytes},
-         {"descriptor", stats.descriptor},
-         {"model_id", stats.model_id},
-         {"originals", OriginalsJson(originals)},
-         {"vocabulary", stats.vocabulary ? VocabularyDocument(*stats.vocabulary) : Json(nullptr)}});
-    return ExitStatus::kDone;
-  }
-  Print("images       " + std::to_string(stats.images));
-  Print("objects      " + std::to_string(stats.objects));
-  Print("descriptors  " + std::to_string(stats.descriptors));
-  Print("on disk      " + FormatBytes(stats.database_bytes));
-  Print("in memory    " + FormatBytes(stats.index_bytes));
-  if (originals) {
-    Print("originals    " + std::to_string(originals->files) + " files in " +
-          originals->directory.string());
-  }
-  Print("descriptor   " + stats.descriptor + " (" + stats.model_id + ")");
-  Print("vocabulary   " + (stats.vocabulary ? std::to_string(stats.vocabulary->id) + " of " +
-                                                  std::to_string(stats.vocabulary->words) + " words"
-                                            : std::string("none yet")));
-  return ExitStatus::kDone;
+  return RunStats(options.engine, {.collection = options.collection_named ? options.collection : "",
+                                   .json = options.json});
 }
 
 ExitStatus Check(Options& options) {
@@ -198,15 +163,26 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
          "directory of the originals (default: the one that the database records)")
       ->type_name("DIR");
   app->add_flag("--json", options->json, "print one JSON document");
+  const CLI::Option* collection = app->get_option("--collection");
   const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
     sub->fallthrough();
     sub->footer("Example:  pliant db " + example);
-    sub->callback([options, run, &status] { status = run(*options); });
+    const bool of_one = run == Stats || run == Export || run == Remove;
+    sub->callback([=, &status] {
+      options->collection_named = collection->count() > 0;
+      if (options->collection_named && !of_one) {
+        throw Error(ErrorCode::kInvalidArgument, "whole_database",
+                    std::string("pliant db ") + name +
+                        " is about the whole database; leave out --collection");
+      }
+      status = run(*options);
+    });
     return sub;
   };
-  add("stats", "Show the number of images, sizes and the vocabulary", Stats, "stats --db my.db");
+  add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
+      "stats --db my.db --collection shirts");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
                  "also remove files from the originals' directory that no picture refers to");

@@ -216,6 +216,7 @@ ExitStatus Run(Options& options) {
   if (!options.colmap.database.empty()) return Export(options);
   if (options.second.empty()) throw CLI::RequiredError("B");
   if (!options.draw.empty()) CheckPictureName(options.draw);
+  CheckNotInput(options.draw, {options.first, options.second, options.homography});
   if (options.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
   const Pictures pictures = ReadPictures(options);
   const Result result = MatchPictures(options, pictures);

@@ -82,6 +82,8 @@ ExitStatus Run(Options& options) {
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
   if (!options.pictures.draw.empty()) CheckPictureName(options.pictures.draw);
+  CheckNotInput(options.pictures.draw, {options.image});
+  CheckNotInput(options.pictures.unwarp, {options.image});
   if (options.pictures.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
   if (options.pictures.unwarp == kStandardOutput) ClaimStandardOutput("--unwarp", options.json);
   const PictureInput picture =

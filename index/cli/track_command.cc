@@ -12,6 +12,7 @@
 #include "index/cli/progress.h"
 #include "index/cli/track_flags.h"
 #include "index/cli/track_output.h"
+#include "index/cli/write_file.h"
 #include "index/cli/write_picture.h"
 #include "index/files/picture_files.h"
 #include "index/files/text.h"
@@ -111,6 +112,8 @@ ExitStatus Run(Options& options) {
   const Interrupt interrupt;
   if (!options.out.empty()) CheckTrackOutName(options.out);
   if (!options.sheet.empty()) CheckPictureName(options.sheet);
+  for (const std::filesystem::path& written : {options.out, options.sheet})
+    CheckNotInput(written, {options.reference, options.input, options.mask});
   const Tracker tracker = MakeTracker(options);
   options.frames.decode = options.engine.extraction.decode;
   const auto source = OpenFrames(options.input, options.frames);

@@ -14,6 +14,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/replace_file.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {
@@ -47,6 +48,17 @@ void CheckWritable(const std::filesystem::path& path) {
   if (writable) return;
   throw Error(ErrorCode::kNoSpace, "write_failed",
               path.string() + " cannot be written; is the folder there and writable?");
+}
+
+void CheckNotInput(const std::filesystem::path& path,
+                   std::initializer_list<std::filesystem::path> inputs) {
+  for (const std::filesystem::path& input : inputs) {
+    std::error_code ignored;  // then one of them is not there
+    if (!std::filesystem::equivalent(path, input, ignored)) continue;
+    throw Error(ErrorCode::kInvalidArgument, "same_file",
+                ToDisplayText(path.string()) +
+                    " is an input, which would be overwritten; name another place for the result");
+  }
 }
 
 NewFile::NewFile(std::filesystem::path path)

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 
@@ -18,6 +19,11 @@ constexpr const char* kStandardOutput = "-";
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
 // the path is a folder. To be called before the work whose result is written.
 void CheckWritable(const std::filesystem::path& path);
+
+// Throws kInvalidArgument "same_file" where `path`, which is to be written, is an input: a file or
+// a folder, by whatever name. To be called before any work.
+void CheckNotInput(const std::filesystem::path& path,
+                   std::initializer_list<std::filesystem::path> inputs);
 
 // A file that is written a piece at a time, anywhere in it, and takes its place in one step. What
 // is not published leaves nothing. Throws kNoSpace "write_failed".

@@ -11,6 +11,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
+#include "index/store/cluster_scheme.h"
 #include "index/store/open_store.h"
 #include "index/usage/checks.h"
 #include "index/usage/help_format.h"
@@ -30,12 +31,24 @@ struct Options {
   bool json = false;
 };
 
-// Keys may be wanted before the server was ever started.
+// Keys may be wanted before the server was ever started. Whoever mistyped the name is told.
 void MakeDatabase(const Options& options) {
   EngineOptions engine = options.engine;
   engine.load_index = false;
   engine.load_descriptor = false;
+  engine.create = false;
+  try {
+    const Engine there(engine);
+    return;
+  } catch (const Error& error) {
+    if (error.reason() != "database_not_found") throw;
+  }
+  engine.create = true;
   const Engine made(engine);
+  const std::string name = engine.database.string();
+  fmt::print(stderr, "There was no database of this name: made a new one, {}\n",
+             IsClusterUrl(name) ? "in the cluster"
+                                : ToDisplayText(std::filesystem::absolute(name).string()));
 }
 
 int Create(const Options& options) {

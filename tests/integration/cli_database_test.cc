@@ -11,6 +11,7 @@ namespace pliant::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
   const ProgramResult missing = RunProgram({"query", "nowhere.png", "--db", db_, "--json"});
@@ -118,6 +119,58 @@ TEST_F(CliTest, ExportsFeaturesAndRecords) {
   }
 }
 
+TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {
+  WriteObjects(2);
+  ASSERT_EQ(Index().status, 0);
+  WriteObjects(3);
+  ASSERT_EQ(Index({"--collection", "other"}).status, 0);
+  const auto stats = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"db", "stats", "--db", db_, "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunProgram(arguments).json();
+  };
+  const Json all = stats({});
+  EXPECT_EQ(all["images"], 5);
+  EXPECT_EQ(all["collections"], Json::parse(R"([{"name": "default", "images": 2},
+                                                {"name": "other", "images": 3}])"));
+  const Json other = stats({"--collection", "other"});
+  EXPECT_EQ(other["collection"], "other");
+  EXPECT_EQ(other["images"], 3);
+  EXPECT_EQ(other["objects"], 3);
+  EXPECT_LT(other["descriptors"], all["descriptors"]);
+  EXPECT_EQ(other["database_bytes"], all["database_bytes"]);
+  EXPECT_NE(other["vocabulary"]["id"], all["vocabulary"]["id"]);
+  EXPECT_EQ(stats({"--collection", "none"})["error"]["code"], "collection_not_found");
+  EXPECT_THAT(RunProgram({"db", "stats", "--db", db_}).out,
+              HasSubstr("collections  default: 2 images\n             other: 3 images\n"));
+  for (const std::vector<std::string>& whole :
+       std::vector<std::vector<std::string>>{{"check"},
+                                             {"backup", "x.db"},
+                                             {"restore", "x.db"},
+                                             {"copy", "x.db"},
+                                             {"originals", "x"}}) {
+    std::vector<std::string> arguments = {"db", "--db", db_, "--collection", "other"};
+    arguments.insert(arguments.end(), whole.begin(), whole.end());
+    const ProgramResult refused = RunProgram(arguments);
+    EXPECT_EQ(refused.status, 2) << whole[0];
+    EXPECT_THAT(refused.err, HasSubstr("leave out --collection"));
+  }
+}
+
+TEST_F(CliTest, TheCheckSaysWhatHelpsAgainstMissingOriginals) {
+  WriteObjects(2);
+  ASSERT_EQ(Index({"--originals-dir", (folder_ / "kept").string()}).status, 0);
+  std::filesystem::rename(folder_ / "kept", folder_ / "moved");
+  const ProgramResult missing = RunProgram({"db", "check", "--db", db_});
+  EXPECT_EQ(missing.status, 1);
+  EXPECT_THAT(missing.out, HasSubstr("its original is not in"));
+  EXPECT_THAT(missing.err, HasSubstr("--originals-dir"));
+  EXPECT_THAT(missing.err, Not(HasSubstr("db restore"))) << "a backup does not have them";
+  EXPECT_EQ(
+      RunProgram({"db", "check", "--db", db_, "--originals-dir", (folder_ / "moved").string()}).out,
+      "ok\n");
+}
+
 TEST_F(CliTest, LookingAfterADatabase) {
   WriteObjects(5);
   ASSERT_EQ(Index().status, 0);
@@ -153,6 +206,7 @@ TEST_F(CliTest, LookingAfterADatabase) {
   ASSERT_NE(at, bytes.end());
   at[40] ^= 1;
   WriteBytes(copy, bytes);
+  EXPECT_THAT(RunProgram({"db", "check", "--db", copy}).err, HasSubstr("db restore BACKUP"));
   const ProgramResult broken = RunProgram({"db", "check", "--db", copy, "--json"});
   EXPECT_EQ(broken.status, 1);
   EXPECT_EQ(broken.json()["ok"], false);

@@ -196,6 +196,20 @@ TEST_F(CliMatching, PicturesAndDrawingsGoThroughPipes) {
   EXPECT_THAT(twice.err, HasSubstr("--draw - and --json would both write to standard output"));
 }
 
+TEST_F(CliMatching, APictureIsNotOverwrittenByTheDrawing) {
+  const std::string a = (out_ / "a.png").string(), b = (out_ / "b.png").string();
+  testing::WriteBytes(a, testing::RandomPng(5));
+  testing::WriteBytes(b, testing::OtherViewPng(5));
+  for (const std::string& drawing : {a, b}) {
+    const ProgramResult result = RunProgram({"match", a, b, "--draw", drawing, "--json"});
+    EXPECT_EQ(result.status, 2);
+    EXPECT_EQ(result.json()["error"]["code"], "same_file");
+    EXPECT_THAT(result.err, HasSubstr(drawing + " is an input"));
+  }
+  EXPECT_EQ(testing::ReadBytes(a), testing::RandomPng(5));
+  EXPECT_EQ(testing::ReadBytes(b), testing::OtherViewPng(5));
+}
+
 TEST_F(CliMatching, WhatWasMeantIsSaid) {
   const auto says = [](std::vector<std::string> arguments) {
     const ProgramResult result = RunProgram(arguments);

@@ -119,5 +119,20 @@ TEST_F(QueryPicturesTest, AnUnwritableFileFails) {
   EXPECT_EQ(result.json()["error"]["code"], "write_failed");
 }
 
+TEST_F(QueryPicturesTest, TheQueryPictureIsNotOverwritten) {
+  Index();
+  const std::vector<std::uint8_t> before = ReadBytes(folder_ / "query.png");
+  std::filesystem::create_symlink("query.png", folder_ / "link.png");
+  for (const char* flag : {"--draw", "--unwarp"}) {
+    for (const char* name : {"query.png", "set/../query.png", "link.png"}) {
+      const ProgramResult result = Query({flag, Path(name)});
+      EXPECT_EQ(result.status, 2);
+      EXPECT_EQ(result.json()["error"]["code"], "same_file");
+      EXPECT_THAT(result.err, HasSubstr(Path(name) + " is an input"));
+    }
+  }
+  EXPECT_EQ(ReadBytes(folder_ / "query.png"), before);
+}
+
 }  // namespace
 }  // namespace pliant::testing

@@ -220,6 +220,20 @@ TEST_F(AuthTest, ARunningServerFollowsTheCommandLine) {
   EXPECT_EQ(stranger.Get("/v1/collections")->status, 200);
 }
 
+TEST_F(AuthTest, ANewDatabaseIsMentionedOnceAndOnlyMadeForAKey) {
+  for (const std::vector<std::string>& none :
+       std::vector<std::vector<std::string>>{{"list"}, {"revoke", "one"}, {"purge"}}) {
+    const ProgramResult result = Keys(none);
+    EXPECT_EQ(result.status, 1);
+    EXPECT_THAT(result.err, HasSubstr("there is no database " + database().string()));
+  }
+  EXPECT_FALSE(std::filesystem::exists(database()));
+  const std::vector<std::string> create = {"create", "--name", "one", "--descriptor", "rootsift"};
+  const std::string made = "made a new one, " + database().string();
+  EXPECT_THAT(Keys(create).err, HasSubstr(made));
+  EXPECT_THAT(Keys(create).err, Not(HasSubstr(made)));
+}
+
 TEST_F(AuthTest, NamesThatSeveralKeysHaveAreNotRevoked) {
   const std::string first = Create("read", "same");
   Create("write", "same");

@@ -185,6 +185,23 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
   EXPECT_EQ(Lines(damaged.out).back()["summary"]["skipped"][0]["file"], "f9.png");
 }
 
+TEST_F(TrackTest, NothingThatIsReadIsOverwritten) {
+  const std::vector<std::uint8_t> clip = ReadBytes(Path("clip.avi"));
+  const std::vector<std::uint8_t> reference = ReadBytes(Path("reference.png"));
+  for (const auto& [input, flag, written] :
+       {std::tuple{"clip.avi", "--out", "clip.avi"}, std::tuple{"frames", "--out", "frames"},
+        std::tuple{"frames", "--out", "frames/../frames/"},
+        std::tuple{"frames", "--sheet", "reference.png"}}) {
+    const ProgramResult result = Track(input, {flag, Path(written)});
+    EXPECT_EQ(result.status, 2) << written;
+    EXPECT_THAT(result.err, HasSubstr(Path(written) + " is an input"));
+    EXPECT_EQ(result.out, "");
+  }
+  EXPECT_EQ(ReadBytes(Path("clip.avi")), clip);
+  EXPECT_EQ(ReadBytes(Path("reference.png")), reference);
+  EXPECT_FALSE(std::filesystem::exists(Path("frames/frame_000000.jpg")));
+}
+
 // A real video: what its first frame shows is found in the later ones, and admitted to be lost in
 // another film.
 TEST(TrackRealVideo, RunsThroughAndAdmitsLosses) {

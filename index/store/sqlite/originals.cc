@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/originals.h"
 
+#include <system_error>
+
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/store/sqlite/sqlite_error.h"
@@ -31,7 +33,10 @@ Originals::Originals(Connection& db, const fs::path& database,
                      const std::optional<fs::path>& directory) {
   self_.database = fs::weakly_canonical(fs::absolute(database)).string();
   const auto row = FindOriginalsDirectory(db);
-  if (row) self_.id = row->owner;
+  if (row) {
+    self_.id = row->owner;
+    recorded_ = row->path;
+  }
   const bool named = directory && !directory->empty();
   if (!row && !named) return;
   store_.emplace(named ? Absolute(*directory) : row->path);
@@ -55,12 +60,42 @@ void Originals::Claim(Connection& db, const std::optional<fs::path>& directory) 
   store_.emplace(wanted.path);
   owned_ = false;
   takes_new_ = wanted.active;
-  if (wanted.active || !AnyOriginalFile(db).empty()) TakeOver(db, wanted);
+  if (wanted.active || !AnyOriginalFile(db).empty()) TakeOver(db, row ? row->path : wanted.path);
   StoreOriginalsDirectory(db, wanted);
+  recorded_ = wanted.path;
 }
 
-void Originals::TakeOver(Connection& db, const OriginalsDirectoryRow& row) {
-  const std::string name = "the directory " + DisplayPath(store_->directory());
+bool Originals::AreElsewhere(Connection& db, const fs::path& directory) const {
+  std::error_code ignored;  // `directory` is not there yet
+  return owned_ && !AnyOriginalFile(db).empty() && Absolute(directory) != store_->directory() &&
+         !fs::equivalent(directory, store_->directory(), ignored);
+}
+
+void Originals::Prepare(Connection& db, const fs::path& directory) {
+  store_.emplace(Absolute(directory));
+  takes_new_ = true;
+  RequireNotForeign(db);
+  store_->Claim(self_);
+  owned_ = true;
+}
+
+void Originals::Record(Connection& db) {
+  StoreOriginalsDirectory(db, {store_->directory().string(), self_.id, true});
+  recorded_ = store_->directory().string();
+}
+
+bool Originals::Moved(Connection& db) const {
+  const auto row = FindOriginalsDirectory(db);
+  return row && row->path != recorded_;
+}
+
+std::optional<OriginalStore> Originals::Present(Connection& db) const {
+  const bool follows = !store_ || store_->directory() == recorded_;
+  if (!follows || !Moved(db)) return store_;
+  return OriginalStore(FindOriginalsDirectory(db)->path);
+}
+
+void Originals::RequireNotForeign(Connection& db) {
   CheckParentDirectory(store_->directory());
   auto owner = store_->Owner();
   // Of a claim that was cut off before its commit: this database is named, and has forgotten it.
@@ -73,21 +108,27 @@ void Originals::TakeOver(Connection& db, const OriginalsDirectoryRow& row) {
   if (owner && *owner != self_) {
     throw Error(
         ErrorCode::kConflict, "originals_foreign",
-        name + " holds the originals of the database " + owner->database +
+        "the directory " + DisplayPath(store_->directory()) +
+            " holds the originals of the database " + owner->database +
             ", which would be lost to it; name another directory. If that database is gone, "
             "or is this one and was moved, remove the file pliant-originals in the "
             "directory first");
   }
+}
+
+void Originals::TakeOver(Connection& db, const std::string& was) {
+  RequireNotForeign(db);
   const std::string sample = AnyOriginalFile(db);
   if (!sample.empty() && !store_->SizeOf(sample)) {
     throw Error(
         ErrorCode::kNotFound, "originals_missing",
-        name + " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
+        "the directory " + DisplayPath(store_->directory()) + " does not have the originals of " +
+            std::to_string(CountOriginalFiles(db)) +
             " pictures; mount it, move the files there, or name the directory that has them "
             "with originals_dir (it was " +
-            row.path + ")");
+            was + ")");
   }
-  if (!owner) store_->Claim(self_);
+  if (store_->Owner() != self_) store_->Claim(self_);
   owned_ = true;
 }
 
@@ -97,7 +138,7 @@ std::unique_ptr<IncomingOriginal> Originals::Receive(const std::string& sha256, 
 }
 
 void Originals::Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const {
-  if (incoming == nullptr) return InsertOriginal(db, picture, bytes);
+  if (incoming == nullptr || Moved(db)) return InsertOriginal(db, picture, bytes);
   store_->Publish(*incoming);
   InsertOriginalFile(db, picture, incoming->sha256());
 }
@@ -111,7 +152,7 @@ void Originals::RemoveDropped(Connection& db) const {
 }
 
 bool Originals::RemoveUnreferenced(Connection& db, const std::string& sha256) const {
-  return owned_ && !IsOriginalFile(db, sha256) && store_->Remove(sha256);
+  return owned_ && !IsOriginalFile(db, sha256) && Present(db)->Remove(sha256);
 }
 
 }  // namespace pliant

@@ -14,6 +14,7 @@
 namespace pliant {
 
 void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory, bool claim) {
+  named_ = directory.value_or("");
   const bool settled = access_.Read([&](Connection& db) {
     originals_ = Originals(db, access_.path(), directory);
     return originals_.Settled(db, directory);
@@ -21,13 +22,6 @@ void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory
   if (!claim) return;
   if (!settled) access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
   if (originals_.owned()) originals_.store()->RemoveAbandoned();
-}
-
-std::optional<OriginalStore> OriginalsKeeper::PresentStore(Connection& db) {
-  if (originals_.store() != nullptr) return *originals_.store();
-  const auto row = FindOriginalsDirectory(db);  // another process may have begun to use one
-  if (!row) return std::nullopt;
-  return OriginalStore(row->path);
 }
 
 std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
@@ -42,7 +36,7 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
       const PictureRow picture = RequirePicture(db, collection, id);
       record = picture.record;
       bytes = ReadOriginal(db, picture.key);
-      if (!bytes && HasOriginalFile(db, picture.key)) store = PresentStore(db);
+      if (!bytes && HasOriginalFile(db, picture.key)) store = originals_.Present(db);
     });
     if (bytes) {
       if (Sha256Hex(*bytes) == record.sha256) return *std::move(bytes);
@@ -62,11 +56,14 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
 }
 
 void OriginalsKeeper::Restore(const ImageRecord& stored, Bytes bytes) {
-  if (!originals_.owned() || originals_.store()->Holds(stored.sha256, bytes.size())) return;
-  if (!access_.Read([&](Connection& db) { return IsOriginalFile(db, stored.sha256); })) return;
-  IncomingOriginal incoming(originals_.store()->directory(), stored.sha256, bytes);
+  if (!originals_.owned()) return;
+  const auto store = access_.Read([&](Connection& db) {
+    return IsOriginalFile(db, stored.sha256) ? originals_.Present(db) : std::nullopt;
+  });
+  if (!store || store->Holds(stored.sha256, bytes.size())) return;
+  IncomingOriginal incoming(store->directory(), stored.sha256, bytes);
   access_.Write([&](Connection& db) {
-    if (IsOriginalFile(db, stored.sha256)) originals_.store()->Publish(incoming);
+    if (IsOriginalFile(db, stored.sha256)) store->Publish(incoming);
   });
 }
 
@@ -97,7 +94,7 @@ void OriginalsKeeper::Forget(const std::string& sha256) {
 std::uint64_t OriginalsKeeper::Sweep() {
   if (!originals_.owned() || !access_.writes()) return 0;
   RemoveDropped();
-  const OriginalStore& store = *originals_.store();
+  const OriginalStore store = *access_.Read([&](Connection& db) { return originals_.Present(db); });
   std::uint64_t removed = store.RemoveAbandoned();
   std::vector<std::string> orphans = store.List();
   access_.Read([&](Connection& db) {
@@ -116,7 +113,7 @@ std::uint64_t OriginalsKeeper::Sweep() {
 
 std::vector<std::string> OriginalsKeeper::Check() {
   const auto check = [&](Connection& db) {
-    const std::optional<OriginalStore> store = PresentStore(db);
+    const std::optional<OriginalStore> store = originals_.Present(db);
     return CheckOriginalFiles(db, store ? &*store : nullptr);
   };
   std::vector<std::string> problems = access_.Read(check);
@@ -133,7 +130,7 @@ std::vector<std::string> OriginalsKeeper::Check() {
 std::optional<OriginalsRecord> OriginalsKeeper::Describe() {
   return access_.Read([&](Connection& db) -> std::optional<OriginalsRecord> {
     if (originals_.store() == nullptr) return std::nullopt;
-    return OriginalsRecord{originals_.store()->directory(), CountOriginalFiles(db),
+    return OriginalsRecord{originals_.Present(db)->directory(), CountOriginalFiles(db),
                            originals_.owned()};
   });
 }

@@ -40,10 +40,15 @@ class OriginalsKeeper {
                            const std::function<void(double)>& progress);
 
  private:
-  std::optional<OriginalStore> PresentStore(Connection& db);  // where files are at the moment
+  // The files of `from` into the directory of `to`, which Prepare made ready.
+  MoveOriginalsResult Carry(const Originals& from, Originals* to,
+                            const std::function<void(double)>& progress);
+  void CopyFiles(const Originals& from, const Originals& to,
+                 const std::function<void(double)>& progress);
 
   Access& access_;
   Originals originals_;
+  std::filesystem::path named_;  // by who opened; empty = as recorded, or the database
 };
 
 }  // namespace pliant

@@ -142,7 +142,8 @@ void Campaign::Recover(std::size_t acknowledged, Verdict* verdict) const {
 void Campaign::JudgeFiles(Verdict* verdict) const {
   const std::set<std::string> found = NamesOf(ReadImage(folder()));
   for (const std::string& name : found) {
-    if (!names_.contains(name)) verdict->problems.push_back("a stray file: " + name);
+    const bool left = !scenario_.leaves.empty() && name.starts_with(scenario_.leaves + "/");
+    if (!names_.contains(name) && !left) verdict->problems.push_back("a stray file: " + name);
   }
   for (const std::string& name : names_) {
     if (!found.contains(name)) verdict->problems.push_back("a missing file: " + name);

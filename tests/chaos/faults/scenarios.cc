@@ -224,6 +224,8 @@ void AddOriginalsScenarios(std::vector<Scenario>* all) {
   };
   move("move_to_files", false, kOriginals);
   move("move_to_database", true, "");
+  move("move_to_other_files", true, "elsewhere");
+  all->back().leaves = kOriginals;
   Scenario restore =
       Simple("restore_file", true, [](Engine& e) { Add(e, "default", "p3", 3, "o2"); });
   restore.name = "restore_file";

@@ -31,6 +31,7 @@ struct Scenario {
   bool opens = false;
   bool describes = false;  // new pictures
   std::string also;        // a second database that it makes, "" = none
+  std::string leaves;      // a folder where files may be left that nobody needs, "" = none
 };
 
 // All that the campaign goes through.
