@@ -124,8 +124,9 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
   for (const fs::path& input : inputs) walk.Visit(input, 0);
   PictureFiles files;
   files.skipped = std::move(walk.skipped_);
-  const int outside = inputs.size() == 1 ? 1 : 0;  // the depth down to which pictures have no folder
-  std::set<fs::path> seen;  // a folder and a file in it may both be named
+  const int outside =
+      inputs.size() == 1 ? 1 : 0;  // the depth down to which pictures have no folder
+  std::set<fs::path> seen;         // a folder and a file in it may both be named
   for (const Walk::Found& found : walk.found_) {
     if (!seen.insert(found.path).second) continue;
     ObjectFrom from = object_from;

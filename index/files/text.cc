@@ -78,15 +78,24 @@ struct Range {
 // Control characters of eight bits (ECMA-48: a terminal may obey them), and what is invisible or
 // turns what follows around (Unicode's Default_Ignorable_Code_Point; UAX #9, UTR #36) or is a blank
 // that is no space: two names that look the same would not be the same.
-constexpr std::array<Range, 19> kDeceptive = {{{0x80, 0x9F},       {0xAD, 0xAD},
-                                               {0x34F, 0x34F},     {0x61C, 0x61C},
-                                               {0x115F, 0x1160},   {0x17B4, 0x17B5},
-                                               {0x180B, 0x180F},   {0x200B, 0x200F},
-                                               {0x2028, 0x202E},   {0x2060, 0x206F},
-                                               {0x2800, 0x2800},   {0x3164, 0x3164},
-                                               {0xFE00, 0xFE0F},   {0xFEFF, 0xFEFF},
-                                               {0xFFA0, 0xFFA0},   {0xFFF0, 0xFFFB},
-                                               {0x1BCA0, 0x1BCA3}, {0x1D173, 0x1D17A},
+constexpr std::array<Range, 19> kDeceptive = {{{0x80, 0x9F},
+                                               {0xAD, 0xAD},
+                                               {0x34F, 0x34F},
+                                               {0x61C, 0x61C},
+                                               {0x115F, 0x1160},
+                                               {0x17B4, 0x17B5},
+                                               {0x180B, 0x180F},
+                                               {0x200B, 0x200F},
+                                               {0x2028, 0x202E},
+                                               {0x2060, 0x206F},
+                                               {0x2800, 0x2800},
+                                               {0x3164, 0x3164},
+                                               {0xFE00, 0xFE0F},
+                                               {0xFEFF, 0xFEFF},
+                                               {0xFFA0, 0xFFA0},
+                                               {0xFFF0, 0xFFFB},
+                                               {0x1BCA0, 0x1BCA3},
+                                               {0x1D173, 0x1D17A},
                                                {0xE0000, 0x10FFFF}}};
 
 bool IsDeceptive(std::uint32_t point) {

@@ -32,8 +32,9 @@ void CheckDisplayName(std::string_view name);  // as an object, 200 bytes, or em
 void CheckObject(std::string_view object);
 void CheckSource(std::string_view source);
 
-// A JSON object of at most 64 KiB, 32 levels and 1000 names an object, rewritten with sorted keys and no white space so
-// that equal metadata compare equal. Throws kInvalidArgument "metadata_invalid".
+// A JSON object of at most 64 KiB, 32 levels and 1000 names an object, rewritten with sorted keys
+// and no white space so that equal metadata compare equal. Throws kInvalidArgument
+// "metadata_invalid".
 std::string CanonicalMetadata(const std::string& metadata);
 
 }  // namespace pliant

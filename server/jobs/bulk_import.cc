@@ -160,8 +160,8 @@ class BulkImport {
 }  // namespace
 
 JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection,
-                           const std::string& body,
-                           const std::string& type, const BulkDefaults& defaults) {
+                           const std::string& body, const std::string& type,
+                           const BulkDefaults& defaults) {
   const BulkItems items(body, type, defaults);  // says now what is wrong with the whole
   return jobs.AddWithInput(kKind, collection.name, ParametersOf(collection, items, type, defaults),
                            {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()});

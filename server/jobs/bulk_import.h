@@ -18,8 +18,8 @@ namespace pliant::server {
 // The body is kept in the database until the job has ended. Throws what BulkItems throws for the
 // body, and what JobQueue::Add throws.
 JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection,
-                           const std::string& body,
-                           const std::string& type, const BulkDefaults& defaults);
+                           const std::string& body, const std::string& type,
+                           const BulkDefaults& defaults);
 
 // The same of a body that is a file: that of the job from then on.
 JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection, BulkUpload& body,
