@@ -7,6 +7,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "index/engine/engine_impl.h"
+#include "index/files/text.h"
 #include "index/store/feature_codec.h"
 #include "index/verify/locate.h"
 
@@ -58,7 +59,7 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
   std::vector<PictureRef> refs = PicturesOf(collection, object);
   if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
-                "There is no picture of an object '" + object + "'.");
+                "There is no picture of an object '" + Shown(object) + "'.");
   }
   ObjectLocation result;
   result.object = object;

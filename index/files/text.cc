@@ -199,6 +199,15 @@ std::string ToDisplayText(std::string_view text) {
   return out;
 }
 
+std::string Shown(std::string_view name, std::size_t most_bytes) {
+  if (name.size() <= most_bytes) return ToDisplayText(name);
+  const auto begins_inside = [&] {  // a character
+    return (static_cast<unsigned char>(name[most_bytes]) & 0xC0) == 0x80;
+  };
+  for (int i = 0; i < 3 && most_bytes > 0 && begins_inside(); ++i) --most_bytes;
+  return ToDisplayText(name.substr(0, most_bytes)) + "...";
+}
+
 std::string PercentEncode(std::string_view text, std::string_view kept) {
   static constexpr char kDigits[] = "0123456789ABCDEF";
   std::string out;

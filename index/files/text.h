@@ -16,6 +16,10 @@ bool IsValidUtf8(std::string_view text);
 // from file names.
 std::string ToDisplayText(std::string_view text);
 
+// The display text of a name for a message: of a longer one the first bytes, and "...".
+inline constexpr std::size_t kMostShownBytes = 512;  // an object's name
+std::string Shown(std::string_view name, std::size_t most_bytes = kMostShownBytes);
+
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
 std::string PercentEncode(std::string_view text, std::string_view kept);
 

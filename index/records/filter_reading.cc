@@ -25,10 +25,8 @@ constexpr int kDeepestJson = 2 * kMaxFilterDepth + 4;
   throw Error(ErrorCode::kInvalidArgument, "filter_invalid", "filter" + where + ": " + what);
 }
 
-std::string Shown(const std::string& name) { return ToDisplayText(name.substr(0, kShownBytes)); }
-
 std::string At(const std::string& where, const std::string& key) {
-  return where + "." + Shown(key);
+  return where + "." + Shown(key, kShownBytes);
 }
 
 std::string At(const std::string& where, const char* list, std::size_t i) {
@@ -71,7 +69,7 @@ void ReadTest(const std::string& where, const std::string& test, const Json& arg
   } else if (test == "lt" || test == "lte") {
     SetBound(where, test, argument, &condition->to);
   } else {
-    ThrowInvalid(where, "there is no test \"" + Shown(test) + "\", only " + kTests);
+    ThrowInvalid(where, "there is no test \"" + Shown(test, kShownBytes) + "\", only " + kTests);
   }
 }
 
@@ -197,7 +195,8 @@ class Watcher {
     if (event == Json::parse_event_t::object_end && !keys_.empty()) keys_.pop_back();
     if (event == Json::parse_event_t::key && !keys_.empty()) {
       const auto& key = parsed.get_ref<const std::string&>();
-      if (!keys_.back().insert(key).second && twice_.empty()) twice_ = "\"" + Shown(key) + "\"";
+      if (!keys_.back().insert(key).second && twice_.empty())
+        twice_ = "\"" + Shown(key, kShownBytes) + "\"";
     }
     return !too_deep_;
   }

@@ -7,7 +7,8 @@
 namespace pliant::refusals {
 
 Error NoCollection(const std::string& name) {
-  return {ErrorCode::kNotFound, "collection_not_found", "there is no collection \"" + name + "\""};
+  return {ErrorCode::kNotFound, "collection_not_found",
+          "there is no collection \"" + Shown(name) + "\""};
 }
 
 void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
@@ -17,17 +18,17 @@ void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
 
 Error NoPicture(const std::string& collection, const std::string& id) {
   return {ErrorCode::kNotFound, "image_not_found",
-          "there is no image \"" + ToDisplayText(id) + "\" in collection \"" + collection + "\""};
+          "there is no image \"" + Shown(id) + "\" in collection \"" + Shown(collection) + "\""};
 }
 
 Error NoObject(const std::string& object) {
   return {ErrorCode::kNotFound, "object_not_found",
-          "there is no picture of an object \"" + ToDisplayText(object) + "\""};
+          "there is no picture of an object \"" + Shown(object) + "\""};
 }
 
 Error ContentNotKept(const std::string& id) {
   return {ErrorCode::kNotFound, "content_not_kept",
-          "the uploaded bytes of \"" + ToDisplayText(id) + "\" were not kept"};
+          "the uploaded bytes of \"" + Shown(id) + "\" were not kept"};
 }
 
 Error FeaturesMissing() {
@@ -37,34 +38,34 @@ Error FeaturesMissing() {
 
 Error ObjectExists(const std::string& object, std::uint64_t pictures) {
   return {ErrorCode::kConflict, "object_exists",
-          "there is an object \"" + ToDisplayText(object) + "\" already, of " +
-              std::to_string(pictures) + (pictures == 1 ? " picture" : " pictures") +
+          "there is an object \"" + Shown(object) + "\" already, of " + std::to_string(pictures) +
+              (pictures == 1 ? " picture" : " pictures") +
               "; merge=true makes one object of the two"};
 }
 
 Error KeyAmbiguous(const std::string& name) {
   return {ErrorCode::kConflict, "key_ambiguous",
-          "several keys are called \"" + name + "\"; name the id of the one to revoke"};
+          "several keys are called \"" + Shown(name) + "\"; name the id of the one to revoke"};
 }
 
 Error NoAlias(const std::string& name) {
-  return {ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + name + "\""};
+  return {ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + Shown(name) + "\""};
 }
 
 Error AliasIsCollection(const std::string& name) {
   return {ErrorCode::kConflict, "collection_exists",
-          "\"" + name + "\" is a collection and cannot be an alias, too"};
+          "\"" + Shown(name) + "\" is a collection and cannot be an alias, too"};
 }
 
 Error NoAliasTarget(const std::string& name, const std::string& other) {
   return {ErrorCode::kNotFound, "collection_not_found",
-          "there is no collection \"" + name + "\"" +
-              (other.empty() ? "" : ": that is an alias of \"" + other + "\"")};
+          "there is no collection \"" + Shown(name) + "\"" +
+              (other.empty() ? "" : ": that is an alias of \"" + Shown(other) + "\"")};
 }
 
 Error CollectionIsAlias(const std::string& alias, const std::string& collection) {
   return {ErrorCode::kConflict, "collection_is_alias",
-          "\"" + alias + "\" is an alias of the collection \"" + collection +
+          "\"" + Shown(alias) + "\" is an alias of the collection \"" + Shown(collection) +
               "\"; remove the alias, or name the collection"};
 }
 

@@ -74,6 +74,7 @@ std::size_t OnHeader(const char* data, std::size_t, std::size_t size, void* user
   if (run.header_bytes > kMaxHeaderBytes) return 0;
   constexpr std::string_view kLocation = "location";
   std::string_view line(data, size);
+  if (line.starts_with("HTTP/")) run.result.location.clear();  // of an answer before: a 1xx
   if (!StartsWithName(line, kLocation) || !run.result.location.empty()) return size;
   line.remove_prefix(kLocation.size() + 1);
   const auto is_space = [](unsigned char c) { return std::isspace(c) != 0; };

@@ -25,8 +25,8 @@ Response OriginPolicy::PreflightAnswer(const std::string& methods) {
   response.status = 204;
   response.headers = {{"Access-Control-Allow-Methods", methods},
                       {"Access-Control-Allow-Headers",
-                       "Authorization, X-API-Key, Content-Type, If-Match, If-None-Match, "
-                       "X-Request-Id"},
+                       "Authorization, X-API-Key, Content-Type, Idempotency-Key, If-Match, "
+                       "If-None-Match, If-Range, Range, X-Request-Id"},
                       {"Access-Control-Max-Age", "600"}};
   return response;
 }
@@ -54,7 +54,8 @@ std::vector<std::pair<std::string, std::string>> OriginPolicy::Headers(
   }
   headers.emplace_back("Access-Control-Allow-Origin", origin);
   headers.emplace_back("Access-Control-Expose-Headers",
-                       "ETag, Location, Retry-After, X-Request-Id");
+                       "Content-Range, ETag, Idempotency-Replayed, Location, Retry-After, "
+                       "X-Request-Id");
   headers.emplace_back("Cross-Origin-Resource-Policy", "cross-origin");
   return headers;
 }

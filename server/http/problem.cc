@@ -11,6 +11,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "index/files/text.h"
 #include "server/http/json.h"
 
 namespace pliant::server {
@@ -18,6 +19,8 @@ namespace pliant::server {
 namespace {
 
 constexpr int kDefaultRetryAfterS = 1;
+constexpr std::size_t kMostDetailBytes = 2048;
+constexpr std::size_t kMostParameterBytes = 128;
 constexpr std::string_view kInvalidSuffix = "_invalid";
 
 const ProblemCode* FindCode(const std::string& code) {
@@ -79,6 +82,17 @@ Problem FromError(const Error& error) {
   return problem;
 }
 
+// An answer repeats no more of a request than people read.
+Problem Bounded(Problem problem) {
+  if (problem.detail.size() > kMostDetailBytes) {
+    problem.detail = Shown(problem.detail, kMostDetailBytes);
+  }
+  if (problem.parameter.size() > kMostParameterBytes) {
+    problem.parameter = Shown(problem.parameter, kMostParameterBytes);
+  }
+  return problem;
+}
+
 }  // namespace
 
 ProblemError::ProblemError(const std::string& code, const std::string& detail)
@@ -106,9 +120,9 @@ Problem CurrentProblem() {
   try {
     throw;
   } catch (const ProblemError& error) {
-    return error.problem();
+    return Bounded(error.problem());
   } catch (const Error& error) {
-    return FromError(error);
+    return Bounded(FromError(error));
   } catch (const std::bad_alloc&) {
     return {.status = 503,
             .code = "busy",

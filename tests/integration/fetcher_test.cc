@@ -160,6 +160,14 @@ TEST_F(FetcherTest, AddressesAreCheckedWhateverTheNameIs) {
   }
 }
 
+TEST_F(FetcherTest, WhatAnInterimAnswerNamesIsNoRedirection) {
+  special_["/early"] =
+      "HTTP/1.1 103 Early Hints\r\nLocation: /wrong\r\n\r\n" + Elsewhere::Redirect("/right.png");
+  Fetcher fetcher(Options());
+  fetcher.Fetch(other_.url("/early"));
+  EXPECT_THAT(other_.heads().back(), HasSubstr("GET /right.png "));
+}
+
 TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
   EXPECT_EQ(Fetched(Options(), other_.url("/again/3")), kPicture);
   ExpectProblem(Options(), other_.url("/again/4"), "fetch_failed", "more than 3 times");

@@ -85,6 +85,32 @@ TEST_F(AliasesTest, WhatIsWrongIsNamedAndChangesNothing) {
   EXPECT_EQ(Get("/v1/aliases")["aliases"], Json::array());
 }
 
+TEST_F(AliasesTest, AnErrorRepeatsLittleOfTheRequest) {
+  auto client = server_->Client();
+  std::string name;
+  for (int i = 0; i < 300'000; ++i) name += "\u00e4";
+  const std::string quoted = "\"" + name + "\"";
+  const auto expect = [](const httplib::Result& answer, int status) {
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, status);
+    EXPECT_LT(answer->body.size(), 4096U) << answer->body.substr(0, 200);
+    EXPECT_FALSE(Json::parse(answer->body)["detail"].get<std::string>().empty());
+  };
+  expect(client.Patch("/v1/aliases", R"({"live": )" + quoted + "}", kJson), 404);
+  expect(client.Patch("/v1/aliases", "{" + quoted + R"(: "spring"})", kJson), 400);
+  expect(client.Patch("/v1/aliases", "{" + quoted + ": 3}", kJson), 400);
+  expect(client.Patch("/v1/aliases", "{" + quoted + ": null}", kJson), 404);
+  expect(client.Patch("/v1/collections/spring", "{" + quoted + ": 3}", kJson), 400);
+  expect(client.Patch("/v1/collections/spring", R"({"display_name": )" + quoted + "}", kJson), 400);
+  expect(client.Put("/v1/aliases/live", R"({"collection": )" + quoted + "}", kJson), 404);
+  expect(client.Post("/v1/keys", R"({"scope": "read", "name": )" + quoted + "}", kJson), 400);
+  expect(client.Post("/v1/keys", R"({"name": "a", "scope": )" + quoted + "}", kJson), 400);
+  expect(client.Post("/v1/collections/spring/search", R"({"image_id": )" + quoted + "}", kJson),
+         404);
+  expect(client.Post("/v1/collections/spring/search", R"({"image_url": )" + quoted + "}", kJson),
+         409);
+}
+
 TEST_F(AliasesTest, NamesForPeopleAreShownAndTakenBack) {
   auto client = server_->Client();
   const auto change = [&](const std::string& patch) {

@@ -225,7 +225,12 @@ TEST_F(ChangesTest, AnAllowedOriginMayPatch) {
   ASSERT_TRUE(preflight);
   EXPECT_EQ(preflight->status, 204);
   EXPECT_THAT(preflight->get_header_value("Access-Control-Allow-Methods"), HasSubstr("PATCH"));
-  EXPECT_THAT(preflight->get_header_value("Access-Control-Allow-Headers"), HasSubstr("If-Match"));
+  for (const char* header : {"If-Match", "Idempotency-Key", "If-Range, Range"}) {
+    EXPECT_THAT(preflight->get_header_value("Access-Control-Allow-Headers"), HasSubstr(header));
+  }
+  for (const char* header : {"Content-Range", "Idempotency-Replayed"}) {
+    EXPECT_THAT(preflight->get_header_value("Access-Control-Expose-Headers"), HasSubstr(header));
+  }
   const auto elsewhere = client.Patch(Picture("a"), {{"Origin", "https://other.example"}},
                                       R"({"object": "x"})", kPatchType);
   ExpectProblem(elsewhere, 403, "cross_site");
