@@ -21,12 +21,10 @@ namespace pliant::server {
 namespace {
 
 constexpr std::size_t kReceiveBytes = 64 * 1024;
-// Of an answer, whatever the budget says: enough for one that says what is wrong.
-constexpr std::size_t kAlwaysKeptBytes = 16 * 1024;
-constexpr std::size_t kMostAtOnce = 1024 * 1024;  // of a body that goes elsewhere
+constexpr std::size_t kAlwaysKeptBytes = 16 * 1024;  // of an answer: enough to say what is wrong
+constexpr std::size_t kMostAtOnce = 1024 * 1024;     // of a body that goes elsewhere
 constexpr std::size_t kMostSwallowedBytes = 4 * 1024 * 1024;
-// What chunked encoding may add to the body itself, beside a share of it.
-constexpr std::size_t kFramingBytes = 64 * 1024;
+constexpr std::size_t kFramingBytes = 64 * 1024;  // that chunks may add, with a share
 
 void NumericName(const sockaddr_storage& address, socklen_t length, std::string& ip, int& port) {
   std::array<char, NI_MAXHOST> host{};
@@ -122,6 +120,7 @@ Connection::Step Connection::ReceiveHead() {
     if (head_end_ != std::string_view::npos) {
       head_ = ReadRequestHead(received.substr(begin_, head_end_ - begin_));
       if (!head_.fault.empty()) fault_ = Fault::kBadHead;
+      HideRange(std::span(received_).subspan(begin_, head_end_ - begin_));
       end_ = head_end_;
       chunks_ = ChunkedBody(limits_.max_body_bytes);
       return Step::kDone;

@@ -67,7 +67,10 @@ void Exchange::ReadHead(const httplib::Request& raw) {
   request_.query = {raw.params.begin(), raw.params.end()};
   request_.headers = {raw.headers.begin(), raw.headers.end()};
   if (!accepted_codings_.empty()) request_.headers.emplace("Accept-Encoding", accepted_codings_);
-  if (raw.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
+  const auto [begin, end] = raw.headers.equal_range(kHiddenRange);
+  for (auto range = begin; range != end && raw.method != "HEAD"; ++range) {
+    request_.headers.emplace("Range", range->second);  // RFC 9110, section 14.2: not of HEAD
+  }
   request_.remote_address = raw.remote_addr;
   request_.content_type = MediaTypeOf(request_.header("Content-Type"));
   record_.remote_address = raw.remote_addr;

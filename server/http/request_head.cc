@@ -128,6 +128,20 @@ class HeadReader {
 
 RequestHead ReadRequestHead(std::string_view head) { return HeadReader().Read(head); }
 
+void HideRange(std::span<char> head) {
+  const std::string_view text(head.data(), head.size());
+  constexpr std::string_view kField = "\nrange:";
+  for (auto at = text.find('\n'); at != std::string_view::npos; at = text.find('\n', at + 1)) {
+    const std::string_view line = text.substr(at, kField.size());
+    if (!std::equal(line.begin(), line.end(), kField.begin(), kField.end(),
+                    [](char a, char b) { return Lower(a) == b; })) {
+      continue;
+    }
+    std::copy_n(kHiddenRange, kField.size() - 2,
+                head.begin() + static_cast<std::ptrdiff_t>(at) + 1);
+  }
+}
+
 std::size_t EndOfHead(std::string_view received, std::size_t from) {
   const std::size_t end = received.find("\r\n\r\n", from < 3 ? 0 : from - 3);
   return end == std::string_view::npos ? end : end + 4;

@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -27,6 +28,12 @@ struct RequestHead {
 // lengths that are no number or stand twice, a length beside chunks (section 6.3). Leaves all else
 // to the library.
 RequestHead ReadRequestHead(std::string_view head);
+
+// The library answers 416 when it cannot read a Range, also one that is to be ignored (RFC 9110,
+// section 14.2) or that only ends beyond every number. Gives the field a name that it does not
+// know, in place.
+inline constexpr const char* kHiddenRange = "rang~";
+void HideRange(std::span<char> head);
 
 // Position behind the empty line that ends a head, searching from `from` on; npos when it is not
 // there yet.
