@@ -132,11 +132,11 @@ SceneEntry NonRigidEntry(const fs::path& root, const std::string& split, const J
 Homography ReadHomography(const fs::path& file) {
   std::istringstream in(ReadTextFile(file));
   Homography homography{};
-  for (double& value : homography) {
-    if (!(in >> value)) {
-      throw Error(ErrorCode::kCorrupt, "homography_unreadable",
-                  file.string() + " must hold nine numbers, row by row");
-    }
+  bool nine = true;
+  for (double& value : homography) nine = nine && in >> value;
+  if (std::string more; !nine || in >> more) {
+    throw Error(ErrorCode::kCorrupt, "homography_unreadable",
+                file.string() + " must hold nine numbers, row by row");
   }
   return homography;
 }

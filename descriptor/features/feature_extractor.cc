@@ -105,7 +105,14 @@ Features FeatureExtractor::ExtractPart(Bytes encoded, const Region& part, int th
   const auto view =
       DecodePart(encoded, part, options_.decode.max_side_px, options_.decoder, options_.decode);
   if (timings != nullptr) timings->decode_ms = watch.Lap();
-  if (!view) return {.keypoints = {}, .descriptors = {}, .model_id = descriptor_->info().model_id};
+  if (!view) {
+    Features none{.keypoints = {}, .descriptors = {}, .model_id = descriptor_->info().model_id};
+    const ImageHeader header = ReadImageHeader(encoded);
+    const bool turned = header.exif_orientation >= 5;
+    none.width = static_cast<int>(turned ? header.height : header.width);
+    none.height = static_cast<int>(turned ? header.width : header.height);
+    return none;
+  }
   Features features = Extract(view->decoded, view->inside, threads, timings, PictureRole::kQuery);
   Shift(&features.keypoints, view->left, view->top);
   return features;

@@ -125,7 +125,9 @@ class Export {
   void ReadPairs() {
     std::ifstream file(options_.pairs);
     const std::string shown = ToDisplayText(options_.pairs.string());
-    if (!file) throw Error(ErrorCode::kNotFound, "cannot_read", shown + " cannot be read");
+    if (!file || std::filesystem::is_directory(options_.pairs)) {
+      throw Error(ErrorCode::kNotFound, "cannot_read", shown + " cannot be read");
+    }
     std::set<std::string> names;
     for (const FolderPicture& picture : folder_.pictures) names.insert(picture.name);
     std::string line;
@@ -145,6 +147,8 @@ class Export {
       }
       listed_.insert(std::minmax(first, second));
     }
+    if (!listed_.empty()) return;
+    throw Error(ErrorCode::kInvalidArgument, "pairs_invalid", shown + " names no pictures");
   }
 
   std::vector<PointNumbers> MatchPair(std::size_t a, std::size_t b) const {

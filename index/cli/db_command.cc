@@ -10,6 +10,7 @@
 #include "index/cli/db_export.h"
 #include "index/cli/db_stats.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
@@ -47,7 +48,8 @@ ExitStatus Check(Options& options) {
 
 ExitStatus Backup(Options& options) {
   Engine engine = OpenEngine(options, Access::kRead);
-  engine.Backup(options.backup);
+  const Interrupt interrupt;
+  engine.Backup(options.backup, interrupt.token());
   const auto originals = engine.DescribeOriginals();
   const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
   if (options.json) {

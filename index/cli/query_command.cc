@@ -37,7 +37,9 @@ void PrintText(const SearchResult& result, double took_ms) {
                     hit.image_id, hit.source});
   }
   if (rows.empty()) {
-    Print("nothing found");
+    Print(result.total == 0 ? "nothing found"
+                            : "nothing on this page: --offset is past the last of " +
+                                  std::to_string(result.total) + " hits");
   } else {
     if (result.undecided) {
       Print("undecided: one of several objects that look alike, see their probabilities");

@@ -291,6 +291,8 @@ std::optional<OriginalsRecord> Engine::DescribeOriginals() {
   return impl_->catalogue().DescribeOriginals();
 }
 
-void Engine::Backup(const std::filesystem::path& target) { impl_->catalogue().Backup(target); }
+void Engine::Backup(const std::filesystem::path& target, const std::stop_token& stop) {
+  impl_->catalogue().Backup(target, stop);
+}
 
 }  // namespace pliant

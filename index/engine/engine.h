@@ -221,8 +221,8 @@ class Engine {
                                     const std::function<void(double done)>& progress = {});
   std::optional<OriginalsRecord> DescribeOriginals();  // nullopt = all are in the database
   // Online backup to a file that must not exist; written to a temporary name, then renamed. Without
-  // the originals' directory: copy that afterwards.
-  void Backup(const std::filesystem::path& target);
+  // the originals' directory: copy that afterwards. `stop`: then kCancelled "cancelled".
+  void Backup(const std::filesystem::path& target, const std::stop_token& stop = {});
 
  private:
   class Impl;

@@ -1,9 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: search.
+#include <optional>
+#include <string>
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/part_view.h"
 #include "index/engine/engine_impl.h"
 #include "index/engine/search_run.h"
 #include "index/store/feature_codec.h"
@@ -21,10 +24,16 @@ void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
           "`pliant vocab train` at any time");
 }
 
-void CheckQuery(const Features& features, bool has_region) {
+void CheckQuery(const Features& features, const std::optional<Region>& region) {
   if (features.keypoints.size() >= kMinKeypoints) return;
+  if (region && LongerSide(*region, features.width, features.height) == 0) {
+    throw Error(ErrorCode::kUnprocessable, "too_few_features",
+                "the region lies outside of the query picture, which has " +
+                    std::to_string(features.width) + " x " + std::to_string(features.height) +
+                    " pixels");
+  }
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
-              std::string(has_region ? "the region of the query picture" : "the query picture") +
+              std::string(region ? "the region of the query picture" : "the query picture") +
                   " has " + std::to_string(features.keypoints.size()) + " key points, " +
                   std::to_string(kMinKeypoints) + " are the least");
 }
@@ -107,7 +116,7 @@ SearchResult Engine::Impl::Answer(const Source& source, Features features,
   CheckVocabulary(view, options);
   const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k.x, k.y); };
   if (options.region) features = Subset(features, in_region);
-  CheckQuery(features, options.region.has_value());
+  CheckQuery(features, options.region);
   Features verified = closer != nullptr ? *closer : features;
   if (closer != nullptr && options.region) verified = Subset(verified, in_region);
   SearchResult result =

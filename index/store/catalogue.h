@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -147,7 +148,7 @@ class Catalogue : public SearchSource {
   // vocabulary. Check: what is wrong, a sentence each. Backup: see Engine::Backup.
   virtual EngineStats Count() = 0;
   virtual std::vector<std::string> Check() = 0;
-  virtual void Backup(const std::filesystem::path& target) = 0;
+  virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
   virtual std::optional<OriginalsRecord> DescribeOriginals() = 0;
 
   // Shards, of stores that have several machines; else one, which nobody can lose apart.

@@ -9,6 +9,10 @@
 namespace pliant {
 
 void RequireDatabaseFile(const std::filesystem::path& path) {
+  if (path.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "database_unnamed",
+                "the name of the database is empty");
+  }
   const std::string text = path.string();
   if (text.rfind("clickhouse:/", 0) != 0 && text.rfind("clickhouses:/", 0) != 0) return;
   throw Error(ErrorCode::kInvalidArgument, "database_is_a_cluster",

@@ -119,6 +119,29 @@ TEST_F(CliTest, ExportsFeaturesAndRecords) {
   }
 }
 
+TEST_F(CliTest, NoNameAPagePastTheEndAndARegionOutsideAreSaid) {
+  WriteObjects(2);
+  for (const std::vector<std::string>& unnamed :
+       std::vector<std::vector<std::string>>{{"index", objects_}, {"db", "check"}}) {
+    std::vector<std::string> arguments = unnamed;
+    arguments.insert(arguments.end(), {"--db", ""});
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.status, 2);
+    EXPECT_THAT(result.err, HasSubstr("the name of the database is empty"));
+  }
+  ASSERT_EQ(Index().status, 0);
+  WriteBytes(folder_ / "q.png", OtherViewPng(1));
+  const std::vector<std::string> query = {"query", (folder_ / "q.png").string(), "--db", db_};
+  const auto with = [&](const std::string& flag, const std::string& value) {
+    std::vector<std::string> arguments = query;
+    arguments.insert(arguments.end(), {flag, value});
+    return RunProgram(arguments);
+  };
+  EXPECT_THAT(with("--offset", "50").out, HasSubstr("--offset is past the last of 2 hits"));
+  EXPECT_THAT(with("--region", "5000,0,10,10").err,
+              HasSubstr("lies outside of the query picture, which has 160 x 120 pixels"));
+}
+
 TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {
   WriteObjects(2);
   ASSERT_EQ(Index().status, 0);

@@ -184,9 +184,10 @@ def check_wrong_use(work, views, pliant, database):
     require(json.loads(done.stdout)["skipped"][0]["file"] == "broken.png", done.stdout)
     require(len(rows_of(work / "x.db")[3]) == 2, "a camera a picture")
     pairs = work / "pairs.txt"
-    for text in ("0.png", "0.png 0.png", "0.png 9.png", "0.png 1.png 2.png"):
+    for text in ("", "0.png", "0.png 0.png", "0.png 9.png", "0.png 1.png 2.png"):
         pairs.write_text(f"# two a line\n{text}\n")
         refused([views, "--colmap", work / "y.db", "--pairs", pairs], 2, "pairs_invalid")
+    refused([views, "--colmap", work / "y.db", "--pairs", work], 1, "cannot_read")
     pairs.write_text("0.png 1.png\n\n3.png 2.png\n2.png 3.png\n")
     run([pliant, "match", views, "--colmap", work / "y.db", "--pairs", pairs, "--verify", "--descriptor", "rootsift"])
     require(sorted(rows_of(work / "y.db")[2]) == [(1, 2), (3, 4)], "the pairs named")

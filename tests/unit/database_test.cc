@@ -251,6 +251,12 @@ TEST_F(DatabaseTest, ABackupIsWholeAndNeverOverwrites) {
   ExpectError(ErrorCode::kConflict, "backup_exists", [&] { BackupDatabase(db, file_); });
   ExpectError(ErrorCode::kNotFound, "no_such_directory",
               [&] { BackupDatabase(db, folder_ / "nowhere" / "backup.db"); });
+  std::stop_source stopped;
+  stopped.request_stop();
+  std::filesystem::create_directory(folder_ / "empty");
+  ExpectError(ErrorCode::kCancelled, "cancelled",
+              [&] { BackupDatabase(db, folder_ / "empty" / "backup.db", stopped.get_token()); });
+  EXPECT_TRUE(std::filesystem::is_empty(folder_ / "empty"));
 }
 
 TEST_F(DatabaseTest, ANameThatLooksLikeAUri) {

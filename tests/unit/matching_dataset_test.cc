@@ -228,8 +228,10 @@ TEST_F(MatchingDataset, FaultsAreNamed) {
   WritePicture("b/2.png", cv::Mat(40, 40, CV_8UC1, {1}));
   const auto load = [this] { OpenDataset(folder_.path()).scenes[0].load(); };
   load();
-  WriteTextFile("b/H_1_2", "1 0 0 0 1 0");
-  ExpectError(ErrorCode::kCorrupt, "homography_unreadable", load);
+  for (const char* wrong : {"1 0 0 0 1 0", "1 0 0 0 1 0 0 0 1 7", "1 0 0 0 1 0 0 0 1 x"}) {
+    WriteTextFile("b/H_1_2", wrong);
+    ExpectError(ErrorCode::kCorrupt, "homography_unreadable", load);
+  }
   WriteTextFile("b/H_1_2", "1 0 0 1 0 0 0 0 1");
   ExpectError(ErrorCode::kInvalidArgument, "homography_singular", load);
   fs::remove_all(folder_ / "b");

@@ -105,6 +105,8 @@ TEST(DecodePart, CutsOffWhatLiesOutside) {
     EXPECT_EQ(LongerSide(outside, 300, 200), 0);
     const Features none = Extractor().ExtractPart(bytes, outside, 1);
     EXPECT_TRUE(none.keypoints.empty());
+    EXPECT_EQ(none.width, 300);
+    EXPECT_EQ(none.height, 200);
     EXPECT_EQ(none.descriptors.rows, 0U);
     EXPECT_EQ(none.model_id, Extractor().descriptor().info().model_id);
   }

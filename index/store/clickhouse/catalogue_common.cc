@@ -163,7 +163,8 @@ std::vector<std::string> ClickhouseCatalogue::Check() {
   return problems;
 }
 
-void ClickhouseCatalogue::Backup(const std::filesystem::path& /*target*/) {
+void ClickhouseCatalogue::Backup(const std::filesystem::path& /*target*/,
+                                 const std::stop_token& /*stop*/) {
   throw Error(ErrorCode::kInvalidArgument, "backup_unsupported",
               "a cluster is not backed up into one file; use ClickHouse's own backups");
 }

@@ -75,7 +75,7 @@ class ClickhouseCatalogue : public Catalogue {
 
   EngineStats Count() override;
   std::vector<std::string> Check() override;
-  void Backup(const std::filesystem::path& target) override;
+  void Backup(const std::filesystem::path& target, const std::stop_token& stop) override;
   std::optional<OriginalsRecord> DescribeOriginals() override { return std::nullopt; }
   std::size_t CountShards() override { return link_.shards(); }
   std::vector<ShardRecord> ReadShards() override { return ReadShardRecords(link_); }

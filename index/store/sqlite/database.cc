@@ -25,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kPagesAtOnce = 1024;         // of a copy, before it may be stopped
 constexpr std::size_t kHeaderBytes = 100;  // of an SQLite file
 using Header = std::array<unsigned char, kHeaderBytes>;
 
@@ -126,16 +127,27 @@ void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeo
   Migrate(connection.database(), Migrations());  // only refuses a newer one
 }
 
-void CopyDatabase(Connection& source, const fs::path& target) {
+void CopyDatabase(Connection& source, const fs::path& target, const std::stop_token& stop) {
   SQLite::Database copy(fs::absolute(target).string(),
                         SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  // Held from before the first step to behind the last: else what others write meanwhile would
+  // begin the copy anew.
+  const SQLite::Transaction reading(source.database());
+  source.Scalar("SELECT count(*) FROM sqlite_schema");
   SQLite::Backup backup(copy, source.database());
-  if (backup.executeStep(-1) != SQLITE_DONE) {
+  int result = SQLITE_OK;
+  while (result == SQLITE_OK) {
+    if (stop.stop_requested()) {
+      throw Error(ErrorCode::kCancelled, "cancelled", "stopped on request; nothing was written");
+    }
+    result = backup.executeStep(kPagesAtOnce);
+  }
+  if (result != SQLITE_DONE) {
     throw SQLite::Exception("the copy could not be finished", SQLITE_BUSY);
   }
 }
 
-void BackupDatabase(Connection& source, const fs::path& target) {
+void BackupDatabase(Connection& source, const fs::path& target, const std::stop_token& stop) {
   CheckParentDirectory(target);
   const Error exists(ErrorCode::kConflict, "backup_exists",
                      DisplayPath(target) + " exists already; name a new file for the backup");
@@ -146,7 +158,7 @@ void BackupDatabase(Connection& source, const fs::path& target) {
   }
   RemoveAbandonedBackups(fs::absolute(target).parent_path());
   NewDatabaseFile temporary(target);
-  CopyDatabase(source, temporary.path());
+  CopyDatabase(source, temporary.path(), stop);
   if (!temporary.Publish(target, NewDatabaseFile::Over::kNothing)) throw exists;
 }
 

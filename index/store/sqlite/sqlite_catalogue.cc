@@ -299,12 +299,12 @@ std::vector<std::string> SqliteCatalogue::Check() {
   return problems;
 }
 
-void SqliteCatalogue::Backup(const std::filesystem::path& target) {
+void SqliteCatalogue::Backup(const std::filesystem::path& target, const std::stop_token& stop) {
   WithDatabaseErrors(access_.path(), [&] {
     // A connection of its own: a backup may take long and must not see its source written by the
     // same connection.
     Connection source(access_.path(), Connection::Mode::kReadOnly, 10'000);
-    BackupDatabase(source, target);
+    BackupDatabase(source, target, stop);
   });
 }
 

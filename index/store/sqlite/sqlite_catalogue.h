@@ -60,7 +60,7 @@ class SqliteCatalogue : public Catalogue {
 
   EngineStats Count() override;
   std::vector<std::string> Check() override;
-  void Backup(const std::filesystem::path& target) override;
+  void Backup(const std::filesystem::path& target, const std::stop_token& stop) override;
   std::optional<OriginalsRecord> DescribeOriginals() override { return originals_.Describe(); }
 
  private:
