@@ -4,7 +4,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/engine/engine_impl.h"
-#include "index/files/text.h"
+#include "index/files/names.h"
 
 namespace pliant {
 

@@ -8,6 +8,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine_impl.h"
+#include "index/files/names.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
 #include "index/store/refusals.h"

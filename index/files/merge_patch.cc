@@ -6,8 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "index/files/names.h"
 #include "index/files/owned_json.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {

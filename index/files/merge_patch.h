@@ -6,7 +6,7 @@
 
 namespace pliant {
 
-// `metadata` with the JSON merge patch (RFC 7396) applied, as CanonicalMetadata (files/text.h)
+// `metadata` with the JSON merge patch (RFC 7396) applied, as CanonicalMetadata (files/names.h)
 // makes it: null removes a key, objects are merged, all else replaces. The patch "null" leaves {}.
 // Throws kInvalidArgument "metadata_invalid" for a patch that is neither an object nor null, and
 // for a result beyond the limits.

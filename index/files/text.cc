@@ -8,20 +8,11 @@
 #include <cstdint>
 #include <random>
 #include <sstream>
-#include <vector>
 
-#include <nlohmann/json.hpp>
-
-#include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
-#include "index/files/owned_json.h"
 
 namespace pliant {
 namespace {
-
-constexpr std::size_t kMaxMetadataBytes = 64 * 1024;
-constexpr int kMaxMetadataDepth = 32;
-constexpr std::size_t kMaxMetadataNames = 1000;  // of one object; a name is looked up among all
 
 // Length of the valid UTF-8 sequence that `text` begins with; 0 = none (RFC 3629).
 std::size_t SequenceLength(std::string_view text) {
@@ -38,29 +29,6 @@ std::size_t SequenceLength(std::string_view text) {
   const bool surrogate = lead == 0xED && second > 0x9F;
   const bool too_large = lead == 0xF4 && second > 0x8F;
   return overlong || surrogate || too_large ? 0 : length;
-}
-
-bool HasControlCharacter(std::string_view text) {
-  return std::any_of(text.begin(), text.end(),
-                     [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
-}
-
-bool IsNameOf(std::string_view text, std::string_view marks) {
-  return std::all_of(text.begin(), text.end(), [&](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           marks.find(c) != std::string_view::npos;
-  });
-}
-
-[[noreturn]] void ThrowInvalid(const std::string& reason, const std::string& message) {
-  throw Error(ErrorCode::kInvalidArgument, reason, message);
-}
-
-void CheckText(std::string_view text, std::size_t max_bytes, const std::string& field) {
-  if (text.size() > max_bytes || !IsValidUtf8(text) || HasControlCharacter(text)) {
-    ThrowInvalid(field + "_invalid", field + " must be UTF-8 without control characters, at most " +
-                                         std::to_string(max_bytes) + " bytes");
-  }
 }
 
 std::uint32_t CodePoint(std::string_view sequence) {
@@ -140,6 +108,22 @@ std::string Escaped(std::uint32_t point) {
   return out.str();
 }
 
+}  // namespace
+
+bool IsValidUtf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t length = SequenceLength(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
+bool HasControlCharacter(std::string_view text) {
+  return std::any_of(text.begin(), text.end(),
+                     [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
 bool LooksAsItIs(std::string_view text) {
   DeceptionFinder finder;
   while (!text.empty()) {
@@ -152,31 +136,11 @@ bool LooksAsItIs(std::string_view text) {
   return true;
 }
 
-void CheckLooks(std::string_view text, const std::string& field) {
-  if (LooksAsItIs(text)) return;
-  ThrowInvalid(field + "_invalid", field +
-                                       " must not hold characters that are invisible or change "
-                                       "the direction of writing");
-}
-
-bool IsCollectionName(std::string_view name) {
-  return !name.empty() && name.size() <= 64 && name != "." && name != ".." && IsNameOf(name, "._-");
-}
-
-std::string CollectionNameRule(std::string_view name) {
-  return "must be 1 to 64 letters, digits or any of . _ -, not \"" +
-         ToDisplayText(name.substr(0, 80)) + "\"";
-}
-
-}  // namespace
-
-bool IsValidUtf8(std::string_view text) {
-  while (!text.empty()) {
-    const std::size_t length = SequenceLength(text);
-    if (length == 0) return false;
-    text.remove_prefix(length);
-  }
-  return true;
+bool IsNameOf(std::string_view text, std::string_view marks) {
+  return std::all_of(text.begin(), text.end(), [&](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           marks.find(c) != std::string_view::npos;
+  });
 }
 
 std::string ToDisplayText(std::string_view text) {
@@ -228,75 +192,6 @@ std::string RandomHex(std::size_t digits) {
   std::string text;
   for (std::size_t i = 0; i < digits; ++i) text += kDigits[random() % 16];
   return text;
-}
-
-void CheckImageId(std::string_view id) {
-  if (id.empty() || id.size() > 128 || id == "." || id == ".." || !IsNameOf(id, "._~:@-")) {
-    ThrowInvalid("id_invalid",
-                 "an image id must be 1 to 128 letters, digits or any of . _ ~ : @ -, not \"" +
-                     ToDisplayText(id.substr(0, 140)) + "\"");
-  }
-}
-
-void CheckCollectionName(std::string_view name) {
-  if (!IsCollectionName(name)) {
-    ThrowInvalid("collection_invalid", "a collection's name " + CollectionNameRule(name));
-  }
-}
-
-void CheckAliasName(std::string_view name) {
-  if (!IsCollectionName(name))
-    ThrowInvalid("alias_invalid", "an alias " + CollectionNameRule(name));
-}
-
-void CheckDisplayName(std::string_view name) {
-  if (name.empty()) return;
-  CheckText(name, 200, "display_name");
-  CheckLooks(name, "display_name");
-}
-
-void CheckObject(std::string_view object) {
-  CheckText(object, 512, "object");
-  CheckLooks(object, "object");
-  if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
-    ThrowInvalid("object_invalid", "object must be more than dots");
-  }
-  if (!object.empty() && object.find_first_not_of(' ') == std::string_view::npos) {
-    ThrowInvalid("object_invalid", "object must be more than spaces");
-  }
-}
-
-void CheckSource(std::string_view source) {
-  CheckText(source, 4096, "source");
-  CheckLooks(source, "source");
-}
-
-std::string CanonicalMetadata(const std::string& metadata) {
-  if (metadata.size() > kMaxMetadataBytes) {
-    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
-  }
-  using Event = nlohmann::json::parse_event_t;
-  bool too_deep = false;
-  bool too_many = false;
-  std::vector<std::size_t> names;  // how many, of the objects that are open
-  const auto watch = [&](int depth, Event event, nlohmann::json&) {
-    too_deep = too_deep || depth > kMaxMetadataDepth;
-    if (event == Event::object_start) names.push_back(0);
-    if (event == Event::object_end) names.pop_back();
-    if (event == Event::key && ++names.back() > kMaxMetadataNames) too_many = true;
-    return !too_deep && !too_many;
-  };
-  OwnedJson json(nlohmann::json::parse(metadata, watch, false));
-  if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
-  if (too_many) {
-    ThrowInvalid("metadata_invalid", "metadata has more than 1000 names in one object");
-  }
-  if (!json->is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
-  std::string canonical = json->dump();  // may be longer: 1e9 is 1000000000.0
-  if (canonical.size() > kMaxMetadataBytes) {
-    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
-  }
-  return canonical;
 }
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Validation of names and metadata.
+// Text from outside: what it is made of, and how it is shown.
 #pragma once
 
 #include <cstddef>
@@ -10,6 +10,14 @@
 namespace pliant {
 
 bool IsValidUtf8(std::string_view text);
+bool HasControlCharacter(std::string_view text);  // of ASCII
+
+// Whether valid UTF-8 has no characters that are invisible, change the direction of writing or are
+// control characters of eight bits: two texts that look the same are the same.
+bool LooksAsItIs(std::string_view text);
+
+// Whether all are letters and digits of ASCII, or of `marks`.
+bool IsNameOf(std::string_view text, std::string_view marks);
 
 // `text` with control characters and invalid UTF-8 bytes escaped as \xHH, and characters that are
 // invisible or change the direction of writing as \u{H...}, for display, JSON and names derived
@@ -25,20 +33,5 @@ std::string PercentEncode(std::string_view text, std::string_view kept);
 
 // Hex digits of the system's random numbers, for names that nobody else has.
 std::string RandomHex(std::size_t digits);
-
-// Throw kInvalidArgument that names the field. An id is 1..128 of letters, digits and . _ ~ : @ -,
-// not "." or "..", so that it can be a part of a URL; a collection name 1..64 of letters, digits,
-// . _ -; an object is at most 512 bytes of UTF-8 without control characters; a source 4096.
-void CheckImageId(std::string_view id);
-void CheckCollectionName(std::string_view name);
-void CheckAliasName(std::string_view name);    // as a collection's name
-void CheckDisplayName(std::string_view name);  // as an object, 200 bytes, or empty
-void CheckObject(std::string_view object);
-void CheckSource(std::string_view source);
-
-// A JSON object of at most 64 KiB, 32 levels and 1000 names an object, rewritten with sorted keys
-// and no white space so that equal metadata compare equal. Throws kInvalidArgument
-// "metadata_invalid".
-std::string CanonicalMetadata(const std::string& metadata);
 
 }  // namespace pliant

@@ -14,7 +14,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
-#include "index/files/text.h"
+#include "index/files/names.h"
 #include "index/store/cluster_scheme.h"
 #include "index/store/open_store.h"
 #include "server/http/problem.h"

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Filters on metadata. An input is a filter's JSON on the first line, and metadata behind it.
-#include "index/files/text.h"
+#include "index/files/names.h"
 #include "index/records/filter.h"
 #include "tests/fuzz/fuzz.h"
 

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "index/files/names.h"
 #include "index/files/text.h"
 #include "tests/fuzz/fuzz.h"
 

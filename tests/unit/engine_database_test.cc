@@ -59,6 +59,22 @@ TEST_F(EngineTest, AFullDiskTakesNoPicturesButGivesSomeBack) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
+// Rules for names have become stricter: what was stored before is no damage, and can be restored.
+TEST_F(EngineTest, NamesOfAnEarlierPliantAreSound) {
+  Engine engine(Options());
+  Add(engine, RandomPng(1), "mug");
+  std::string metadata = "{\"0\":0";
+  for (int i = 1; i < 2000; ++i) metadata += ",\"" + std::to_string(i) + "\":0";
+  metadata += '}';
+  SQLite::Database db(Options().database.string(), SQLite::OPEN_READWRITE);
+  db.exec("UPDATE objects SET name = 'mug\u3164 \u009B31m'");
+  SQLite::Statement(db,
+                    "UPDATE pictures SET source = 'mug\uFE0F.png', metadata = '" + metadata + "'")
+      .exec();
+  EXPECT_THAT(engine.Check(), IsEmpty());
+  EXPECT_EQ(engine.List({}).at(0).object, "mug\u3164 \u009B31m");
+}
+
 // What was acknowledged would be gone with the file, or be written into a stranger's.
 TEST_F(EngineTest, ADatabaseThatIsMovedAwayIsWrittenNoMore) {
   const std::filesystem::path elsewhere = folder_ / "elsewhere.db";

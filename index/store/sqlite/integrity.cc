@@ -6,7 +6,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
-#include "index/files/text.h"
+#include "index/files/names.h"
 #include "index/store/feature_codec.h"
 #include "index/store/sqlite/catalogue_vocabularies.h"
 #include "index/store/sqlite/schema.h"
@@ -173,12 +173,16 @@ void CheckNames(Connection& db, Problems& problems) {
   while (picture.Next()) {
     const std::string whose = "picture \"" + picture.Text(0) + "\"";
     check(whose, CheckImageId, picture.Text(0));
-    check(whose, CheckSource, picture.Text(2));
+    check(whose, CheckStoredSource, picture.Text(2));
     const std::string metadata = picture.Text(1);
-    check(whose, CanonicalMetadata, metadata);
+    check(
+        whose, [](const std::string& text) { CanonicalMetadata(text, kAnyNumberOfNames); },
+        metadata);
   }
   Cursor object = db.Prepare("SELECT name FROM objects");
-  while (object.Next()) check("object \"" + object.Text(0) + "\"", CheckObject, object.Text(0));
+  while (object.Next()) {
+    check("object \"" + object.Text(0) + "\"", CheckStoredObject, object.Text(0));
+  }
   Cursor collection = db.Prepare("SELECT name FROM collections");
   while (collection.Next()) {
     check("collection \"" + collection.Text(0) + "\"", CheckCollectionName, collection.Text(0));

@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/files/names.h"
+
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/base/error.h"
+#include "index/files/owned_json.h"
+#include "index/files/text.h"
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kMaxMetadataBytes = 64 * 1024;
+constexpr int kMaxMetadataDepth = 32;
+
+[[noreturn]] void ThrowInvalid(const std::string& reason, const std::string& message) {
+  throw Error(ErrorCode::kInvalidArgument, reason, message);
+}
+
+void CheckText(std::string_view text, std::size_t max_bytes, const std::string& field) {
+  if (text.size() > max_bytes || !IsValidUtf8(text) || HasControlCharacter(text)) {
+    ThrowInvalid(field + "_invalid", field + " must be UTF-8 without control characters, at most " +
+                                         std::to_string(max_bytes) + " bytes");
+  }
+}
+
+void CheckLooks(std::string_view text, const std::string& field) {
+  if (LooksAsItIs(text)) return;
+  ThrowInvalid(field + "_invalid", field +
+                                       " must not hold characters that are invisible or change "
+                                       "the direction of writing");
+}
+
+bool IsCollectionName(std::string_view name) {
+  return !name.empty() && name.size() <= 64 && name != "." && name != ".." && IsNameOf(name, "._-");
+}
+
+std::string CollectionNameRule(std::string_view name) {
+  return "must be 1 to 64 letters, digits or any of . _ -, not \"" +
+         ToDisplayText(name.substr(0, 80)) + "\"";
+}
+
+}  // namespace
+
+void CheckImageId(std::string_view id) {
+  if (id.empty() || id.size() > 128 || id == "." || id == ".." || !IsNameOf(id, "._~:@-")) {
+    ThrowInvalid("id_invalid",
+                 "an image id must be 1 to 128 letters, digits or any of . _ ~ : @ -, not \"" +
+                     ToDisplayText(id.substr(0, 140)) + "\"");
+  }
+}
+
+void CheckCollectionName(std::string_view name) {
+  if (!IsCollectionName(name)) {
+    ThrowInvalid("collection_invalid", "a collection's name " + CollectionNameRule(name));
+  }
+}
+
+void CheckAliasName(std::string_view name) {
+  if (!IsCollectionName(name))
+    ThrowInvalid("alias_invalid", "an alias " + CollectionNameRule(name));
+}
+
+void CheckDisplayName(std::string_view name) {
+  if (name.empty()) return;
+  CheckText(name, 200, "display_name");
+  CheckLooks(name, "display_name");
+}
+
+void CheckStoredObject(std::string_view object) { CheckText(object, 512, "object"); }
+
+void CheckStoredSource(std::string_view source) { CheckText(source, 4096, "source"); }
+
+void CheckObject(std::string_view object) {
+  CheckStoredObject(object);
+  CheckLooks(object, "object");
+  if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
+    ThrowInvalid("object_invalid", "object must be more than dots");
+  }
+  if (!object.empty() && object.find_first_not_of(' ') == std::string_view::npos) {
+    ThrowInvalid("object_invalid", "object must be more than spaces");
+  }
+}
+
+void CheckSource(std::string_view source) {
+  CheckStoredSource(source);
+  CheckLooks(source, "source");
+}
+
+std::string CanonicalMetadata(const std::string& metadata, std::size_t most_names) {
+  if (metadata.size() > kMaxMetadataBytes) {
+    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
+  }
+  using Event = nlohmann::json::parse_event_t;
+  bool too_deep = false;
+  bool too_many = false;
+  std::vector<std::size_t> names;  // how many, of the objects that are open
+  const auto watch = [&](int depth, Event event, nlohmann::json&) {
+    too_deep = too_deep || depth > kMaxMetadataDepth;
+    if (event == Event::object_start) names.push_back(0);
+    if (event == Event::object_end) names.pop_back();
+    if (event == Event::key && ++names.back() > most_names) too_many = true;
+    return !too_deep && !too_many;
+  };
+  OwnedJson json(nlohmann::json::parse(metadata, watch, false));
+  if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
+  if (too_many) {
+    ThrowInvalid("metadata_invalid", "metadata has more than 1000 names in one object");
+  }
+  if (!json->is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
+  std::string canonical = json->dump();  // may be longer: 1e9 is 1000000000.0
+  if (canonical.size() > kMaxMetadataBytes) {
+    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
+  }
+  return canonical;
+}
+
+}  // namespace pliant
