@@ -22,7 +22,8 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"duplicate_parameter", 400, "a parameter was given twice (`parameter` names it)"},
     {"invalid_cursor", 400, "the cursor was not made by this list with these parameters"},
     {"invalid_json", 400,
-     "the JSON does not parse, is nested too deep, has a name twice or is not an object"},
+     "the JSON does not parse, is nested too deep, has a name twice or more than 1000 in one "
+     "object, or is not an object"},
     {"unauthorized", 401, "a key is needed, or the one shown does not work"},
     {"forbidden", 403, "the scope of the key does not include this"},
     {"cross_site", 403, "a web page of another site tried to change something"},
