@@ -118,7 +118,8 @@ TEST_P(Faults, CallsFail) {
   Everywhere("EIO", 8, fail(kChanges, EIO, false));
   Everywhere("EIO from then on", 12, fail(kChanges, EIO, true));
   Everywhere("EIO reading", StepOf({"create_database_files"}), fail(kReads, EIO, false));
-  Everywhere("EIO flushing", StepOf({"create_database_files", "upload_files"}),
+  Everywhere("EIO flushing",
+             StepOf({"create_database_files", "move_to_other_files", "upload_files"}),
              fail(kFlushes, EIO, false));
   Everywhere("EMFILE", StepOf({"upload"}), fail(kOpens | kAdds, EMFILE, false));
   Everywhere("ENOSPC", 12, fail(kGrows, ENOSPC, false));

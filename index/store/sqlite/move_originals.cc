@@ -40,14 +40,12 @@ std::vector<ImageRecord> NextInFiles(Connection& db, Key* after) {
 
 }  // namespace
 
-// What is in `to` already is written again: whoever put it there may not have flushed it.
-void OriginalsKeeper::CopyFiles(const Originals& from, const Originals& to,
+// All but `last`. What is in `to` already is written again: whoever put it there may not have
+// flushed it.
+void OriginalsKeeper::CopyFiles(const Originals& from, const Originals& to, const std::string& last,
                                 const std::function<void(double)>& progress) {
-  std::string last;  // tells others that a directory has the files: comes with the record
-  double total = 0;
-  access_.Read([&](Connection& db) {
-    last = AnyOriginalFile(db);
-    total = static_cast<double>(CountOriginals(db, true) + CountOriginals(db, false));
+  const auto total = access_.Read([&](Connection& db) {
+    return static_cast<double>(CountOriginals(db, true) + CountOriginals(db, false));
   });
   Key after = 0;
   std::size_t done = 0;
@@ -78,7 +76,9 @@ void OriginalsKeeper::CopyFiles(const Originals& from, const Originals& to,
 // be: what is left behind there is not referred to by anybody.
 MoveOriginalsResult OriginalsKeeper::Carry(const Originals& from, Originals* to,
                                            const std::function<void(double)>& progress) {
-  CopyFiles(from, *to, progress);
+  // It tells others that a directory has the files: comes with the record.
+  const std::string last = access_.Read([](Connection& db) { return AnyOriginalFile(db); });
+  CopyFiles(from, *to, last, progress);
   MoveOriginalsResult result;
   access_.Write(
       [&](Connection& db) {
@@ -87,7 +87,9 @@ MoveOriginalsResult OriginalsKeeper::Carry(const Originals& from, Originals* to,
         for (auto pictures = NextInFiles(db, &after); !pictures.empty();
              pictures = NextInFiles(db, &after)) {
           for (const ImageRecord& picture : pictures) {
-            const bool there = to->store()->Holds(picture.sha256, picture.bytes);
+            const bool there =
+                picture.sha256 != last && to->store()->Holds(picture.sha256, picture.bytes);
+            if (there) to->store()->Secure(picture.sha256);
             const auto bytes = there ? std::nullopt : FileOf(from, picture);
             if (bytes) to->store()->Publish(*to->Receive(picture.sha256, *bytes));
             ++(there || bytes ? result.moved : result.left);

@@ -118,6 +118,17 @@ bool OriginalStore::Folders::Flushed(const fs::path& path) {
   return !unflushed_.contains(path);
 }
 
+void OriginalStore::Folders::FlushOnce(const fs::path& path) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (flushed_.contains(path)) return;
+  }
+  Make(path);
+  Flush(path);
+  const std::lock_guard lock(mutex_);
+  flushed_.insert(path);
+}
+
 fs::path OriginalStore::PathOf(const std::string& sha256) const {
   return directory_ / sha256.substr(0, 2) / sha256;
 }
@@ -182,6 +193,10 @@ std::optional<std::uint64_t> OriginalStore::SizeOf(const std::string& sha256) co
 
 bool OriginalStore::Holds(const std::string& sha256, std::uint64_t size) const {
   return SizeOf(sha256) == size && folders_->Flushed(PathOf(sha256).parent_path());
+}
+
+void OriginalStore::Secure(const std::string& sha256) const {
+  folders_->FlushOnce(PathOf(sha256).parent_path());
 }
 
 std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& sha256,

@@ -73,6 +73,10 @@ class OriginalStore {
   // Is of that size, and Publish has not failed to make it durable.
   bool Holds(const std::string& sha256, std::uint64_t size) const;
 
+  // Makes the names durable that its folder had when this object was made: another process may have
+  // failed to.
+  void Secure(const std::string& sha256) const;
+
   // nullopt = there is no such file. Throws kCorrupt "original_corrupt" when it cannot be read, is
   // larger than `size` bytes, or does not have the hash.
   std::optional<std::vector<std::uint8_t>> Read(const std::string& sha256,
@@ -89,11 +93,13 @@ class OriginalStore {
     void Make(const std::filesystem::path& path);   // and durable
     void Flush(const std::filesystem::path& path);  // the names in it
     bool Flushed(const std::filesystem::path& path);
+    void FlushOnce(const std::filesystem::path& path);
 
    private:
     std::mutex mutex_;  // guards what follows
     std::set<std::filesystem::path> durable_;
     std::set<std::filesystem::path> unflushed_;  // where that has failed
+    std::set<std::filesystem::path> flushed_;    // by FlushOnce
   };
 
   std::uint64_t RemoveAbandonedClaims() const;

@@ -43,7 +43,7 @@ class OriginalsKeeper {
   // The files of `from` into the directory of `to`, which Prepare made ready.
   MoveOriginalsResult Carry(const Originals& from, Originals* to,
                             const std::function<void(double)>& progress);
-  void CopyFiles(const Originals& from, const Originals& to,
+  void CopyFiles(const Originals& from, const Originals& to, const std::string& last,
                  const std::function<void(double)>& progress);
 
   Access& access_;
