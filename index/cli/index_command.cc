@@ -158,8 +158,7 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
       *app, "--object-from", options->object_from,
       "the name of a picture's object: its folder below DIR (\"coat/front\"), its file name "
       "without extension (stem), or none (default: folder; stem for files that are given "
-      "themselves, "
-      "and for what lies directly in a single DIR)",
+      "themselves, and for what lies directly in a single DIR)",
       {{"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}});
   app->add_option("--jobs,-j", options->job.threads, "threads, one picture each; 0 = one a core")
       ->capture_default_str()
