@@ -20,7 +20,6 @@
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
-#include "index/records/shard_record.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -62,11 +61,11 @@ struct DescriptorSample {
 
 enum class Load { kRecords, kRecordsAndFeatures };
 
-// What a search reads. As Catalogue.
-class SearchSource {
+class Catalogue {
  public:
-  virtual ~SearchSource() = default;
+  virtual ~Catalogue() = default;
 
+  // What a search reads.
   virtual CollectionState RequireCollection(const std::string& name) = 0;
   // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
   // where there is none.
@@ -76,20 +75,7 @@ class SearchSource {
   // Reads the metadata of the whole collection when there is a filter.
   virtual Admission Admit(Key collection, const std::optional<std::string>& object,
                           const Filter& filter, const std::vector<std::string>& without) = 0;
-};
 
-// The same of the part of a store that answers, at one state of it. For one search. Throws
-// kUnavailable "shard_unavailable" for pictures elsewhere, and when a further part does not answer:
-// then another one must be made.
-class PartialSource : public SearchSource {
- public:
-  // False: nobody says what has changed since; rankers stay where they are.
-  virtual bool follows() const = 0;
-  virtual Coverage Cover(Key collection) = 0;  // without total_pictures
-};
-
-class Catalogue : public SearchSource {
- public:
   // Collections and objects.
   virtual std::vector<std::string> ListCollections() = 0;
   virtual std::vector<CollectionLabel> ListLabels() = 0;  // as ListCollections, with other names
@@ -150,13 +136,6 @@ class Catalogue : public SearchSource {
   virtual std::vector<std::string> Check() = 0;
   virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
   virtual std::optional<OriginalsRecord> DescribeOriginals() = 0;
-
-  // Shards, of stores that have several machines; else one, which nobody can lose apart.
-  virtual std::size_t CountShards() { return 1; }
-  // How each does, within seconds; none where there is but one.
-  virtual std::vector<ShardRecord> ReadShards() { return {}; }
-  // Null: as far as is known, all of the store answers.
-  virtual std::unique_ptr<PartialSource> Partial() { return nullptr; }
 };
 
 }  // namespace pliant

@@ -2,9 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/database_file.h"
 
-#include <string>
-
 #include "descriptor/base/error.h"
+#include "index/store/database_url.h"
 
 namespace pliant {
 
@@ -13,12 +12,10 @@ void RequireDatabaseFile(const std::filesystem::path& path) {
     throw Error(ErrorCode::kInvalidArgument, "database_unnamed",
                 "the name of the database is empty");
   }
-  const std::string text = path.string();
-  if (text.rfind("clickhouse:/", 0) != 0 && text.rfind("clickhouses:/", 0) != 0) return;
-  throw Error(ErrorCode::kInvalidArgument, "database_is_a_cluster",
-              "the database is the URL of a cluster, and this needs a database file: for clusters "
-              "there are pliant cluster init, status and check today; pictures cannot be kept on "
-              "one yet");
+  if (!IsDatabaseUrl(path.string())) return;
+  throw Error(ErrorCode::kInvalidArgument, "database_is_a_url",
+              "the database is the URL of a PostgreSQL database, and this needs a database file; "
+              "back up and restore PostgreSQL with its own tools");
 }
 
 }  // namespace pliant

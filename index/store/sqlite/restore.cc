@@ -14,8 +14,8 @@
 
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
-#include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
@@ -254,7 +254,7 @@ bool IsSetAside(const fs::path& name) {
 }
 
 void CheckDatabaseFile(const fs::path& database) {
-  if (IsClusterUrl(database.string())) return;  // `pliant cluster check` asks its nodes
+  if (IsDatabaseUrl(database.string())) return;  // its server checks its own files
   RequireDatabaseFile(database);
   if (InspectDatabaseFile(database) != FileState::kPliant) return;
   WithDatabaseErrors(database, [&] {

@@ -10,8 +10,8 @@
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
-#include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/store/refusals.h"
 #include "index/store/sqlite/connection.h"
@@ -117,8 +117,9 @@ std::uint64_t SqliteServiceStore::ForgetRevokedKeys() {
 }
 
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database) {
-  if (IsClusterUrl(database.string())) {
-    return RequireClusterOpener().service_store(database.string());
+  if (IsDatabaseUrl(database.string())) {
+    throw Error(ErrorCode::kInvalidArgument, "database_unsupported",
+                "databases with a URL cannot be opened yet; name a database file");
   }
   RequireDatabaseFile(database);
   return std::make_unique<SqliteServiceStore>(database);

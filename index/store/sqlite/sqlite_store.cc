@@ -3,8 +3,8 @@
 // A store on one database file.
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
-#include "index/store/cluster_scheme.h"
 #include "index/store/database_file.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/store/sqlite/access.h"
 #include "index/store/sqlite/database.h"
@@ -56,7 +56,10 @@ class SqliteStore : public Store {
 }  // namespace
 
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
-  if (IsClusterUrl(options.database.string())) return RequireClusterOpener().store(options);
+  if (IsDatabaseUrl(options.database.string())) {
+    throw Error(ErrorCode::kInvalidArgument, "database_unsupported",
+                "databases with a URL cannot be opened yet; name a database file");
+  }
   const std::filesystem::path& file = options.database;
   RequireDatabaseFile(file);
   WithDatabaseErrors(file, [&] {
