@@ -47,9 +47,8 @@ ExitStatus Run(int argc, char** argv) {
   ExitStatus status = ExitStatus::kDone;
   for (const auto add :
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
-        pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand,
-        pliant::cli::AddSimulateCommand, pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand,
-        pliant::cli::AddTrackCommand}) {
+        pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
+        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
     add(program, status);
   }
   program.callback([&] {

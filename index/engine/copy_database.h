@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// All that a database holds, copied into another one, each a file or a URL. Nothing is described anew.
+// All that a database holds, copied into another one, each a file or a URL. Nothing is described
+// anew.
 #pragma once
 
 #include <cstdint>

@@ -82,7 +82,7 @@ struct SearchOptions {
   Filter filter;                      // only pictures whose metadata pass
   std::vector<std::string> without;   // ids of pictures that are left out; at most kMaxExcluded
   bool explain = false;               // fill Hit::explanation
-  int threads = 0;  // for the description of the query; 0 = all cores
+  int threads = 0;                    // for the description of the query; 0 = all cores
 };
 
 // One place in the query picture where the object is.

@@ -201,7 +201,8 @@ TEST_F(MemoryRankerTest, WhatCouldNotBeFollowedIsFollowedLater) {
     c.unreadable = 20;
   });
   for (int i = 0; i < 2; ++i) {
-    testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable", [&] { ranker_->View("b"); });
+    testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable",
+                         [&] { ranker_->View("b"); });
   }
   gate_.Hold(20);  // would be waited for if it had to be loaded anew
   feed_->Commit([](Content& c) { c.unreadable = 0; });
@@ -216,7 +217,8 @@ TEST_F(MemoryRankerTest, WhatFailsAtItsEndIsNotFollowedTwice) {
     ReplaceP2(c);
     c.position_unreadable = true;
   });
-  testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable", [&] { ranker_->View("a"); });
+  testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable",
+                       [&] { ranker_->View("a"); });
   feed_->Commit([](Content& c) { c.position_unreadable = false; });
   EXPECT_EQ(Versions("a"), (Found{1, 4}));
 }
