@@ -64,7 +64,6 @@ set(PLIANT_PUBLIC_HEADERS
     index/records/listing.h
     index/records/records.h
     index/records/search.h
-    index/records/shard_record.h
     index/verify/explain.h
     index/verify/locate.h
     index/verify/verification.h

@@ -2,7 +2,7 @@
 # (headers, static libraries, CMake package) and, where it was built, python3-pliant.
 #
 # The service's files have fixed places, so they go into packages only, never along with `cmake --install`.
-install(FILES docker/pliant-server.service docker/pliant-purge.service docker/pliant-purge.timer DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
+install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
 install(FILES docker/server.toml DESTINATION /etc/pliant COMPONENT service EXCLUDE_FROM_ALL)
 install(FILES server/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME SERVER.md COMPONENT runtime)
 install(FILES docker/README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)

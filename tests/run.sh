@@ -12,7 +12,6 @@ step() { printf '\n== %s (%(%H:%M:%S)T)\n' "$1" -1; }
 step "Packages"
 bash docker/install-packages.sh build python test
 bash tests/browser/install.sh
-bash tests/cluster/install.sh || echo "ClickHouse could not be installed: the tests of clusters are skipped."
 step "Configure"
 cmake --preset ci
 step "Build"

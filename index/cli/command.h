@@ -15,7 +15,6 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status);
 void AddQueryCommand(CLI::App& program, ExitStatus& status);
 void AddVocabCommand(CLI::App& program, ExitStatus& status);
 void AddDbCommand(CLI::App& program, ExitStatus& status);
-void AddClusterCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);
 void AddSimulateCommand(CLI::App& program, ExitStatus& status);
 void AddMatchCommand(CLI::App& program, ExitStatus& status);

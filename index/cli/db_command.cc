@@ -197,8 +197,8 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   restore->add_option("FILE", options->backup, "the backup; it stays as it is")->required();
   restore->add_flag("--replace", options->replace,
                     "also over an existing database, which is kept under another name");
-  CLI::App* copy = add("copy", "Copy everything into another database, a file or a cluster",
-                       CopyAll, "copy 'clickhouse://host:8123/pliant?keeper=host:2181' --db my.db");
+  CLI::App* copy = add("copy", "Copy everything into another database, a file or a URL", CopyAll,
+                       "copy postgresql://pliant@host/pliant --db my.db");
   copy->add_option("TO", options->copy.to,
                    "the other database; a copy that was stopped goes on there")
       ->required();

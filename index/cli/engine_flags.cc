@@ -29,7 +29,8 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
 }  // namespace
 
 void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection) {
-  app.add_option("--db", engine.database, "the database: a file, or a cluster's URL")
+  app.add_option("--db", engine.database,
+                 "the database: a file, or the URL of a PostgreSQL database")
       ->required()
       ->type_name("FILE");
   app.add_option("--collection", collection, "the collection in the database")

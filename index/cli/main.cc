@@ -9,7 +9,6 @@
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/store/cluster_scheme.h"
 #include "index/usage/completion.h"
 #include "index/usage/help_format.h"
 #include "index/usage/manual.h"
@@ -48,9 +47,8 @@ ExitStatus Run(int argc, char** argv) {
   ExitStatus status = ExitStatus::kDone;
   for (const auto add :
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
-        pliant::cli::AddDbCommand, pliant::cli::AddClusterCommand, pliant::cli::AddDescribeCommand,
-        pliant::cli::AddSimulateCommand, pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand,
-        pliant::cli::AddTrackCommand}) {
+        pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
+        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
     add(program, status);
   }
   program.callback([&] {
@@ -89,7 +87,6 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::QuietDecoders();
-  pliant::UseClusters();
   const ExitStatus status = Run(argc, argv);
   // What was stopped by a signal ends as shells say it of those that signals end.
   const int number = pliant::cli::Interrupt::Signal();

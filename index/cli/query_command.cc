@@ -50,11 +50,6 @@ void PrintText(const SearchResult& result, double took_ms) {
     Print(
         FormatTable({"rank", "score", "probability", "inliers", "object", "image", "file"}, rows));
   }
-  if (result.coverage && !result.coverage->complete()) {
-    const Coverage& part = *result.coverage;
-    Message("of " + std::to_string(part.shards) + " shards " + std::to_string(part.answered) +
-            " answered: only their " + std::to_string(part.pictures) + " pictures were searched");
-  }
   Message(std::to_string(result.hits.size()) + " of " + std::to_string(result.total) + " hits, " +
           std::to_string(result.keypoints) + " key points, vocabulary " +
           std::to_string(result.vocabulary) + " of " + std::to_string(result.words) + " words, " +
@@ -92,7 +87,6 @@ ExitStatus Run(Options& options) {
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
-  options.engine.partial = options.search.partial;
   Engine engine(options.engine);
   const auto start = std::chrono::steady_clock::now();
   const bool explain = options.search.explain;
@@ -178,9 +172,6 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
       ->capture_default_str();
   AddExtractionFlags(*app, options->engine);
-  app->add_flag("--partial", search.partial,
-                "of a cluster: where shards do not answer, search the others and say so, in place "
-                "of failing");
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matched points and the warp of its surface");
   app->add_option("--draw", options->pictures.draw,

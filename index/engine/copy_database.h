@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// All that a database holds, copied into another one: from a file into a cluster, back, or from one
-// file into another. Nothing is described anew.
+// All that a database holds, copied into another one, each a file or a URL. Nothing is described
+// anew.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 namespace pliant {
 
 struct CopyOptions {
-  std::filesystem::path from;  // files, or URLs of clusters
+  std::filesystem::path from;  // files or URLs (database_url.h)
   std::filesystem::path to;    // made when it does not exist
   int readers = 32;            // pictures that are read at once
   int commit_every = 250;      // pictures that are written in one commit, or as many as 64 MiB hold

@@ -41,7 +41,6 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   opening.read_only = options_.read_only;
   opening.busy_timeout_ms = options_.busy_timeout_ms;
   opening.reserve_bytes = options_.reserve_bytes;
-  opening.partial = options_.partial && options_.read_only;
   opening.model_of_new = [this] {
     options_.custom_descriptor = MakeDescriptorFor(options_, "deal");
     return options_.custom_descriptor->info();
@@ -275,8 +274,6 @@ std::uint64_t Engine::CountUnquantized(const std::string& collection, std::int64
 }
 
 EngineStats Engine::Stats() { return impl_->Stats(); }
-
-std::vector<ShardRecord> Engine::Shards() { return impl_->catalogue().ReadShards(); }
 
 std::vector<std::string> Engine::Check() { return impl_->Check(); }
 

@@ -25,7 +25,6 @@
 #include "index/records/listing.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
-#include "index/records/shard_record.h"
 
 namespace pliant {
 
@@ -48,9 +47,6 @@ struct EngineOptions {
   bool enlarge = true;
   bool create = true;  // make the file if it does not exist; else kNotFound
   bool read_only = false;
-  // With read_only: of a database on several shards, those that do not answer when it is opened are
-  // left out, for searches with SearchOptions::partial.
-  bool partial = false;
   bool keep_originals = true;  // store the uploaded bytes too, for GET .../content
   // Directory for them, made if the one above it exists; empty: the database. Absent: as the
   // database remembers, and the database for a new one. What is stored already stays where it is
@@ -98,8 +94,8 @@ class Engine {
   bool RemoveCollection(const std::string& name);
   // kNotFound as GetCollection; kInvalidArgument "display_name_invalid".
   CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
-  // An active one; kNotFound as GetCollection. `partial`: as SearchOptions::partial.
-  bool HasVocabulary(const std::string& collection, bool partial = false);
+  // An active one; kNotFound as GetCollection.
+  bool HasVocabulary(const std::string& collection);
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
 
   // Aliases: other names of collections, good wherever a collection is named (RemoveCollection
@@ -109,7 +105,7 @@ class Engine {
   // Change: all at once, or none. kNotFound "alias_not_found" for one to remove,
   // "collection_not_found"; kConflict "collection_exists" for an alias that has the name of a
   // collection; kInvalidArgument "alias_invalid". They go with their collection.
-  std::string CollectionName(const std::string& name_or_alias, bool partial = false);
+  std::string CollectionName(const std::string& name_or_alias);
   std::vector<AliasRecord> ListAliases();
   void ChangeAliases(const AliasChanges& changes);
 
@@ -162,8 +158,7 @@ class Engine {
                             const ObjectChange& change);
 
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
-  // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id, and
-  // kUnavailable "shard_unavailable" where a shard does not answer, unless `options.partial`.
+  // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
   // By several stored pictures at once, 1 to kMaxExamples (kInvalidArgument "examples_invalid",
@@ -206,9 +201,6 @@ class Engine {
   std::uint64_t CountUnquantized(const std::string& collection, std::int64_t id);
 
   EngineStats Stats();
-  // How the shards of the database do; none of one in a file. Within seconds, also when they are
-  // gone.
-  std::vector<ShardRecord> Shards();
   // Every invariant of the database; empty = sound. Each problem is a sentence.
   std::vector<std::string> Check();
   // Removes files of the originals' directory that no picture refers to: what a process left that

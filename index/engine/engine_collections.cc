@@ -8,12 +8,6 @@
 
 namespace pliant {
 
-CollectionState Engine::Impl::FindCollection(const std::string& name, bool partial) {
-  CollectionState found;
-  Reading(partial, [&](const Source& source) { found = source.reads.RequireCollection(name); });
-  return found;
-}
-
 bool Engine::Impl::CreateCollection(const std::string& name) {
   CheckCollectionName(name);
   return writer().CreateCollection(name);
@@ -40,8 +34,8 @@ std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().L
 
 std::vector<CollectionLabel> Engine::ListLabels() { return impl_->catalogue().ListLabels(); }
 
-std::string Engine::CollectionName(const std::string& name_or_alias, bool partial) {
-  return impl_->FindCollection(name_or_alias, partial).name;
+std::string Engine::CollectionName(const std::string& name_or_alias) {
+  return impl_->catalogue().RequireCollection(name_or_alias).name;
 }
 
 std::vector<AliasRecord> Engine::ListAliases() { return impl_->catalogue().ListAliases(); }
@@ -53,8 +47,8 @@ CollectionRecord Engine::ChangeCollection(const std::string& name, const Collect
   return impl_->writer().ChangeCollection(name, change);
 }
 
-bool Engine::HasVocabulary(const std::string& collection, bool partial) {
-  return impl_->FindCollection(collection, partial).vocabulary != 0;
+bool Engine::HasVocabulary(const std::string& collection) {
+  return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
 }
 
 CollectionRecord Engine::GetCollection(const std::string& name) {

@@ -99,15 +99,6 @@ SearchResult Engine::Impl::SearchExamples(const std::vector<std::string>& image_
                                           const SearchOptions& options) {
   Validate(options);
   CheckExamples(image_ids, options);
-  SearchResult result;
-  Reading(options.partial,
-          [&](const Source& source) { result = AnswerExamples(source, image_ids, options); });
-  return result;
-}
-
-SearchResult Engine::Impl::AnswerExamples(const Source& source,
-                                          const std::vector<std::string>& image_ids,
-                                          const SearchOptions& options) {
   SearchOptions single = options;
   single.limit = kHitsAnExample;
   single.offset = 0;
@@ -115,14 +106,13 @@ SearchResult Engine::Impl::AnswerExamples(const Source& source,
   single.without.insert(single.without.end(), image_ids.begin(), image_ids.end());
   std::vector<Features> examples;  // all, before any search
   for (const std::string& id : image_ids) {
-    examples.push_back(FeaturesOf(source, options.collection, id));
+    examples.push_back(GetFeatures(options.collection, id));
   }
   SearchResult result;
   Merger merger(options.group_by, options.min_score);
   for (std::size_t i = 0; i < image_ids.size(); ++i) {
     const std::string& id = image_ids[i];
-    SearchResult one = Answer(source, std::move(examples[i]), single, {});
-    result.coverage = one.coverage;
+    SearchResult one = Answer(std::move(examples[i]), single, {});
     result.examples.push_back({id, one.keypoints, one.query_width, one.query_height});
     AddUp(one.timings, &result.timings);
     result.rank = one.rank;

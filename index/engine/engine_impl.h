@@ -24,7 +24,9 @@ class Engine::Impl {
   Catalogue& catalogue() { return store_->catalogue(); }
   Writer& writer() { return store_->writer(); }
   // Of the collection with this name or alias.
-  CollectionView View(const std::string& collection) { return ViewOf({catalogue()}, collection); }
+  CollectionView View(const std::string& collection) {
+    return ranker_->View(catalogue().RequireCollection(collection).name);
+  }
 
   // Pictures (engine_pictures.cc)
   std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check);
@@ -40,20 +42,11 @@ class Engine::Impl {
                             const ObjectChange& change);
 
   // Collections (engine_collections.cc)
-  CollectionState FindCollection(const std::string& name, bool partial);
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
   void ChangeAliases(const AliasChanges& changes);
 
   // Search (engine_search.cc, search_run.h)
-  // What a search reads: the store, or the part of it that answers.
-  struct Source {
-    SearchSource& reads;
-    PartialSource* part = nullptr;  // the same; null = all of the store
-  };
-  // Gives `work` the store, or, where `partial` is said, the part that answers; again with what is
-  // left when a further part turns out not to (engine_partial.cc).
-  void Reading(bool partial, const std::function<void(const Source&)>& work);
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
@@ -97,19 +90,12 @@ class Engine::Impl {
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
   // `closer`: `features` and what a closer look added; the ranking stays that of `features`.
-  SearchResult Answer(const Source& source, Features features, const SearchOptions& options,
-                      const ExtractionTimings& timings, const Features* closer = nullptr);
-  SearchResult Answer(const Features& features, const SearchOptions& options,
+  SearchResult Answer(Features features, const SearchOptions& options,
                       const ExtractionTimings& timings, const Features* closer = nullptr);
   // Asks once more with what `closer` sees, where `first` found nothing; the answer whose first hit
   // has more evidence.
   SearchResult LookCloser(SearchResult first, const Features& query, const SearchOptions& options,
                           const CloserLook& closer);
-  SearchResult AnswerExamples(const Source& source, const std::vector<std::string>& image_ids,
-                              const SearchOptions& options);
-  CollectionView ViewOf(const Source& source, const std::string& collection);
-  Features FeaturesOf(const Source& source, const std::string& collection, const std::string& id);
-  Coverage CoverageOf(const Source& source, const CollectionView& view);
   std::vector<PictureRef> PicturesOf(const std::string& collection, const std::string& object);
   std::vector<PictureRef> MostSimilar(const Features& query, const std::string& collection,
                                       const std::string& object, int threads,

@@ -142,13 +142,8 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
 }
 
 Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
-  return FeaturesOf({catalogue()}, collection, id);
-}
-
-Features Engine::Impl::FeaturesOf(const Source& source, const std::string& collection,
-                                  const std::string& id) {
-  const PictureRef ref{source.reads.RequireCollection(collection).key, id};
-  const auto found = source.reads.LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
+  const PictureRef ref{catalogue().RequireCollection(collection).key, id};
+  const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
   if (!found) throw refusals::NoPicture(collection, id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;

@@ -42,9 +42,7 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
 
 SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
-  Reading(options.partial, [&](const Source& source) {
-    CheckVocabulary(ViewOf(source, options.collection), options);  // before any work
-  });
+  CheckVocabulary(View(options.collection), options);  // before any work
   ExtractionTimings timings;
   const FeatureExtractor& extractor = query_extractor();
   const Features features =
@@ -59,11 +57,7 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
   Validate(options);
-  SearchResult result;
-  Reading(options.partial, [&](const Source& source) {
-    result = Answer(source, FeaturesOf(source, options.collection, image_id), options, {});
-  });
-  return result;
+  return Answer(GetFeatures(options.collection, image_id), options, {});
 }
 
 SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options,
@@ -100,19 +94,9 @@ SearchResult Engine::Impl::LookCloser(SearchResult first, const Features& query,
   return std::move(surer);
 }
 
-SearchResult Engine::Impl::Answer(const Features& features, const SearchOptions& options,
+SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
                                   const ExtractionTimings& timings, const Features* closer) {
-  SearchResult result;
-  Reading(options.partial, [&](const Source& source) {
-    result = Answer(source, features, options, timings, closer);
-  });
-  return result;
-}
-
-SearchResult Engine::Impl::Answer(const Source& source, Features features,
-                                  const SearchOptions& options, const ExtractionTimings& timings,
-                                  const Features* closer) {
-  const CollectionView view = ViewOf(source, options.collection);
+  const CollectionView view = View(options.collection);
   CheckVocabulary(view, options);
   const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k.x, k.y); };
   if (options.region) features = Subset(features, in_region);
@@ -120,8 +104,7 @@ SearchResult Engine::Impl::Answer(const Source& source, Features features,
   Features verified = closer != nullptr ? *closer : features;
   if (closer != nullptr && options.region) verified = Subset(verified, in_region);
   SearchResult result =
-      SearchRun(ranker_.get(), &source.reads, view, features, verified, options).Run();
-  if (options.partial) result.coverage = CoverageOf(source, view);
+      SearchRun(ranker_.get(), &catalogue(), view, features, verified, options).Run();
   result.timings.extraction = timings;
   result.vocabulary = view.vocabulary;
   result.words = view.quantizer->vocabulary().size();

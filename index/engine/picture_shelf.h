@@ -21,7 +21,7 @@ namespace pliant {
 class PictureShelf {
  public:
   // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
-  PictureShelf(SearchSource* source, const Admission* admission, std::string model_id)
+  PictureShelf(Catalogue* source, const Admission* admission, std::string model_id)
       : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
 
   // Reads those that are not there yet, all at once.
@@ -33,7 +33,7 @@ class PictureShelf {
   std::optional<Features> LoadFeatures(std::int64_t version) const;
 
  private:
-  SearchSource& source_;
+  Catalogue& source_;
   const Admission& admission_;
   std::string model_id_;
   std::unordered_map<std::int64_t, std::optional<StoredPicture>> pictures_;  // by ranked version

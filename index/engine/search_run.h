@@ -22,7 +22,7 @@ class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary. Ranks by `query`, and verifies with
   // `closer`: the same, or what a closer look has added to it.
-  SearchRun(Ranker* ranker, SearchSource* source, const CollectionView& view, const Features& query,
+  SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view, const Features& query,
             const Features& closer, const SearchOptions& options);
 
   SearchResult Run();
@@ -37,7 +37,7 @@ class SearchRun {
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
   Ranker& ranker_;
-  SearchSource& source_;
+  Catalogue& source_;
   const CollectionView& view_;
   const Features& query_;
   const Features& closer_;

@@ -67,14 +67,6 @@ Json NumberOrNull(const std::optional<Number>& number) {
   return number ? Json(*number) : Json(nullptr);
 }
 
-Json CoverageJson(const Coverage& coverage) {
-  return {{"complete", coverage.complete()},
-          {"shards", coverage.shards},
-          {"answered", coverage.answered},
-          {"pictures", coverage.pictures},
-          {"total_pictures", NumberOrNull(coverage.total_pictures)}};
-}
-
 // Of a search; null where hits have no probability.
 Json VerdictJson(const SearchResult& result) {
   if (!result.found) return nullptr;
@@ -133,7 +125,6 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                  {"verify_ms", t.verify_ms},
                  {"database_ms", t.database_ms}}}};
   if (!examples.empty()) json["examples"] = std::move(examples);
-  if (result.coverage) json["coverage"] = CoverageJson(*result.coverage);
   return json;
 }
 

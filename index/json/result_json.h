@@ -20,8 +20,6 @@ namespace pliant {
 // null}.
 // Of a search by several examples "query" is null, every hit has "example", and beside is
 // "examples": [{"image_id", "keypoints", "width", "height"}].
-// Of a search with SearchOptions::partial: "coverage": {"complete", "shards", "answered",
-// "pictures", "total_pictures": number or null}.
 Json SearchResultJson(const SearchResult& result, double took_ms);
 
 // {"took_ms", "verdict": "found" or "not_found", "probability", "first": {"width", "height",

@@ -53,27 +53,6 @@ CollectionView MemoryRanker::ViewOf(const Entry& entry) {
           shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
 }
 
-std::optional<CollectionView> MemoryRanker::LastView(const std::string& collection) const {
-  const std::lock_guard lock(views_mutex_);
-  const auto found = views_.find(collection);
-  if (found == views_.end()) return std::nullopt;
-  return found->second;
-}
-
-void MemoryRanker::KeepViews() {
-  const std::lock_guard lock(views_mutex_);
-  std::map<std::string, CollectionView> views;
-  for (const auto& [name, entry] : entries_) {
-    if (entry.shown) {
-      views.emplace(name, ViewOf(entry));
-    } else if (const auto last = views_.find(name);
-               last != views_.end() && last->second.collection == entry.collection) {
-      views.insert(*last);
-    }
-  }
-  views_ = std::move(views);
-}
-
 std::size_t MemoryRanker::Size(const CollectionView& view) const {
   return view.state ? SnapshotOf(view).pictures : 0;
 }
@@ -158,7 +137,6 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
     to_load_ = to_load;
   }
   entries_ = std::move(next);
-  KeepViews();
   std::erase_if(prepared_, [](const auto& prepared) { return prepared.expired(); });
 }
 
@@ -237,7 +215,6 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
   if (entry != entries_.end() && entry->second.collection == collection) {
     entry->second.loading = false;
     if (loaded) entry->second.shown = std::move(loaded);
-    KeepViews();
   }
   version_.reset();  // what has changed while it was loaded is followed before it is shown
   changed_.notify_all();

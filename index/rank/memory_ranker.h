@@ -33,7 +33,6 @@ class MemoryRanker : public Ranker {
   explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
   CollectionView View(const std::string& collection) override;
-  std::optional<CollectionView> LastView(const std::string& collection) const override;
   std::size_t Size(const CollectionView& view) const override;
   Ranking Rank(const CollectionView& view, const RankQuery& query,
                const RankOptions& options) const override;
@@ -72,7 +71,6 @@ class MemoryRanker : public Ranker {
   void LoadEntry(const std::string& name, Lock& lock);  // gives the lock back while it loads
   void LoadAll(Lock& lock);
   static CollectionView ViewOf(const Entry& entry);
-  void KeepViews();
 
   // Without it.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
@@ -86,10 +84,6 @@ class MemoryRanker : public Ranker {
   std::optional<std::int64_t> version_;  // of the feed that entries_ follow; absent: unknown
   bool in_use_ = false;                  // after the first load or view
   std::vector<std::weak_ptr<const Loaded>> prepared_;
-
-  // Of the last look that succeeded: for who must not wait for the next one.
-  mutable std::mutex views_mutex_;  // guards the following; never held while others are waited for
-  std::map<std::string, CollectionView> views_;
 
   std::mutex progress_mutex_;            // guards the rest
   std::function<void(double)> loading_;  // only until the first load is complete

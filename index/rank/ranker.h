@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,7 +47,7 @@ struct RankOptions {
   GroupBy group_by = GroupBy::kImage;
   std::size_t keep = 0;  // best entries returned; 0 = all
   double min_score = 0;  // lower scores are no hits
-  Admission admission;   // which pictures count at all; from SearchSource::Admit
+  Admission admission;   // which pictures count at all; from Catalogue::Admit
   int threads = 1;       // at most; 0 = all cores
   // This many pictures, the best of all, are set apart for verification: by image, whatever their
   // score and object, since verification may lift any of them.
@@ -82,9 +81,6 @@ class Ranker {
   // The present state: with everything that this process has written and, unless a collection is
   // just being loaded anew, with what others have. kNotFound "collection_not_found".
   virtual CollectionView View(const std::string& collection) = 0;
-  // The one that View gave, or would have given, after the last look that succeeded; asks nobody.
-  // Nothing where there was none.
-  virtual std::optional<CollectionView> LastView(const std::string& collection) const = 0;
   virtual std::size_t Size(const CollectionView& view) const = 0;  // pictures; 0 without vocabulary
   // The view must have a vocabulary.
   virtual Ranking Rank(const CollectionView& view, const RankQuery& query,

@@ -82,10 +82,7 @@ struct SearchOptions {
   Filter filter;                      // only pictures whose metadata pass
   std::vector<std::string> without;   // ids of pictures that are left out; at most kMaxExcluded
   bool explain = false;               // fill Hit::explanation
-  // Of a database on several shards: where some do not answer, the answer comes from the others and
-  // SearchResult::coverage says so, in place of kUnavailable "shard_unavailable".
-  bool partial = false;
-  int threads = 0;  // for the description of the query; 0 = all cores
+  int threads = 0;                    // for the description of the query; 0 = all cores
 };
 
 // One place in the query picture where the object is.
@@ -128,17 +125,6 @@ struct SearchExample {
   int height = 0;
 };
 
-// What a search could find (SearchOptions::partial).
-struct Coverage {
-  std::size_t shards = 1;
-  std::size_t answered = 1;    // of these; fewer: what the others hold is not in the answer
-  std::uint64_t pictures = 0;  // of the collection, on the shards that answered
-  // Of the collection, on all; absent where no shard that answered and no memory says so.
-  std::optional<std::uint64_t> total_pictures;
-
-  bool complete() const { return answered == shards; }
-};
-
 struct SearchTimings {
   ExtractionTimings extraction;
   double quantize_ms = 0;
@@ -164,7 +150,6 @@ struct SearchResult {
   int query_width = 0;                        // of the original upright query picture, in pixels
   int query_height = 0;
   std::vector<SearchExample> examples;  // of a search by several; then query_* are 0
-  std::optional<Coverage> coverage;     // with SearchOptions::partial
   SearchTimings timings;
 };
 

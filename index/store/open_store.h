@@ -15,14 +15,12 @@
 namespace pliant {
 
 struct StoreOptions {
-  std::filesystem::path database;  // or the URL of a cluster (cluster_scheme.h)
+  std::filesystem::path database;  // or its URL (database_url.h)
   bool create = true;  // make it if it does not exist; else kNotFound "database_not_found"
   bool read_only = false;
   std::function<DescriptorInfo()> model_of_new;  // asked only when it is made
   int busy_timeout_ms = 10'000;                  // wait for another process's write lock
   std::uint64_t reserve_bytes = 0;               // of the disk, which pictures may not take
-  // With read_only: of a database on several shards, what those have that answer is all there is.
-  bool partial = false;
 };
 
 // Throws kNotFound, kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict

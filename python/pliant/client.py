@@ -167,8 +167,7 @@ class Client(Background):
         Stored pictures are no hits themselves, unless exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
-        or four numbers), min_score, object, explain, exclude_self, partial (of a cluster: search the shards that answer; the
-        answer's "coverage" says which part that was).
+        or four numbers), min_score, object, explain, exclude_self.
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
             raise TypeError("search takes a picture, image_url, image_id or image_ids")

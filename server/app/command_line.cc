@@ -115,7 +115,7 @@ void AddSwitch(CLI::App& app, const std::string& flag, bool& value, const std::s
 
 void DefineBasics(CLI::App& app, ServerOptions& options) {
   app.add_option("--db", options.database,
-                 "Database: a file, created if it does not exist, or a cluster's URL")
+                 "Database: a file, created if it does not exist, or a PostgreSQL URL")
       ->required()
       ->envname("PLIANT_DB");
   AddText(app, "--listen", options.listen, "HOST:PORT to listen on; port 0 takes any free one");

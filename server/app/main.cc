@@ -3,7 +3,6 @@
 #include <string_view>
 
 #include "descriptor/image/quiet_decoders.h"
-#include "index/store/cluster_scheme.h"
 #include "server/app/command_line.h"
 #include "server/app/run_server.h"
 #include "server/auth/keys_command.h"
@@ -12,7 +11,6 @@
 int main(int argc, char** argv) {
   pliant::QuietDecoders();
   if (pliant::server::IsDecoder(argc, argv)) return pliant::server::RunDecoder(argc, argv);
-  pliant::UseClusters();
   if (argc > 1 && std::string_view(argv[1]) == "keys") {
     return pliant::server::RunKeysCommand(argc - 1, argv + 1);
   }

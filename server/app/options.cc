@@ -14,7 +14,7 @@
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 
 namespace pliant::server {
 
@@ -88,7 +88,7 @@ void CheckDirectories(const ServerOptions& options) {
       Fail(flag, "is not a directory: " + directory);
     }
   }
-  if (options.backup_dir.empty() || IsClusterUrl(options.database)) return;
+  if (options.backup_dir.empty() || IsDatabaseUrl(options.database)) return;
   // A backup is downloaded and deleted by its name: the database must have none there. A link to
   // the database lies elsewhere than the file and its log.
   const fs::path database = fs::absolute(options.database, ignored);
@@ -210,8 +210,7 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
           .backups = {.directory = options.backup_dir,
                       .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
                       .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
-          // Of a cluster: where this machine keeps temporary files.
-          .bulk = {.database = IsClusterUrl(options.database)
+          .bulk = {.database = IsDatabaseUrl(options.database)
                                    ? FolderOf(options.database) / "pliant-server"
                                    : std::filesystem::path(options.database),
                    .max_bytes = static_cast<std::uint64_t>(options.max_import_mb) * kMiB,

@@ -15,7 +15,7 @@
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/names.h"
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "server/http/problem.h"
 
@@ -106,7 +106,7 @@ std::optional<Scope> ScopeFromName(const std::string& name) {
 
 KeyRing::KeyRing(std::filesystem::path database) : database_(std::move(database)) {
   std::error_code absent;
-  if (!IsClusterUrl(database_.string()) &&
+  if (!IsDatabaseUrl(database_.string()) &&
       (std::filesystem::file_size(database_, absent) == 0 || absent)) {
     return;
   }

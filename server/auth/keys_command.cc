@@ -11,7 +11,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/usage/checks.h"
 #include "index/usage/help_format.h"
@@ -47,8 +47,8 @@ void MakeDatabase(const Options& options) {
   const Engine made(engine);
   const std::string name = engine.database.string();
   fmt::print(stderr, "There was no database of this name: made a new one, {}\n",
-             IsClusterUrl(name) ? "in the cluster"
-                                : ToDisplayText(std::filesystem::absolute(name).string()));
+             IsDatabaseUrl(name) ? "on its server"
+                                 : ToDisplayText(std::filesystem::absolute(name).string()));
 }
 
 int Create(const Options& options) {
@@ -115,7 +115,7 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
                        const std::string& example) {
     CLI::App* sub = app.add_subcommand(name, help);
     sub->footer("Example:  pliant-server keys " + example);
-    sub->add_option("--db", options.engine.database, "the database: a file, or a cluster's URL")
+    sub->add_option("--db", options.engine.database, "the database: a file, or a PostgreSQL URL")
         ->required()
         ->envname("PLIANT_DB");
     sub->callback(

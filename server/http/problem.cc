@@ -45,8 +45,7 @@ Problem MakeProblem(const std::string& code, const std::string& detail) {
 
 // What a client may know of a failure on this side.
 std::string PublicDetail(const std::string& code) {
-  if (code == "shard_unavailable") return "A part of the cluster does not answer. Try again later.";
-  if (code == "keeper_unavailable") return "Nothing can be changed at the moment. Try again later.";
+  if (code == "database_unavailable") return "The database does not answer. Try again later.";
   if (code == "database_outcome_unknown") {
     return "It may be done, or not: look before you try again.";
   }

@@ -56,8 +56,8 @@ void AddParameterCodes(const Route& route, Codes& codes) {
 
 void AddScopeCodes(const Route& route, Codes& codes) {
   if (route.scope != Scope::kPublic)
-    codes.insert({"unauthorized", "forbidden", "rate_limited", "starting", "shard_unavailable",
-                  "keeper_unavailable", "database_outcome_unknown"});
+    codes.insert({"unauthorized", "forbidden", "rate_limited", "starting", "database_unavailable",
+                  "database_outcome_unknown"});
   if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only"});
 }
 

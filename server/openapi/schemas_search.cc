@@ -37,17 +37,7 @@ const char* const kSearchSchemas = R"json({
         "description": "whether what the picture shows is in the collection: found with a hit of probability 0.9 or more; undecided where objects that are alike share a probability that would do for one; null where hits have no probability"},
       "found": {"type": ["integer", "null"], "description": "hits with a probability of 0.9 or more; null where hits have no probability"},
       "hits": {"type": "array", "items": {"$ref": "#/components/schemas/Hit"}},
-      "coverage": {"$ref": "#/components/schemas/Coverage"},
       "timings": {"type": "object", "additionalProperties": {"type": "number"}}}},
-  "Coverage": {"type": "object",
-    "required": ["complete", "shards", "answered", "pictures", "total_pictures"],
-    "description": "with partial: which part of the database the answer comes from",
-    "properties": {
-      "complete": {"type": "boolean", "description": "all of it; false: a picture that is not among the hits may be on a shard that did not answer"},
-      "shards": {"type": "integer", "description": "that the database has; 1 of a file"},
-      "answered": {"type": "integer", "description": "of these"},
-      "pictures": {"type": "integer", "description": "of the collection, on the shards that answered"},
-      "total_pictures": {"type": ["integer", "null"], "description": "of the collection, on all shards; null: not known"}}},
   "SearchBatchAnswer": {"type": "object", "required": ["failed", "results"],
     "properties": {
       "failed": {"type": "integer", "description": "searches that have a problem"},

@@ -3,7 +3,7 @@
 // Many pictures in one body, added in the background, and what became of each.
 #include <filesystem>
 
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "server/http/problem.h"
 #include "server/jobs/bulk_import.h"
 #include "server/routes/adding.h"

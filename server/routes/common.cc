@@ -48,8 +48,8 @@ int PageLimit(const Parameters& parameters) {
   return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
 }
 
-std::string CollectionOf(Service& service, const Request& request, bool partial) {
-  return service.engine().CollectionName(request.captures.at("c"), partial);
+std::string CollectionOf(Service& service, const Request& request) {
+  return service.engine().CollectionName(request.captures.at("c"));
 }
 
 UploadedImage ImageOfBase64(const std::string& text, const std::string& name) {

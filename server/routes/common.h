@@ -28,8 +28,7 @@ int PageLimit(const Parameters& parameters);
 
 // The collection that the {c} of the path names, by its name or by an alias: its name. Ask once a
 // request, since aliases can be moved meanwhile. kNotFound "collection_not_found".
-// `partial`: as of SearchOptions.
-std::string CollectionOf(Service& service, const Request& request, bool partial = false);
+std::string CollectionOf(Service& service, const Request& request);
 
 struct UploadedImage {
   Bytes bytes;           // inside the request, or `decoded`

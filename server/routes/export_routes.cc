@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "index/engine/collection_npz.h"
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"

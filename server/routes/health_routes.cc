@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Is it alive, is it ready, how is it doing?
 #include <filesystem>
+#include <optional>
 #include <system_error>
 
 #include <fmt/format.h>
 
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
 #include "server/routes/routes.h"
@@ -16,13 +17,11 @@ namespace pliant::server {
 namespace {
 
 Response MetricsText(Service& service) {
-  Figures figures;
-  if (service.ready()) figures = service.figures().Get();
+  std::optional<EngineStats> stats;
+  if (service.ready()) stats = service.figures().Get();
   Response response;
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
-  MetricsNow now{service.pool.load(), figures.stats ? &*figures.stats : nullptr};
-  now.shards = std::move(figures.shards);
-  now.shards_age_s = figures.age_s;
+  MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
   if (service.ready()) {
     now.jobs = service.jobs->Counts();
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();

@@ -70,29 +70,9 @@ class Metrics::Impl {
   prometheus::Gauge& objects = Gauge("pliant_objects", "Objects in the index");
   prometheus::Gauge& words =
       Gauge("pliant_vocabulary_words", "Words of the active vocabulary of the default collection");
-  prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database file");
+  prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database");
   prometheus::Gauge& disk_free_bytes =
       Gauge("pliant_disk_free_bytes", "Free space on the disk of the database");
-  prometheus::Family<prometheus::Gauge>& shard_replicas = Gauges(
-      "pliant_shard_replicas", "Replicas of a shard of the cluster that the database's URL names");
-  prometheus::Family<prometheus::Gauge>& shard_answering =
-      Gauges("pliant_shard_replicas_answering", "Of these, those that answer this server");
-  prometheus::Family<prometheus::Gauge>& shard_active =
-      Gauges("pliant_shard_replicas_active",
-             "Replicas that the Keeper sees at work, of the table that has the fewest");
-  prometheus::Family<prometheus::Gauge>& shard_lag = Gauges(
-      "pliant_shard_lag_seconds", "How far the replica that is furthest behind lags, by shard");
-  prometheus::Family<prometheus::Gauge>& shard_queue =
-      Gauges("pliant_shard_queue_length",
-             "Steps of replication that wait, of the replica that has most, by shard");
-  prometheus::Family<prometheus::Gauge>& shard_rows =
-      Gauges("pliant_shard_rows", "Rows of all tables, by shard");
-  prometheus::Family<prometheus::Gauge>& shard_bytes =
-      Gauges("pliant_shard_bytes", "Size of all tables on the disk of one replica, by shard");
-  prometheus::Family<prometheus::Gauge>& shard_parts =
-      Gauges("pliant_shard_parts", "Parts of all tables that are not merged yet, by shard");
-  prometheus::Family<prometheus::Gauge>& shards_age =
-      Gauges("pliant_shards_age_seconds", "Since the figures of the shards were read");
   prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
   prometheus::Gauge& resident_bytes =
       Gauge("process_resident_memory_bytes", "Memory of the process");
@@ -136,31 +116,6 @@ Metrics::Metrics() : impl_(std::make_unique<Impl>()) {
   }
 }
 Metrics::~Metrics() = default;
-
-void Metrics::SetShards(const MetricsNow& now) {
-  Impl& m = *impl_;
-  for (const ShardRecord& shard : now.shards) {
-    const std::map<std::string, std::string> labels{{"shard", std::to_string(shard.number)}};
-    const auto set = [&labels](prometheus::Family<prometheus::Gauge>& family, std::uint64_t value) {
-      family.Add(labels).Set(static_cast<double>(value));
-    };
-    set(m.shard_replicas, shard.replicas);
-    set(m.shard_answering, shard.answering);
-    // Of a shard that is gone nobody knows the rest: the series end, and begin again with it.
-    for (auto* family : {&m.shard_active, &m.shard_lag, &m.shard_queue, &m.shard_rows,
-                         &m.shard_bytes, &m.shard_parts}) {
-      if (!shard.state) family->Remove(&family->Add(labels));
-    }
-    if (!shard.state) continue;
-    set(m.shard_active, shard.state->active_replicas);
-    set(m.shard_lag, shard.state->lag_s);
-    set(m.shard_queue, shard.state->queue);
-    set(m.shard_rows, shard.state->rows);
-    set(m.shard_bytes, shard.state->bytes);
-    set(m.shard_parts, shard.state->parts);
-  }
-  if (!now.shards.empty()) m.shards_age.Add({}).Set(now.shards_age_s);
-}
 
 void Metrics::OnRequest(const RequestRecord& record) {
   // The method only where it is one of a route: clients must not be able to make new series.
@@ -210,7 +165,6 @@ std::string Metrics::Text(const MetricsNow& now) {
     m.jobs.Add({{"state", JobStateName(state)}})
         .Set(count == now.jobs.end() ? 0 : static_cast<double>(count->second));
   }
-  SetShards(now);
   if (now.stats != nullptr) {
     const EngineStats& stats = *now.stats;
     m.images.Set(static_cast<double>(stats.images));

@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "index/engine/engine.h"
 #include "server/decoder/decoder_process.h"
@@ -19,9 +18,7 @@ namespace pliant::server {
 // Values that are read when the metrics are requested.
 struct MetricsNow {
   WorkerPool::Load load = {};
-  const EngineStats* stats = nullptr;    // null = the index is still loading
-  std::vector<ShardRecord> shards = {};  // of a cluster
-  double shards_age_s = 0;
+  const EngineStats* stats = nullptr;  // null = not known yet
   std::map<JobState, std::size_t> jobs = {};
   std::size_t decoders = 0;            // processes
   std::uintmax_t disk_free_bytes = 0;  // for the database
@@ -42,7 +39,6 @@ class Metrics {
 
  private:
   class Impl;
-  void SetShards(const MetricsNow& now);
 
   std::unique_ptr<Impl> impl_;
 };

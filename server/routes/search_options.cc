@@ -58,7 +58,6 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
   options.explain = parameters.Flag("explain").value_or(options.explain);
   options.closer_look = parameters.Flag("closer_look").value_or(options.closer_look);
-  options.partial = parameters.Flag("partial").value_or(options.partial);
   if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
   return options;
 }
@@ -173,12 +172,7 @@ std::vector<Parameter> SearchParameters() {
       Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
       {"object", "only pictures of this object"},
       FilterParameter(),
-      Parameter("explain", "explain every hit").Boolean().Default("false"),
-      Parameter("partial",
-                "of a cluster: where shards do not answer, search the others, and say so in "
-                "coverage, in place of 503 shard_unavailable")
-          .Boolean()
-          .Default("false")};
+      Parameter("explain", "explain every hit").Boolean().Default("false")};
 }
 
 }  // namespace pliant::server

@@ -63,12 +63,10 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
 
 SearchResult SearchOnPool(Service& service, const SearchQuery& query) {
   const std::string& collection = query.options.collection;
-  const bool partial = query.options.partial;
-  if (!partial) {  // or 404, whatever else lacks
-    if (query.image_id) service.engine().Get(collection, *query.image_id);
-    for (const std::string& id : query.image_ids) service.engine().Get(collection, id);
-  }
-  if (!service.engine().HasVocabulary(collection, partial)) AwaitVocabulary(service, collection);
+  // Or 404, whatever else lacks.
+  if (query.image_id) service.engine().Get(collection, *query.image_id);
+  for (const std::string& id : query.image_ids) service.engine().Get(collection, id);
+  if (!service.engine().HasVocabulary(collection)) AwaitVocabulary(service, collection);
   SearchResult result;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     SearchOptions options = query.options;
@@ -132,9 +130,8 @@ void CheckPictures(const SearchQuery& query, bool draws, bool previews) {
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const auto start = std::chrono::steady_clock::now();
-  const SearchQuery query = SearchQueryOf(
-      request, parameters,
-      CollectionOf(service, request, parameters.Flag("partial").value_or(false)), service.fetcher);
+  const SearchQuery query =
+      SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
   const bool previews = parameters.Flag("preview").value_or(false);
   CheckPictures(query, draws, previews);
@@ -178,7 +175,7 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
 }
 
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(service, request, /*partial=*/true);  // as each says
+  const std::string collection = CollectionOf(service, request);
   const Json searches = parameters.JsonList("searches").value_or(Json::array());
   if (searches.empty() || searches.size() > kMostSearches) {
     ThrowInvalid("searches",

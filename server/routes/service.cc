@@ -8,7 +8,7 @@
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/error.h"
-#include "index/store/cluster_scheme.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "server/jobs/bulk_import.h"
 #include "server/jobs/import_job.h"
@@ -65,8 +65,8 @@ void Service::Open() {
   } else if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
     spdlog::info("removed {} files of no picture from the originals' directory", swept);
   }
-  figures_ =
-      std::make_unique<StoreFigures>(engine_.get(), IsClusterUrl(engine_options.database.string()));
+  figures_ = std::make_unique<StoreFigures>(engine_.get(),
+                                            IsDatabaseUrl(engine_options.database.string()));
   store_ = OpenServiceStore(options.engine.database);
   jobs = std::make_unique<JobQueue>(store_.get());
   RegisterVocabularyJobs(*jobs, *engine_, pool);

@@ -1,35 +1,27 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What /metrics says of the database. A file is asked at once. A cluster, of which a part may be
-// gone, is asked aside, at most every few seconds, and nobody waits long for it.
+// What /metrics says of the database. A file is read for every request. A database on a server may
+// be slow or gone: a thread asks it, at most every few seconds, and requests do not wait long.
 #pragma once
 
 #include <chrono>
 #include <condition_variable>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <thread>
-#include <vector>
 
 #include "index/engine/engine.h"
 
 namespace pliant::server {
 
-struct Figures {
-  std::optional<EngineStats> stats;  // of the last time that all shards answered; absent: never
-  std::vector<ShardRecord> shards;   // none of a file
-  double age_s = 0;                  // of `shards`
-};
-
 // Thread-safe. The engine must outlive it.
 class StoreFigures {
  public:
-  StoreFigures(Engine* engine, bool is_cluster) : engine_(*engine), is_cluster_(is_cluster) {}
+  StoreFigures(Engine* engine, bool on_server) : engine_(*engine), on_server_(on_server) {}
 
-  // Waits for figures that are not too old, but not longer than for a moment. Of a file throws what
-  // Engine::Stats throws.
-  Figures Get();
+  // Waits at most a moment for figures that are not too old; then gives the last ones, or nothing
+  // if there never were any. Of a file throws what Engine::Stats throws.
+  std::optional<EngineStats> Get();
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -37,14 +29,13 @@ class StoreFigures {
   void Read(const std::stop_token& stop);
 
   Engine& engine_;
-  const bool is_cluster_;
+  const bool on_server_;
   std::mutex mutex_;  // guards what follows
   std::condition_variable_any changed_;
   bool wanted_ = false;
   std::optional<EngineStats> stats_;
-  std::vector<ShardRecord> shards_;
-  Clock::time_point read_at_;  // the shards
-  std::jthread reader_;        // after the first Get
+  Clock::time_point asked_at_;  // when the last answer or failure came
+  std::jthread reader_;         // after the first Get
 };
 
 }  // namespace pliant::server

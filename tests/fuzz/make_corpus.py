@@ -14,14 +14,14 @@ import sys
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "chaos"))
 
-from seeds import blobs, cluster, http, pictures, texts  # noqa: E402  pylint: disable=wrong-import-position
+from seeds import blobs, http, pictures, texts  # noqa: E402  pylint: disable=wrong-import-position
 
 MOST_BYTES = 12_000  # of a file
 
 
 def main():
     total = 0
-    for room in (blobs, cluster, http, pictures, texts):
+    for room in (blobs, http, pictures, texts):
         for target, files in room.SEEDS.items():
             folder = HERE / "corpus" / target
             folder.mkdir(parents=True, exist_ok=True)

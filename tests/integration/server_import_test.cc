@@ -29,7 +29,6 @@ class ImportTest : public ServerTest {
     EXPECT_TRUE(started && started->status == 202) << (started ? started->body : "no answer");
     if (!started || started->status != 202) return Json::object();
     const std::string path = started->get_header_value("Location");
-    // On a cluster the lease of a killed server alone takes ten seconds to end.
     for (int i = 0; i < 2400; ++i) {
       const Json job = Json::parse(client_->Get(path)->body);
       if (!job["finished_at"].is_null()) return job;

@@ -52,19 +52,20 @@ std::filesystem::path ServerPath() {
 }
 
 std::string DatabaseOf(const std::filesystem::path& file) {
-  const char* cluster = std::getenv("PLIANT_TEST_CLUSTER");
-  if (cluster == nullptr) return file.string();
+  const char* test_database = std::getenv("PLIANT_TEST_DATABASE");
+  if (test_database == nullptr) return file.string();
   static std::map<std::filesystem::path, std::string> made;
   std::string& url = made[file];
   if (!url.empty()) return url;
-  url = cluster;
-  url.insert(url.find('?'), "_" + std::to_string(getpid()) + "_" + std::to_string(made.size()));
-  const ProgramResult done = RunProgram({"cluster", "init", "--db", url});
-  if (done.status != 0) throw std::runtime_error(done.err);
+  const std::string schema = "test_" + std::to_string(getpid()) + "_" + std::to_string(made.size());
+  const std::string base = test_database;
+  const ProgramResult done =
+      Program({base, "-c", "CREATE SCHEMA \"" + schema + "\""}, {}, "/usr/bin/psql").Wait();
+  if (done.status != 0) throw std::runtime_error("psql: " + done.err);
+  const char* separator = base.find('?') == std::string::npos ? "?" : "&";
+  url = base + separator + "options=-csearch_path%3D" + schema;
   return url;
 }
-
-int ShardsOfDatabases() { return std::getenv("PLIANT_TEST_CLUSTER") == nullptr ? 1 : 2; }
 
 ServerProcess::ServerProcess(const std::filesystem::path& database,
                              const std::vector<std::string>& flags)

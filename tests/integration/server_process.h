@@ -20,18 +20,15 @@ using Json = nlohmann::json;
 
 std::filesystem::path ServerPath();
 
-// The file's name; with PLIANT_TEST_CLUSTER, the URL of the database that stands for it: always the
-// same for the same file, its tables made by the first call.
+// The file's name; with PLIANT_TEST_DATABASE, a postgresql:// URL, the URL of the schema of that
+// database that stands for the file: the first call for a file creates its schema.
 std::string DatabaseOf(const std::filesystem::path& file);
-
-// How many parts of a database answer a search: 1 of a file, 2 of tests/cluster/on_cluster.sh.
-int ShardsOfDatabases();
 
 class ServerProcess {
  public:
   // Waits until the server says that it listens; throws when it does not. Pictures are described
-  // by RootSIFT, which is fast; `flags` come after and may say otherwise. With PLIANT_TEST_CLUSTER,
-  // a URL, the database is one of that cluster in place of the file (tests/cluster/http_suite.sh).
+  // by RootSIFT, which is fast; `flags` come after and may say otherwise. The database is what
+  // DatabaseOf() gives.
   explicit ServerProcess(const std::filesystem::path& database,
                          const std::vector<std::string>& flags = {});
 

@@ -51,14 +51,6 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   const std::string absent = TestPicture(77, 0);
   EXPECT_EQ(SearchFor(client, absent)["looked_closer"], true);
   EXPECT_EQ(SearchFor(client, absent, "?closer_look=false")["looked_closer"], false);
-  // Every part answers.
-  EXPECT_FALSE(images.contains("coverage"));
-  EXPECT_EQ(SearchFor(client, query, "?partial=true")["coverage"],
-            Json({{"complete", true},
-                  {"shards", ShardsOfDatabases()},
-                  {"answered", ShardsOfDatabases()},
-                  {"pictures", 8},
-                  {"total_pictures", 8}}));
   // Filters, in the query and in a JSON body.
   const std::string filtered = client
                                    .Post("/v1/collections/default/images",

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// An engine on a temporary database, for the parts of engine_test; the same tests run on a file and
-// on a cluster (tests/cluster).
+// An engine on a temporary database, for the parts of engine_test; the same tests run on every kind
+// of database (test_database.h).
 #pragma once
 
 #include <atomic>

@@ -141,28 +141,6 @@ TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
               [&] { engine.SearchStored("p99", ByImage()); });
 }
 
-TEST_F(EngineTest, APartialSearchOfAWholeDatabaseIsComplete) {
-  Engine engine(Options());
-  AddMany(engine, 6);
-  Train(engine);
-  EXPECT_FALSE(engine.Search(RandomPng(3), ByImage()).coverage.has_value());
-  SearchOptions partial = ByImage();
-  partial.partial = true;
-  const SearchResult found = engine.Search(RandomPng(3), partial);
-  EXPECT_EQ(Ids(found), Ids(engine.Search(RandomPng(3), ByImage())));
-  for (const SearchResult& result :
-       {found, engine.SearchStored("p3", partial), engine.SearchExamples({"p1", "p3"}, partial)}) {
-    ASSERT_TRUE(result.coverage);
-    EXPECT_TRUE(result.coverage->complete());
-    EXPECT_GE(result.coverage->shards, 1u);
-    EXPECT_EQ(result.coverage->pictures, 6u);
-    EXPECT_EQ(result.coverage->total_pictures, 6u);
-  }
-  EXPECT_TRUE(engine.HasVocabulary("default", /*partial=*/true));
-  ExpectError(ErrorCode::kNotFound, "collection_not_found",
-              [&] { engine.CollectionName("none", /*partial=*/true); });
-}
-
 TEST_F(EngineTest, PagesObjectsScoresAndRegions) {
   Engine engine(Options());
   AddMany(engine, 8);

@@ -15,7 +15,7 @@ APART = ("server", "python")  # both stand on index, and know nothing of each ot
 ROOMS = {
     "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
                    "evaluation", "training"],
-    "index": ["files", "records", "store", "store/sqlite", "store/clickhouse", "rank", "verify", "engine", "json",
+    "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
     "server": [("decoder", "http", "web"), "fetch", ("auth", "jobs", "openapi"), "routes", "app"],
     "python": ["native"],
@@ -35,7 +35,7 @@ OWNERS = {
     "torch/": set(),
     "SQLiteCpp/": {"index/store/sqlite"},
     "sqlite3": {"index/store/sqlite"},
-    "httplib": {"server", "index/store/clickhouse"},
+    "httplib": {"server"},
     "curl/": {"server/fetch"},
     "hdf5": {"index/cli"},
     "prometheus/": {"server"},

@@ -67,7 +67,7 @@ class FakeView : public FeedView {
   FakeView(Content content, Gate* gate) : content_(std::move(content)), gate_(*gate) {}
   FeedPosition Position() override {
     if (content_.position_unreadable) {
-      throw Error(ErrorCode::kUnavailable, "shard_unavailable", "nobody knows how far it is");
+      throw Error(ErrorCode::kUnavailable, "database_unavailable", "nobody knows how far it is");
     }
     return content_.position;
   }
@@ -91,7 +91,7 @@ class FakeView : public FeedView {
   void ForEachPicture(Key vocabulary, std::size_t, std::int64_t after, std::size_t,
                       const std::function<void(std::vector<IndexedPicture>)>& work) override {
     if (vocabulary == content_.unreadable) {
-      throw Error(ErrorCode::kUnavailable, "shard_unavailable", "it is gone");
+      throw Error(ErrorCode::kUnavailable, "database_unavailable", "it is gone");
     }
     for (const IndexedPicture& picture : content_.pictures[vocabulary]) {
       if (picture.key > after) work({picture});  // each a chunk
@@ -192,8 +192,7 @@ TEST_F(MemoryRankerTest, FollowsWhatIsCommitted) {
   EXPECT_EQ(Versions("a"), (Found{4})) << "what was forgotten is loaded anew";
 }
 
-TEST_F(MemoryRankerTest, WhatCannotBeFollowedLeavesTheLastView) {
-  EXPECT_FALSE(ranker_->LastView("a"));
+TEST_F(MemoryRankerTest, WhatCouldNotBeFollowedIsFollowedLater) {
   EXPECT_EQ(Versions("a"), (Found{1, 2}));
   EXPECT_EQ(Versions("b"), (Found{3}));
   feed_->Commit([](Content& c) {
@@ -202,16 +201,13 @@ TEST_F(MemoryRankerTest, WhatCannotBeFollowedLeavesTheLastView) {
     c.unreadable = 20;
   });
   for (int i = 0; i < 2; ++i) {
-    testing::ExpectError(ErrorCode::kUnavailable, "shard_unavailable", [&] { ranker_->View("b"); });
-    EXPECT_EQ(Versions(ranker_->LastView("a").value()), (Found{1, 2}));
-    EXPECT_EQ(Versions(ranker_->LastView("b").value()), (Found{3}));
+    testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable",
+                         [&] { ranker_->View("b"); });
   }
-  EXPECT_FALSE(ranker_->LastView("c"));
   gate_.Hold(20);  // would be waited for if it had to be loaded anew
   feed_->Commit([](Content& c) { c.unreadable = 0; });
   EXPECT_EQ(Versions("b"), (Found{3, 24}));
   EXPECT_EQ(Versions("a"), (Found{1, 2, 14}));
-  EXPECT_EQ(Versions(ranker_->LastView("b").value()), (Found{3, 24}));
   gate_.Release();
 }
 
@@ -221,7 +217,8 @@ TEST_F(MemoryRankerTest, WhatFailsAtItsEndIsNotFollowedTwice) {
     ReplaceP2(c);
     c.position_unreadable = true;
   });
-  testing::ExpectError(ErrorCode::kUnavailable, "shard_unavailable", [&] { ranker_->View("a"); });
+  testing::ExpectError(ErrorCode::kUnavailable, "database_unavailable",
+                       [&] { ranker_->View("a"); });
   feed_->Commit([](Content& c) { c.position_unreadable = false; });
   EXPECT_EQ(Versions("a"), (Found{1, 4}));
 }

@@ -47,9 +47,9 @@ TEST(ServerDirectories, BackupsLieApartFromTheDatabase) {
   EXPECT_NE(Refusal(folder / "backups" / "other.db", folder.path()), "") << "what it links to";
 }
 
-TEST(ServerDirectories, AClusterHasNoFileThatCouldLieThere) {
+TEST(ServerDirectories, ADatabaseOnAServerHasNoFileThatCouldLieThere) {
   const testing::TemporaryFolder folder;
-  EXPECT_EQ(Refusal("clickhouse://127.0.0.1/p", folder.path()), "");
+  EXPECT_EQ(Refusal("postgresql://127.0.0.1/p", folder.path()), "");
   EXPECT_EQ(Refusal("", folder.path()), "");
 }
 

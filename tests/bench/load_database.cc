@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Fills a database, of a cluster or in a file, with many pictures, and measures it: pictures of
-// folders that are described, and copies of their features, each with some of the key points and
-// noise on their descriptors. Prints how fast they were written, how long loading and ranking take,
+// Fills a database, a file or a URL, with many pictures, and measures it: pictures of folders that
+// are described, and copies of their features, each with some of the key points and noise on their
+// descriptors. Prints how fast they were written, how long loading and ranking take,
 // and how long it takes to fetch candidates.
 //
-//   cluster_load --db URL --folder PICTURES --pictures 1000000 [--keypoints 100]
-//                [--collection NAME] [--descriptor deal]
+//   load_database --db FILE --folder PICTURES --pictures 1000000 [--keypoints 100]
+//                 [--collection NAME] [--descriptor deal]
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -24,7 +24,6 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine.h"
-#include "index/store/cluster_scheme.h"
 #include "index/store/feature_codec.h"
 #include "index/store/open_store.h"
 #include "index/store/store.h"
@@ -284,7 +283,6 @@ int main(int argc, char** argv) {
   app.add_option("--words", options.words)->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
-  pliant::UseClusters();
   try {
     pliant::Filler(options).Run();
   } catch (const std::exception& error) {
