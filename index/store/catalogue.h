@@ -86,54 +86,46 @@ class Catalogue {
   std::vector<CollectionLabel> ListLabels();  // as ListCollections, with other names
   std::vector<AliasRecord> ListAliases();     // in order of their names
   CollectionRecord DescribeCollection(const std::string& name);
-  std::optional<ObjectRecord> FindObject(const std::string& collection,
-                                                 const std::string& object);
-  std::vector<ObjectRecord> ListObjects(const std::string& collection,
-                                                const std::string& after, int limit);
+  std::optional<ObjectRecord> FindObject(const std::string& collection, const std::string& object);
+  std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
+                                        int limit);
 
   // Pictures.
-  std::optional<ImageRecord> FindPicture(const std::string& collection,
-                                                 const std::string& id);
-  std::optional<ImageRecord> FindBySha256(const std::string& collection,
-                                                  const std::string& sha256);
+  std::optional<ImageRecord> FindPicture(const std::string& collection, const std::string& id);
+  std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   std::vector<ImageRecord> ListPictures(const ListOptions& options);
   // Reads the metadata, or the names, of the whole collection when there is a filter, a text, a
   // count of what these leave, or a facet; holds a page in memory. kInvalidArgument
   // "after_invalid".
   PicturePage ListPicturePage(const PictureListing& list);
   // All pages, one after the other, of one state of the store, however long `work` takes.
-  void ForEachPicturePage(PictureListing list,
-                                  const std::function<void(const PicturePage&)>& work);
+  void ForEachPicturePage(PictureListing list, const std::function<void(const PicturePage&)>& work);
   // The same pictures twice, of one state of the store, in the same order: page by page, then one
   // by one with their encoded features, of which a page is in memory.
-  void ForEachPictureFeatures(
-      PictureListing list, const std::function<void(const PicturePage&)>& look,
-      const std::function<void(const ImageRecord&, Bytes features)>& take);
+  void ForEachPictureFeatures(PictureListing list,
+                              const std::function<void(const PicturePage&)>& look,
+                              const std::function<void(const ImageRecord&, Bytes features)>& take);
   ObjectPage ListObjectPage(const ObjectListing& list);
   // The picture that `request` would only store once more (store/unchanged.h).
-  std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
-                                                   const std::string& sha256);
+  std::optional<ImageRecord> FindUnchanged(const AddRequest& request, const std::string& sha256);
   // A picture of any collection with these bytes, with its features.
   std::optional<StoredPicture> FindDescribed(const std::string& sha256);
   // The uploaded bytes. kNotFound "image_not_found", "content_not_kept"; kCorrupt
   // "original_missing", "original_corrupt".
-  std::vector<std::uint8_t> ReadContent(const std::string& collection,
-                                                const std::string& id);
+  std::vector<std::uint8_t> ReadContent(const std::string& collection, const std::string& id);
 
   // Vocabularies: those that are ready, oldest first.
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
-  std::optional<VocabularyRecord> FindVocabulary(const std::string& collection,
-                                                         Key vocabulary);
+  std::optional<VocabularyRecord> FindVocabulary(const std::string& collection, Key vocabulary);
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary);
   std::uint64_t CountPictures(Key collection);
   std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary);
   // Pictures without words of the vocabulary: at most `limit`, by version, after `after`.
-  std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary,
-                                                      std::int64_t after, int limit);
+  std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary, std::int64_t after,
+                                              int limit);
   // Each descriptor of the collection is as likely as any other, none is drawn twice. The same
   // seed and pictures give the same sample, in whatever order the pictures were added.
-  DescriptorSample SampleDescriptors(Key collection, std::size_t count,
-                                             std::uint64_t seed);
+  DescriptorSample SampleDescriptors(Key collection, std::size_t count, std::uint64_t seed);
 
   // The whole store. Count: images, objects, descriptors, bytes, and the default collection's
   // vocabulary. Check: what is wrong, a sentence each. Backup: see Engine::Backup.

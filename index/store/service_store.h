@@ -96,9 +96,8 @@ class ServiceStore {
   // What a job says of each of its items, by their numbers from 0, as texts; forgotten with the
   // job. Add: those that follow `first`, in place of what is there.
   void AddJobItems(const std::string& id, std::uint64_t first,
-                           const std::vector<std::string>& items);
-  std::vector<std::string> JobItems(const std::string& id, std::uint64_t first,
-                                            int limit);
+                   const std::vector<std::string>& items);
+  std::vector<std::string> JobItems(const std::string& id, std::uint64_t first, int limit);
   // New, unless a job of its kind in its collection has not ended, whoever does that; false = so it
   // is, and nothing was written.
   bool AddOnlyJob(const JobRecord& job);
@@ -111,8 +110,7 @@ class ServiceStore {
   // lives, or this one without ending it, is begun anew: the caller knows what it is doing.
   RequestState BeginRequest(const RepeatableRequest& request);
   // nullopt = it failed, and is forgotten: it can be tried again.
-  void EndRequest(const RepeatableRequest& request,
-                          const std::optional<std::string>& answer);
+  void EndRequest(const RepeatableRequest& request, const std::optional<std::string>& answer);
 
  private:
   const std::unique_ptr<Access> access_;

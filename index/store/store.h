@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "index/store/catalogue.h"
 #include "index/store/change_feed.h"
@@ -31,9 +32,10 @@ class Store {
   // From here on `after_commit` runs after each commit of this process, before the writing call
   // returns. Without it every writing call throws kReadOnly "read_only".
   void BeginWriting(std::function<void()> after_commit);
-  // Calls `wake` soon after another process has committed, where the database tells, until the
-  // store is destroyed. Searches ask the feed all the same: this only saves them the work.
-  void FollowOthers(std::function<void()> wake);
+  // Calls `wake`, which must not throw, soon after another process has committed, in the thread
+  // that is returned; none where the database does not tell. Searches ask the feed all the same:
+  // this only saves them the work.
+  std::jthread FollowOthers(std::function<void()> wake);
 
   Catalogue& catalogue() { return catalogue_; }
   Writer& writer() { return writer_; }

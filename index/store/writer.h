@@ -65,22 +65,20 @@ class Writer {
   // "image_not_found", "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict
   // "object_exists"; what `check` throws.
   ImageRecord ChangePicture(const std::string& collection, const std::string& id,
-                                    const PictureChange& change);
+                            const PictureChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
-                                    const ObjectChange& change);
+                            const ObjectChange& change);
   // Of what is there; the check may be empty.
-  bool Remove(const std::string& collection, const std::string& id,
-                      const PictureCheck& check);
+  bool Remove(const std::string& collection, const std::string& id, const PictureCheck& check);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
-                                     const ObjectCheck& check);
+                             const ObjectCheck& check);
 
   std::uint64_t RemoveWhere(const Selection& which);  // how many; at once
 
   bool CreateCollection(const std::string& name);  // false = it was there
   // With its aliases. false = it was not there. kConflict "collection_is_alias" for an alias.
   bool RemoveCollection(const std::string& name);
-  CollectionRecord ChangeCollection(const std::string& name,
-                                            const CollectionChange& change);
+  CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
   // All at once, or none. kNotFound "alias_not_found" for one to remove, "collection_not_found";
   // kConflict "collection_exists" for an alias with the name of a collection.
   void ChangeAliases(const AliasChanges& changes);
@@ -93,16 +91,16 @@ class Writer {
   // Ready, and active where the collection has none. `automatic`: nobody chose it
   // (CollectionRecord).
   VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,
-                                            const Quantizer& quantizer, bool automatic);
+                                    const Quantizer& quantizer, bool automatic);
   // An automatic one does not replace one that somebody has chosen.
   void SetActiveVocabulary(const std::string& collection, Key vocabulary,
-                                   const Quantizer& quantizer, bool automatic);
+                           const Quantizer& quantizer, bool automatic);
   void DropVocabulary(Key vocabulary);
 
   // Originals in files: see Engine.
   std::uint64_t SweepOriginals();
   MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
-                                            const std::function<void(double)>& progress);
+                                    const std::function<void(double)>& progress);
 
  private:
   PutOutcome Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const;

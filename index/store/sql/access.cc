@@ -42,8 +42,8 @@ void Access::WriteAlone(const std::function<void(Connection& db)>& work) {
   });
 }
 
-void Access::RequireSpace(std::uint64_t /*bytes*/, const std::filesystem::path& /*directory*/) const {
-}
+void Access::RequireSpace(std::uint64_t /*bytes*/,
+                          const std::filesystem::path& /*directory*/) const {}
 
 std::unique_ptr<Access> OpenAccess(const StoreOptions& options, StorePart part) {
   return IsDatabaseUrl(options.database.string()) ? OpenServerAccess(options, part)

@@ -12,6 +12,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -63,7 +64,8 @@ class Access {
     try {
       return work();
     } catch (...) {
-      RethrowAsError();
+      ThrowAsError();
+      throw;
     }
   }
 
@@ -79,9 +81,8 @@ class Access {
   // tables, as they are not Pliant's.
   virtual bool CheckStructure(Connection& db, std::vector<std::string>* problems) = 0;
   virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
-  // Calls `wake` soon after another process has committed, from a thread of its own, until the
-  // Access is destroyed; where the database tells.
-  virtual void FollowOthers(std::function<void()> /*wake*/) {}
+  // Store::FollowOthers.
+  virtual std::jthread FollowOthers(std::function<void()> /*wake*/) { return {}; }
   virtual std::optional<DatabaseServerRecord> ServerFigures() { return {}; }
 
   // The name under which this process has jobs, and whether the process of a name lives
@@ -91,11 +92,12 @@ class Access {
 
  protected:
   virtual std::unique_ptr<Connection> OpenWriter() = 0;
-  virtual void BeforeWrite() {}   // may refuse by throwing
-  virtual void BeforeCommit() {}  // likewise
+  virtual void BeforeWrite() {}                // may refuse by throwing
+  virtual void BeforeCommit() {}               // likewise
   virtual void Reclaim(Connection& /*db*/) {}  // much was removed
-  // [[noreturn]] Throws the Error that stands for the exception that is being handled.
-  [[noreturn]] virtual void RethrowAsError() = 0;
+  // Throws the Error that stands for the exception that is being handled, if that is the
+  // database's.
+  virtual void ThrowAsError() {}
 
  private:
   std::unique_ptr<WriteQueue> writer_;

@@ -11,8 +11,8 @@
 #include "index/store/sql/access.h"
 #include "index/store/sql/catalogue_lists.h"
 #include "index/store/sql/catalogue_vocabularies.h"
-#include "index/store/sql/originals_keeper.h"
 #include "index/store/sql/integrity.h"
+#include "index/store/sql/originals_keeper.h"
 #include "index/store/unchanged.h"
 
 namespace pliant {
@@ -73,7 +73,7 @@ CollectionRecord Catalogue::DescribeCollection(const std::string& name) {
 }
 
 std::optional<ObjectRecord> Catalogue::FindObject(const std::string& collection,
-                                                        const std::string& object) {
+                                                  const std::string& object) {
   return access_.Read([&](Connection& db) -> std::optional<ObjectRecord> {
     const Key key = pliant::FindObject(db, pliant::RequireCollection(db, collection).key, object);
     if (key == 0) return std::nullopt;
@@ -82,21 +82,21 @@ std::optional<ObjectRecord> Catalogue::FindObject(const std::string& collection,
 }
 
 std::vector<ObjectRecord> Catalogue::ListObjects(const std::string& collection,
-                                                       const std::string& after, int limit) {
+                                                 const std::string& after, int limit) {
   return access_.Read([&](Connection& db) {
     return SelectObjects(db, pliant::RequireCollection(db, collection).key, after, limit);
   });
 }
 
 std::optional<ImageRecord> Catalogue::FindPicture(const std::string& collection,
-                                                        const std::string& id) {
+                                                  const std::string& id) {
   return access_.Read([&](Connection& db) {
     return RecordOf(pliant::FindPicture(db, pliant::RequireCollection(db, collection).key, id));
   });
 }
 
 std::optional<ImageRecord> Catalogue::FindBySha256(const std::string& collection,
-                                                         const std::string& sha256) {
+                                                   const std::string& sha256) {
   return access_.Read([&](Connection& db) {
     return RecordOf(FindPictureBySha256(db, pliant::RequireCollection(db, collection).key, sha256));
   });
@@ -115,7 +115,7 @@ PicturePage Catalogue::ListPicturePage(const PictureListing& list) {
 }
 
 void Catalogue::ForEachPicturePage(PictureListing list,
-                                         const std::function<void(const PicturePage&)>& work) {
+                                   const std::function<void(const PicturePage&)>& work) {
   access_.Read([&](Connection& db) {
     EachPage(db, pliant::RequireCollection(db, list.which.collection).key, list, work);
   });
@@ -150,7 +150,7 @@ std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
 }
 
 std::optional<ImageRecord> Catalogue::FindUnchanged(const AddRequest& request,
-                                                          const std::string& sha256) {
+                                                    const std::string& sha256) {
   return access_.Read([&](Connection& db) {
     const CollectionRow in = pliant::RequireCollection(db, request.collection);
     refusals::CheckIsMeant(request, in.created_ms);
@@ -166,8 +166,8 @@ std::optional<StoredPicture> Catalogue::FindDescribed(const std::string& sha256)
   });
 }
 
-std::vector<std::optional<StoredPicture>> Catalogue::LoadPictures(
-    std::span<const PictureRef> refs, Load what) {
+std::vector<std::optional<StoredPicture>> Catalogue::LoadPictures(std::span<const PictureRef> refs,
+                                                                  Load what) {
   return access_.Read([&](Connection& db) {
     std::vector<std::optional<StoredPicture>> pictures(refs.size());
     std::vector<Key> versions;
@@ -190,12 +190,12 @@ std::vector<std::optional<StoredPicture>> Catalogue::LoadPictures(
 }
 
 std::vector<std::uint8_t> Catalogue::ReadContent(const std::string& collection,
-                                                       const std::string& id) {
+                                                 const std::string& id) {
   return originals_.Read(collection, id);
 }
 
 Admission Catalogue::Admit(Key collection, const std::optional<std::string>& object,
-                                 const Filter& filter, const std::vector<std::string>& without) {
+                           const Filter& filter, const std::vector<std::string>& without) {
   Admission admission;
   admission.object = object;
   admission.filter = filter;
@@ -226,7 +226,7 @@ std::vector<VocabularyRecord> Catalogue::ListVocabularies(const std::string& col
 }
 
 std::optional<VocabularyRecord> Catalogue::FindVocabulary(const std::string& collection,
-                                                                Key vocabulary) {
+                                                          Key vocabulary) {
   return access_.Read([&](Connection& db) {
     return pliant::FindVocabulary(db, pliant::RequireCollection(db, collection), vocabulary);
   });
@@ -247,21 +247,20 @@ std::uint64_t Catalogue::CountUnquantized(const std::string& collection, Key voc
 }
 
 std::vector<StoredFeatures> Catalogue::LoadUnquantized(Key collection, Key vocabulary,
-                                                             std::int64_t after, int limit) {
+                                                       std::int64_t after, int limit) {
   return access_.Read(
       [&](Connection& db) { return SelectUnquantized(db, collection, vocabulary, after, limit); });
 }
 
 DescriptorSample Catalogue::SampleDescriptors(Key collection, std::size_t count,
-                                                    std::uint64_t seed) {
+                                              std::uint64_t seed) {
   return access_.Read([&](Connection& db) {
     std::vector<StoredCount> pictures;
     Cursor row = db.Prepare("SELECT key, keypoints FROM pictures WHERE collection = ? ORDER BY id");
     row.Bind(collection);
     while (row.Next()) pictures.push_back({row.Int(0), row.Count(1)});
-    return DrawDescriptors(
-        model_.model.info, pictures, count, seed,
-        [&](std::span<const Key> keys) { return ReadFeaturesBlobs(db, keys); });
+    return DrawDescriptors(model_.model.info, pictures, count, seed,
+                           [&](std::span<const Key> keys) { return ReadFeaturesBlobs(db, keys); });
   });
 }
 

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/rows.h"
-#include "descriptor/base/unix_time.h"
 
 namespace pliant {
 namespace {

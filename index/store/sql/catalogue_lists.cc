@@ -63,8 +63,8 @@ Cursor PreparePage(Connection& db, const Place& place, Query query) {
     if (is_tie) {
       query.sql += place.tie + beyond + tie;
     } else {
-      const std::string value = place.column.is_text ? query.Bind(after->text)
-                                                     : query.Bind(after->number);
+      const std::string value =
+          place.column.is_text ? query.Bind(after->text) : query.Bind(after->number);
       query.sql += std::string("(") + place.column.sql + ", " + place.tie + ")" + beyond + "(" +
                    value + ", " + tie + ")";
     }
@@ -114,8 +114,7 @@ Query PicturesOf(Connection& db, const std::string& select, Key collection,
 }
 
 // `select` and the conditions on objects.
-Query ObjectsOf(Connection& db, const std::string& select, Key collection,
-                const Selection& which) {
+Query ObjectsOf(Connection& db, const std::string& select, Key collection, const Selection& which) {
   Query query{select};
   query.sql += "WHERE o.collection = " + query.Bind(collection);
   if (which.object) {
@@ -185,8 +184,7 @@ PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListi
       [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); },
       &page);
   const auto select = [&](const std::string& columns) {
-    return db.Prepare(
-        PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which));
+    return db.Prepare(PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which));
   };
   if (list.count) page.total = select("count(*)").One().Count(0);
   if (!list.facets.empty()) page.facets = CountFacets(select("0, p.metadata"), list.facets);
@@ -195,18 +193,18 @@ PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListi
 
 ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing& list) {
   ObjectPage page;
-  Query query = ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection,
-                          list.which);
+  Query query =
+      ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
   query.sql += ") AS listed WHERE TRUE";
   ReadPage(
       db, {ColumnOf(list.order), "name", list}, query,
       [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
       &page);
   if (list.count) {
-    page.total = db.Prepare(ObjectsOf(db, "SELECT count(*) FROM objects o ", collection,
-                                      list.which))
-                     .One()
-                     .Count(0);
+    page.total =
+        db.Prepare(ObjectsOf(db, "SELECT count(*) FROM objects o ", collection, list.which))
+            .One()
+            .Count(0);
   }
   if (!list.facets.empty()) {
     query = ObjectsOf(
@@ -224,8 +222,8 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
 std::uint64_t DeletePicturesWhere(Connection& db, Key collection, const Selection& which) {
   std::vector<Key> keys;  // a statement must not see what it deletes
   {
-    Cursor row = db.Prepare(
-        PicturesOf(db, std::string("SELECT p.key") + kFromPictures, collection, which));
+    Cursor row =
+        db.Prepare(PicturesOf(db, std::string("SELECT p.key") + kFromPictures, collection, which));
     while (row.Next()) keys.push_back(row.Int(0));
   }
   db.Prepare("DELETE FROM pictures WHERE " + db.IsAmong("key", "?1")).Bind(std::span(keys)).Run();

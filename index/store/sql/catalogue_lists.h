@@ -7,8 +7,8 @@
 #include <cstdint>
 
 #include "index/records/listing.h"
-#include "index/store/sql/rows.h"
 #include "index/store/sql/connection.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 

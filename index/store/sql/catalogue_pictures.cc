@@ -145,10 +145,11 @@ Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model) {
 Key InsertPicture(Connection& db, Key collection, const PictureRow& picture) {
   const ImageRecord& record = picture.record;
   const std::vector<std::uint8_t> hash = Sha256Bytes(record.sha256);
-  return db.Prepare(
-        "INSERT INTO pictures (collection, id, object, sha256, media_type, width, height, bytes, "
-        "keypoints, metadata, source, added_ms, updated_ms) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING key")
+  return db
+      .Prepare(
+          "INSERT INTO pictures (collection, id, object, sha256, media_type, width, height, bytes, "
+          "keypoints, metadata, source, added_ms, updated_ms) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING key")
       .Bind(collection, record.id, KeyOrNull{picture.object}, hash, record.media_type, record.width,
             record.height, record.bytes, record.keypoints, record.metadata, record.source,
             record.added_ms, record.updated_ms)
@@ -218,8 +219,8 @@ std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture) {
 std::vector<std::vector<std::uint8_t>> ReadFeaturesBlobs(Connection& db,
                                                          std::span<const Key> pictures) {
   std::map<Key, std::vector<std::uint8_t>> found;
-  Cursor row = db.Prepare("SELECT picture, data FROM features WHERE " +
-                          db.IsAmong("picture", "?1"));
+  Cursor row =
+      db.Prepare("SELECT picture, data FROM features WHERE " + db.IsAmong("picture", "?1"));
   row.Bind(pictures);
   while (row.Next()) found.emplace(row.Int(0), row.CopyOfBlob(1));
   std::vector<std::vector<std::uint8_t>> blobs;

@@ -44,15 +44,15 @@ Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary
                                                  : EncodeCodebook(vocabulary.codebook);
   const Key key =
       db.Prepare(
-        // nullif: an empty blob stands for no codebook.
-        "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
-        "method, checksum, created_ms, codebook) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, ?)) RETURNING key")
-      .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
-            origin.available, origin.loss, origin.method, VocabularyChecksum(vocabulary), NowMs(),
-            Bytes(codebook), Bytes())
-      .One()
-      .Int(0);
+            // nullif: an empty blob stands for no codebook.
+            "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
+            "method, checksum, created_ms, codebook) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, ?)) RETURNING key")
+          .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
+                origin.available, origin.loss, origin.method, VocabularyChecksum(vocabulary),
+                NowMs(), Bytes(codebook), Bytes())
+          .One()
+          .Int(0);
   // nullif: an empty blob stands for no thresholds.
   Cursor insert = db.Prepare(
       "INSERT INTO vocabulary_words (vocabulary, word, data, thresholds) "

@@ -18,6 +18,11 @@ namespace {
 constexpr std::size_t kRowsAtOnce = 512;  // a database may send all rows before the first is read
 
 class SqlFeedView : public FeedView {
+  template <typename Work>  // before its users, which need its type
+  auto Read(const Work& work) {
+    return access_.Guarded([&] { return work(reading_->db(), access_); });
+  }
+
  public:
   explicit SqlFeedView(Access* access) : access_(*access), reading_(access->BeginReading()) {}
 
@@ -81,11 +86,6 @@ class SqlFeedView : public FeedView {
   }
 
  private:
-  template <typename Work>
-  auto Read(const Work& work) {
-    return access_.Guarded([&] { return work(reading_->db(), access_); });
-  }
-
   Access& access_;
   const std::unique_ptr<Access::Reading> reading_;
 };

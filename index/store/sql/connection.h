@@ -42,7 +42,7 @@ class Statement {
   // statement's run.
   virtual void BindPointer(int index, const void* value, const char* type) = 0;
 
-  virtual bool Step() = 0;            // the next row; false: there is none
+  virtual bool Step() = 0;             // the next row; false: there is none
   virtual std::int64_t Changed() = 0;  // rows that it has changed, once it has run
   // Before it runs again. Clears nothing that is bound.
   virtual void Reset() noexcept = 0;
@@ -70,8 +70,9 @@ struct Query {
   std::vector<SqlValue> values = {};
 
   // The parameter that the value is bound to, as text of SQL.
-  std::string Bind(SqlValue value) {
-    values.push_back(std::move(value));
+  template <typename Value>
+  std::string Bind(Value value) {
+    values.emplace_back(std::move(value));
     return "?" + std::to_string(values.size());
   }
 };
@@ -155,26 +156,25 @@ class Connection {
   virtual void BeginWrite() = 0;
   virtual void Commit() = 0;
   virtual void Rollback() noexcept = 0;  // what is open, if anything; never fails visibly
-  // Whether the transaction that was begun can go on after a statement has failed, with ROLLBACK TO.
+  // Whether the transaction that was begun can go on after a statement has failed, with ROLLBACK
+  // TO.
   virtual bool InTransaction() const = 0;
 
   // Where the databases differ, as text of SQL.
   // Whether `expression` is one of the keys bound to `parameter`.
-  virtual std::string IsAmong(const std::string& expression, const std::string& parameter) const = 0;
+  virtual std::string IsAmong(const std::string& expression,
+                              const std::string& parameter) const = 0;
   // Whether the metadata of picture `table` pass. The filter must outlive the query's run.
-  virtual std::string Passes(Query& query, const std::string& table, const Filter& filter) const = 0;
-  // Whether each of the words of `text` occurs in one of the columns, whatever its case. The columns
-  // are names of `pictures` (p) or `objects` (o).
+  virtual std::string Passes(Query& query, const std::string& table,
+                             const Filter& filter) const = 0;
+  // Whether each of the words of `text` occurs in one of the columns, whatever its case. The
+  // columns are names of `pictures` (p) or `objects` (o).
   virtual std::string Contains(Query& query, const std::string& text,
                                const std::vector<std::string>& columns) const = 0;
 
-  // Greater after each change of what searches see; see FeedPosition. Within a transaction.
-  virtual std::int64_t LastKey(const char* table) = 0;  // that was ever given to a row of it
-
  protected:
   virtual std::unique_ptr<Statement> Make(const std::string& sql) = 0;
-  // [[noreturn]] What is thrown when a row that must exist is missing.
-  virtual void ThrowRowMissing() = 0;
+  virtual void ThrowRowMissing() = 0;  // for Cursor::One
   void ForgetStatements() { idle_.clear(); }
 
  private:

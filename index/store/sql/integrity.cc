@@ -156,7 +156,8 @@ void CheckNames(Connection& db, Problems& problems) {
       problems.push_back(whose + ": " + error.what());
     }
   };
-  const char* select = "SELECT id, metadata, source, key FROM pictures WHERE key > ? ORDER BY key LIMIT ?";
+  const char* select =
+      "SELECT id, metadata, source, key FROM pictures WHERE key > ? ORDER BY key LIMIT ?";
   EachRow(db, select, 3, [&](const Cursor& picture) {
     const std::string whose = "picture \"" + picture.Text(0) + "\"";
     check(whose, CheckImageId, picture.Text(0));

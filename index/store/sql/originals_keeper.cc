@@ -8,8 +8,8 @@
 #include "descriptor/base/sha256.h"
 #include "index/files/text.h"
 #include "index/store/refusals.h"
-#include "index/store/sql/rows.h"
 #include "index/store/sql/integrity.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 

@@ -28,18 +28,19 @@ JobRecord ToJob(const Cursor& row) {
 }
 
 bool Save(Connection& db, const JobRecord& job) {
-  const std::int64_t saved = db.Prepare(
-        "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
-        "attempts, result, report, created_ms, finished_ms, owner) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
-        "state = excluded.state, done = excluded.done, total = excluded.total, "
-        "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
-        "report = excluded.report, finished_ms = excluded.finished_ms "
-        "WHERE jobs.owner = excluded.owner")
-      .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
-            job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
-            job.owner)
-      .Run();
+  const std::int64_t saved =
+      db.Prepare(
+            "INSERT INTO jobs (id, kind, collection, parameters, state, done, total, failed, "
+            "attempts, result, report, created_ms, finished_ms, owner) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET "
+            "state = excluded.state, done = excluded.done, total = excluded.total, "
+            "failed = excluded.failed, attempts = excluded.attempts, result = excluded.result, "
+            "report = excluded.report, finished_ms = excluded.finished_ms "
+            "WHERE jobs.owner = excluded.owner")
+          .Bind(job.id, job.kind, job.collection, job.parameters, job.state, job.done, job.total,
+                job.failed, job.attempts, job.result, job.report, job.created_ms, job.finished_ms,
+                job.owner)
+          .Run();
   if (saved == 0) return false;
   if (job.state != "queued" && job.state != "running") {  // nobody begins it again
     db.Prepare("DELETE FROM job_inputs WHERE job = ?").Bind(job.id).Run();
@@ -82,7 +83,7 @@ std::optional<std::vector<std::uint8_t>> ServiceStore::JobInput(const std::strin
 }
 
 void ServiceStore::AddJobItems(const std::string& id, std::uint64_t first,
-                                     const std::vector<std::string>& items) {
+                               const std::vector<std::string>& items) {
   access_->Write([&](Connection& db) {
     for (std::size_t i = 0; i < items.size(); ++i) {
       db.Prepare(
@@ -95,7 +96,7 @@ void ServiceStore::AddJobItems(const std::string& id, std::uint64_t first,
 }
 
 std::vector<std::string> ServiceStore::JobItems(const std::string& id, std::uint64_t first,
-                                                      int limit) {
+                                                int limit) {
   return access_->Read([&](Connection& db) {
     Cursor row = db.Prepare(
         "SELECT result FROM job_items WHERE job = ? AND number >= ? ORDER BY number LIMIT ?");

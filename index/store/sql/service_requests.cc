@@ -54,7 +54,7 @@ RequestState ServiceStore::BeginRequest(const RepeatableRequest& request) {
 }
 
 void ServiceStore::EndRequest(const RepeatableRequest& request,
-                                    const std::optional<std::string>& answer) {
+                              const std::optional<std::string>& answer) {
   const std::string& self = Owner();
   access_->Write([&](Connection& db) {
     if (answer) {

@@ -39,7 +39,9 @@ void Store::BeginWriting(std::function<void()> after_commit) {
   access_->BeginWriting(std::move(after_commit));
 }
 
-void Store::FollowOthers(std::function<void()> wake) { access_->FollowOthers(std::move(wake)); }
+std::jthread Store::FollowOthers(std::function<void()> wake) {
+  return access_->FollowOthers(std::move(wake));
+}
 
 std::unique_ptr<ChangeFeed> Store::OpenFeed() { return std::make_unique<SqlFeed>(access_.get()); }
 

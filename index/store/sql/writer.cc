@@ -7,12 +7,12 @@
 #include <optional>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/store/quantize_batch.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/catalogue_lists.h"
 #include "index/store/sql/catalogue_vocabularies.h"
-#include "descriptor/base/unix_time.h"
 #include "index/store/sql/originals_keeper.h"
 
 namespace pliant {
@@ -69,8 +69,7 @@ std::vector<PutOutcome> Writer::PutAll(std::span<const PicturePut> puts) {
   return outcomes;
 }
 
-PutOutcome Writer::Store(Connection& db, const PicturePut& put,
-                               IncomingOriginal* original) const {
+PutOutcome Writer::Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const {
   const AddRequest& request = put.request;
   const CollectionRow collection = RequireCollection(db, request.collection);
   refusals::CheckIsMeant(request, collection.created_ms);
@@ -107,7 +106,7 @@ PutOutcome Writer::Store(Connection& db, const PicturePut& put,
 }
 
 bool Writer::Remove(const std::string& collection, const std::string& id,
-                          const PictureCheck& check) {
+                    const PictureCheck& check) {
   bool removed = false;
   access_.Write(
       [&](Connection& db) {
@@ -123,13 +122,14 @@ bool Writer::Remove(const std::string& collection, const std::string& id,
 }
 
 std::uint64_t Writer::RemoveObject(const std::string& collection, const std::string& object,
-                                         const ObjectCheck& check) {
+                                   const ObjectCheck& check) {
   std::uint64_t removed = 0;
   access_.Write(
       [&](Connection& db) {
         const Key in = RequireCollection(db, collection).key;
         const Key key = FindObject(db, in, object);
-        if (check && key != 0) pliant::CheckObjectNow(db, in, {object, CountPicturesOf(db, key)}, check);
+        if (check && key != 0)
+          pliant::CheckObjectNow(db, in, {object, CountPicturesOf(db, key)}, check);
         removed = DeletePicturesOf(db, key);
       },
       {.reclaim = true});
@@ -188,7 +188,7 @@ void Writer::AddWords(Key vocabulary, std::span<const PictureWords> pictures) {
 }
 
 VocabularyRecord Writer::FinishVocabulary(const std::string& collection, Key vocabulary,
-                                                const Quantizer& quantizer, bool automatic) {
+                                          const Quantizer& quantizer, bool automatic) {
   std::optional<VocabularyRecord> record;
   access_.Write([&](Connection& db) {
     CollectionRow now = RequireCollection(db, collection);
@@ -204,7 +204,7 @@ VocabularyRecord Writer::FinishVocabulary(const std::string& collection, Key voc
 }
 
 void Writer::SetActiveVocabulary(const std::string& collection, Key vocabulary,
-                                       const Quantizer& quantizer, bool automatic) {
+                                 const Quantizer& quantizer, bool automatic) {
   access_.Write([&](Connection& db) {
     const CollectionRow now = RequireCollection(db, collection);
     if (automatic && now.active_vocabulary != 0 && !now.automatic) return;

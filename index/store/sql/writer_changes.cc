@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writer: changing what is stored without describing it anew.
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/files/merge_patch.h"
 #include "index/files/text.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/catalogue_vocabularies.h"
-#include "descriptor/base/unix_time.h"
 #include "index/store/writer.h"
 
 namespace pliant {
@@ -64,7 +64,7 @@ void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
 }
 
 ImageRecord Writer::ChangePicture(const std::string& collection, const std::string& id,
-                                        const PictureChange& change) {
+                                  const PictureChange& change) {
   access_.RequireSpace(change.metadata ? change.metadata->size() : 0);
   ImageRecord changed;
   access_.Write([&](Connection& db) {
@@ -80,8 +80,7 @@ ImageRecord Writer::ChangePicture(const std::string& collection, const std::stri
   return changed;
 }
 
-CollectionRecord Writer::ChangeCollection(const std::string& name,
-                                                const CollectionChange& change) {
+CollectionRecord Writer::ChangeCollection(const std::string& name, const CollectionChange& change) {
   access_.RequireSpace(0);
   CollectionRecord changed;
   access_.Write([&](Connection& db) {
@@ -98,7 +97,7 @@ void Writer::ChangeAliases(const AliasChanges& changes) {
 }
 
 ObjectRecord Writer::ChangeObject(const std::string& collection, const std::string& object,
-                                        const ObjectChange& change) {
+                                  const ObjectChange& change) {
   access_.RequireSpace(0);
   ObjectRecord changed;
   const auto write = [&](Connection& db) {

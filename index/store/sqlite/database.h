@@ -25,7 +25,8 @@ void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& mod
 
 // Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
 // Error kConflict "old_schema".
-void UpgradeDatabase(const std::filesystem::path& path, SqliteConnection::Mode mode, int busy_timeout_ms);
+void UpgradeDatabase(const std::filesystem::path& path, SqliteConnection::Mode mode,
+                     int busy_timeout_ms);
 
 // Copies the database of `source` over the empty file `target`, while it is in use. `stop`: then
 // kCancelled "cancelled".

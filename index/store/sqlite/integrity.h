@@ -10,9 +10,9 @@
 
 namespace pliant {
 
-// The schema, SQLite's own checks, foreign keys, and that keys are never used again. Adds a sentence
-// a problem. False: the schema is not Pliant's, and nothing may be asked of its tables, as the
-// answer might never end.
+// The schema, SQLite's own checks, foreign keys, and that keys are never used again. Adds a
+// sentence a problem. False: the schema is not Pliant's, and nothing may be asked of its tables, as
+// the answer might never end.
 bool CheckStructure(SqliteConnection& db, std::vector<std::string>* problems);
 
 // The same, and CheckRows (sql/integrity.h); empty = sound.

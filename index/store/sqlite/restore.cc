@@ -14,15 +14,15 @@
 
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
-#include "index/store/database_url.h"
 #include "index/store/database_file.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
-#include "index/store/sqlite/sqlite_connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
+#include "index/store/sqlite/sqlite_connection.h"
 #include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {

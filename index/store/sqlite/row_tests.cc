@@ -35,15 +35,16 @@ void Answer(sqlite3_context* context, const Test& test) noexcept {
 }
 
 template <typename Value>
-const Value& PointerOf(sqlite3_value* value, const char* type) {
-  const void* pointer = sqlite3_value_pointer(value, type);
-  if (pointer == nullptr) throw std::invalid_argument("not called by Pliant");
-  return *static_cast<const Value*>(pointer);
+const Value& Bound(sqlite3_context* context, sqlite3_value* value, const char* type) {
+  const auto& all = *static_cast<const BoundPointers*>(sqlite3_user_data(context));
+  const BoundPointer& bound = all.at(sqlite3_value_int64(value));
+  if (bound.type != type) throw std::invalid_argument("another kind of value is bound");
+  return *static_cast<const Value*>(bound.value);
 }
 
 void PassesFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {
   Answer(context, [&] {
-    return Passes(PointerOf<Filter>(values[1], kFilterPointer), TextOf(values[0]));
+    return Passes(Bound<Filter>(context, values[1], kFilterPointer), TextOf(values[0]));
   });
 }
 
@@ -51,18 +52,18 @@ void ContainsFunction(sqlite3_context* context, int count, sqlite3_value** value
   Answer(context, [&] {
     std::vector<std::string_view> texts;
     for (int i = 1; i < count; ++i) texts.push_back(TextOf(values[i]));
-    return count > 0 && OccurIn(PointerOf<FoldedText>(values[0], kWordsPointer), texts);
+    return count > 0 && OccurIn(Bound<FoldedText>(context, values[0], kWordsPointer), texts);
   });
 }
 
 }  // namespace
 
-void AddRowTests(sqlite3* connection) {
+void AddRowTests(sqlite3* connection, BoundPointers* bound) {
   // Not "deterministic": what they look for changes from statement to statement.
   constexpr int kHow = SQLITE_UTF8 | SQLITE_DIRECTONLY;
   const auto add = [&](const char* name, int arguments, auto* function) {
-    const int code = sqlite3_create_function_v2(connection, name, arguments, kHow, nullptr,
-                                                function, nullptr, nullptr, nullptr);
+    const int code = sqlite3_create_function_v2(connection, name, arguments, kHow, bound, function,
+                                                nullptr, nullptr, nullptr);
     if (code != SQLITE_OK) throw SQLite::Exception(connection, code);
   };
   add("pliant_passes", 2, &PassesFunction);

@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // What SQL cannot say of a row: SQL functions of a connection. Private to store/sqlite.
 //   pliant_passes(metadata, FILTER)       whether the filter lets it pass
-//   pliant_contains(WORDS, text, ...)     whether each word occurs in one of the texts, whatever its
+//   pliant_contains(WORDS, text, ...)     whether each word occurs in one of the texts, whatever
+//   its
 //                                         case
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -15,11 +18,18 @@ namespace pliant {
 
 using FoldedText = std::vector<std::u32string>;  // FoldedWords (fold_case.h)
 
-// What FILTER and WORDS are: pointers to Filter and FoldedText that are bound with these names.
-inline constexpr const char* kFilterPointer = "pliant filter";
-inline constexpr const char* kWordsPointer = "pliant words";
+// FILTER and WORDS are numbers of what is bound to the statements of a connection at the moment,
+// with what it is: a Filter, or FoldedText.
+inline constexpr const char* kFilterPointer = "filter";
+inline constexpr const char* kWordsPointer = "words";
 
-// Throws SQLite::Exception.
-void AddRowTests(sqlite3* connection);
+struct BoundPointer {
+  const void* value = nullptr;
+  const char* type = nullptr;
+};
+using BoundPointers = std::map<std::int64_t, BoundPointer>;
+
+// `bound` must outlive the connection's statements. Throws SQLite::Exception.
+void AddRowTests(sqlite3* connection, BoundPointers* bound);
 
 }  // namespace pliant

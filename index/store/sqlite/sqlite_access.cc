@@ -15,6 +15,7 @@
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
+#include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "index/store/sqlite/sqlite_error.h"
 
@@ -90,11 +91,11 @@ class SqliteAccess : public Access {
   void BeforeWrite() override { CheckInPlace(); }
   void BeforeCommit() override { CheckInPlace(); }  // again, as near to the commit as can be
   void Reclaim(Connection& db) override;
-  [[noreturn]] void RethrowAsError() override {
+  void ThrowAsError() override {
     try {
       throw;
     } catch (const SQLite::Exception& error) {
-      ThrowAsError(error, path_);
+      pliant::ThrowAsError(error, path_);
     }
   }
 
@@ -131,8 +132,8 @@ class SqliteAccess : public Access {
   const int busy_timeout_ms_;
   const std::uint64_t reserve_bytes_;
   const File file_;
-  // The writer, in the base, is destroyed after them: the last connection to close puts the log into
-  // the database and removes it, which only a writing one can.
+  // The writer, in the base, is destroyed after them: the last connection to close puts the log
+  // into the database and removes it, which only a writing one can.
   std::unique_ptr<ConnectionPool> readers_;
   std::mutex watch_mutex_;  // guards watch_
   // data_version tells of commits by other connections than the one that asks: this one never
@@ -209,10 +210,10 @@ std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart pa
     } else {
       RequirePliant(file, options.busy_timeout_ms);
     }
-    UpgradeDatabase(file,
-                    options.read_only ? SqliteConnection::Mode::kReadOnly
-                                      : SqliteConnection::Mode::kReadWrite,
-                    options.busy_timeout_ms);
+    UpgradeDatabase(
+        file,
+        options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite,
+        options.busy_timeout_ms);
   });
   return std::make_unique<SqliteAccess>(options);
 }

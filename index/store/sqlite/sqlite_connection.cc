@@ -78,8 +78,9 @@ SQLite::Database Open(const std::filesystem::path& path, SqliteConnection::Mode 
 
 class SqliteStatement : public Statement {
  public:
-  SqliteStatement(SQLite::Database& database, const std::string& sql)
-      : database_(database), statement_(database, sql) {}
+  SqliteStatement(SQLite::Database& database, BoundPointers& bound, const std::string& sql)
+      : database_(database), bound_(bound), statement_(database, sql) {}
+  ~SqliteStatement() override { ForgetPointers(); }
 
   void Bind(int index, std::int64_t value) override { statement_.bind(index, value); }
   void Bind(int index, double value) override { statement_.bind(index, value); }
@@ -100,14 +101,19 @@ class SqliteStatement : public Statement {
   }
   void BindNull(int index) override { statement_.bind(index); }
   void BindPointer(int index, const void* value, const char* type) override {
-    sqlite3_bind_pointer(statement_.getPreparedStatement(), index, const_cast<void*>(value), type,
-                         nullptr);
+    const std::int64_t number = bound_.empty() ? 1 : bound_.rbegin()->first + 1;
+    bound_[number] = {value, type};
+    pointers_.push_back(number);
+    statement_.bind(index, number);
   }
 
   bool Step() override { return statement_.executeStep(); }
   std::int64_t Changed() override { return database_.getChanges(); }
   void Reset() noexcept override { statement_.tryReset(); }
-  void ClearBindings() noexcept override { sqlite3_clear_bindings(statement_.getPreparedStatement()); }
+  void ClearBindings() noexcept override {
+    ForgetPointers();
+    statement_.clearBindings();
+  }
 
   bool IsNull(int column) const override { return statement_.isColumnNull(column); }
   std::int64_t Int(int column) const override { return Column(column).getInt64(); }
@@ -121,8 +127,14 @@ class SqliteStatement : public Statement {
 
  private:
   SQLite::Column Column(int column) const { return statement_.getColumn(column); }
+  void ForgetPointers() noexcept {
+    for (const std::int64_t number : pointers_) bound_.erase(number);
+    pointers_.clear();
+  }
 
   SQLite::Database& database_;
+  BoundPointers& bound_;
+  std::vector<std::int64_t> pointers_;   // in bound_, of this
   mutable SQLite::Statement statement_;  // reading a column is no change
 };
 
@@ -131,7 +143,7 @@ class SqliteStatement : public Statement {
 SqliteConnection::SqliteConnection(const std::filesystem::path& path, Mode mode,
                                    int busy_timeout_ms)
     : database_(Open(path, mode, busy_timeout_ms)) {
-  AddRowTests(database_.getHandle());
+  AddRowTests(database_.getHandle(), &bound_);
   // A file may come from elsewhere: its schema is given no more than it needs.
   sqlite3_db_config(database_.getHandle(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(database_.getHandle(), SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
@@ -188,7 +200,7 @@ std::int64_t SqliteConnection::LastKey(const char* table) {
 }
 
 std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql) {
-  return std::make_unique<SqliteStatement>(database_, sql);
+  return std::make_unique<SqliteStatement>(database_, bound_, sql);
 }
 
 void SqliteConnection::ThrowRowMissing() {
@@ -204,8 +216,8 @@ ConnectionPool::Lease ConnectionPool::Borrow() {
       return {*this, std::move(connection)};
     }
   }
-  return {*this,
-          std::make_unique<SqliteConnection>(path_, SqliteConnection::Mode::kReadOnly, busy_timeout_ms_)};
+  return {*this, std::make_unique<SqliteConnection>(path_, SqliteConnection::Mode::kReadOnly,
+                                                    busy_timeout_ms_)};
 }
 
 void ConnectionPool::GiveBack(std::unique_ptr<SqliteConnection> connection) noexcept {

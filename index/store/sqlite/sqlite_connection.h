@@ -14,6 +14,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include "index/store/sql/connection.h"
+#include "index/store/sqlite/row_tests.h"
 
 namespace pliant {
 
@@ -51,6 +52,7 @@ class SqliteConnection : public Connection {
 
  private:
   std::function<bool()> stop_;  // before what uses it
+  BoundPointers bound_;         // likewise
   SQLite::Database database_;
 };
 
