@@ -1,24 +1,21 @@
 #!/usr/bin/env bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# A small ClickHouse cluster on this machine, for trying and testing: ZooKeeper and SHARDS x REPLICAS
-# servers as plain processes on free ports, all in one folder. No service is installed or enabled.
+# PostgreSQL with a standby, and pliant-server processes, on this machine, for trying and testing: plain processes on free
+# ports of loopback, all in one folder. No service is installed or enabled. Every user of this machine can connect to them.
 #
-#   cluster_local.sh up DIR [SHARDS REPLICAS]   starts what does not run (2 x 2), waits until all
-#                                               answer, and prints the URL for --db
-#   cluster_local.sh status DIR                 who runs; exit status 1 unless all answer
-#   cluster_local.sh down DIR                   stops all; the data stay, and `up` goes on with them
-#   cluster_local.sh remove DIR                 ends all at once and removes the data
+#   cluster_local.sh up DIR [SERVERS]   starts what does not run (two databases; 2 servers, or as many as before), waits until
+#                                       all answer, and prints their addresses and the URL for --db
+#   cluster_local.sh status DIR         what runs; exit status 1 unless all answer
+#   cluster_local.sh promote DIR        makes the standby the primary; the old primary, running or killed, becomes its standby
+#   cluster_local.sh down DIR           ends all in order; the data stay, and `up` continues with them
+#   cluster_local.sh remove DIR         ends all at once and removes the data
 #
-# Needs Debian's packages clickhouse-server, libzookeeper-java, default-jre-headless and curl; without
-# them exit status 77. CLICKHOUSE_DIR may name a folder where the first is unpacked and not installed.
+# A commit waits until the standby has flushed it (synchronous_commit = on). remote_apply would also wait until queries on the
+# standby see it, but nobody queries the standby: the URL leads every client to the primary.
+# Needs Debian's postgresql (exit status 77 without it); for servers also curl and Pliant's programs, from PLIANT_BIN, PATH or build/.
 set -euo pipefail
-PATH=$PATH:/usr/sbin
-libraries=${LD_LIBRARY_PATH:-}
-if [ -n "${CLICKHOUSE_DIR:-}" ] && [ -x "$CLICKHOUSE_DIR/usr/sbin/clickhouse-server" ]; then
-  PATH=$CLICKHOUSE_DIR/usr/sbin:$PATH
-  libraries=$(dirname "$(ls -d "$CLICKHOUSE_DIR"/usr/lib/*/libclickhouse.so.* | head -n 1)")${libraries:+:$libraries}
-fi
+unset "${!PG@}"  # libpq's variables are about other databases
 
 usage() { sed -n '/^#   /s/^# //p' "$0" >&2; exit 2; }
 fail() { echo "cluster_local.sh: $*" >&2; exit 1; }
@@ -27,222 +24,199 @@ fail() { echo "cluster_local.sh: $*" >&2; exit 1; }
 action=$1
 mkdir -p "$2" 2>/dev/null || fail "cannot make the folder $2"
 home=$(cd "$2" && pwd -P)
-case $home in *[!A-Za-z0-9/._-]*) fail "the folder's name may have letters, digits and . _ - only: $home" ;; esac
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+case $home in *[!A-Za-z0-9/._-]*) fail "the folder's name can have letters, digits and . _ - only: $home" ;; esac
 
-# The processes of this folder, and no others: a number may have been given to a new process since.
-pid_of() {
-  local pid
-  pid=$(cat "$home/$1/pid" 2>/dev/null) || return 1
-  [ -n "$pid" ] && tr '\0' ' ' 2>/dev/null <"/proc/$pid/cmdline" | grep -qF "$home/$1/" && echo "$pid"
+initdb=$(compgen -G '/usr/lib/postgresql/*/bin/initdb' | sort -V | tail -n 1 || true)
+[ -n "$initdb" ] || initdb=$(command -v initdb) || { echo "cluster_local.sh: PostgreSQL is missing: apt-get install postgresql" >&2; exit 77; }
+PATH=$(dirname "$(readlink -f "$initdb")"):$PATH
+as_user=()
+if [ "$(id -u)" -eq 0 ]; then  # PostgreSQL refuses to run as root
+  as_user=(setpriv --reuid=postgres --regid="$(id -g postgres)" --clear-groups)
+  "${as_user[@]}" test -x "$home" || fail "the user postgres cannot enter $home"
+fi
+as_postgres() { (cd "$home" && "${as_user[@]}" "$@" 9>&-); }  # without the lock, which is this script's
+
+# -- the databases, db1 and db2; $home/primary names the one that is, or is about to be, the primary
+
+port() { cat "$home/$1/port"; }
+primary() { cat "$home/primary" 2>/dev/null || echo db1; }
+standby() { if [ "$(primary)" = db1 ]; then echo db2; else echo db1; fi; }
+source_of() { echo "host=127.0.0.1 port=$(port "$1") user=postgres dbname=postgres"; }
+sql() { psql -qAtX -d "$(source_of "$1") connect_timeout=5" "${@:2}"; }  # NODE ARGUMENTS...
+db_runs() { as_postgres pg_ctl status -D "$home/$1/data" >/dev/null 2>&1; }
+url() { echo "postgresql://pliant@127.0.0.1:$(port db1),127.0.0.1:$(port db2)/pliant?target_session_attrs=read-write"; }
+
+prepare() {  # NAME : its folder and its port, chosen once, because the URL names it
+  mkdir -p "$home/$1"
+  [ -s "$home/$1/port" ] && return
+  local port
+  for port in $(shuf -n 100 -i 20000-29999); do
+    (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null || break
+  done
+  echo "$port" >"$home/$1/port"
 }
 
-stop() {  # NODE... : ends them together, in at most 20 seconds
-  local node pid left
-  for node in "$@"; do pid=$(pid_of "$node") && kill "$pid" 2>/dev/null || true; done
-  for _ in $(seq 100); do
-    left=
-    for node in "$@"; do if pid_of "$node" >/dev/null; then left=1; fi; done
-    [ -n "$left" ] || break
+make_data() {  # NODE COMMAND... : has the command make the data in a folder that gets its name when they are complete
+  if [ "$(id -u)" -eq 0 ]; then chown postgres "$home/$1"; fi
+  as_postgres rm -rf "$home/$1/data.new"
+  as_postgres "${@:2}" -D "$home/$1/data.new" >"$home/made.log" 2>&1 || { cat "$home/made.log" >&2; fail "no data for $1"; }
+}
+
+start_db() {  # NODE
+  db_runs "$1" && return
+  as_postgres pg_ctl start -s -w -t 120 -D "$home/$1/data" -l "$home/$1/log" \
+    -o "-p $(port "$1") -c cluster_name=$1 -c primary_conninfo='$(source_of "$([ "$1" = db1 ] && echo db2 || echo db1)")'" ||
+    { tail -n 5 "$home/$1/log" >&2; fail "$1 does not start; see $home/$1/log"; }
+}
+
+start_primary() {
+  local node
+  node=$(primary)
+  if [ ! -e "$home/$node/data" ]; then
+    [ ! -e "$home/primary" ] || fail "the data of $node, the primary, are gone"
+    make_data "$node" initdb -U postgres --auth=trust --encoding=UTF8 --locale=C.UTF-8 --data-checksums  # pg_rewind needs them
+    as_postgres tee -a "$home/$node/data.new/postgresql.conf" >/dev/null <<CONF
+listen_addresses = '127.0.0.1'
+unix_socket_directories = ''
+max_connections = 200
+synchronous_standby_names = 'db1, db2'
+wal_keep_size = '1GB'                   # what a standby can miss
+wal_retrieve_retry_interval = '200ms'
+CONF
+    as_postgres mv "$home/$node/data.new" "$home/$node/data"
+    echo "$node" >"$home/primary"
+  fi
+  start_db "$node"
+  if [ "$(sql "$node" -c 'SELECT pg_is_in_recovery()')" = t ]; then
+    as_postgres pg_ctl promote -s -w -t 60 -D "$home/$node/data"
+    sql "$node" -c CHECKPOINT  # pg_rewind looks for the new timeline in it
+  fi
+  if [ -z "$(sql "$node" -c "SELECT 1 FROM pg_database WHERE datname = 'pliant'")" ]; then  # no standby has it yet
+    PGOPTIONS='-c synchronous_commit=local' sql "$node" -c 'SET client_min_messages = warning' -c 'DROP ROLE IF EXISTS pliant' \
+      -c 'CREATE ROLE pliant LOGIN' -c 'CREATE DATABASE pliant OWNER pliant'
+  fi
+}
+
+replicates() { [ -n "$(sql "$(primary)" -c "SELECT 1 FROM pg_stat_replication WHERE application_name = '$(standby)' AND sync_state = 'sync'" 2>/dev/null)" ]; }
+
+start_standby() {
+  local node
+  node=$(standby)
+  if [ ! -e "$home/$node/data" ]; then
+    make_data "$node" pg_basebackup -d "$(source_of "$(primary)")" --checkpoint=fast
+    as_postgres touch "$home/$node/data.new/standby.signal"
+    as_postgres mv "$home/$node/data.new" "$home/$node/data"
+  elif [ ! -e "$home/$node/data/standby.signal" ]; then  # it was the primary: what only it has goes
+    as_postgres pg_rewind -D "$home/$node/data" --source-server="$(source_of "$(primary)")" >"$home/made.log" 2>&1 ||
+      { cat "$home/made.log" >&2; fail "$node cannot follow; rm -r $home/$node/data, and up copies the primary again"; }
+    as_postgres touch "$home/$node/data/standby.signal"
+  fi
+  start_db "$node"
+  wait_for db_runs "$node" replicates || fail "$node does not follow; see $home/$node/log"
+}
+
+wait_for() {  # RUNS NAME COMMAND... : at most two minutes, less when the process ends
+  local runs=$1 name=$2
+  for _ in $(seq 600); do
+    "${@:3}" && return 0
+    "$runs" "$name" || return 1
     sleep 0.2
   done
-  kill_now "$@"
-}
-
-kill_now() {  # NODE...
-  local node pid
-  for node in "$@"; do pid=$(pid_of "$node") && kill -KILL "$pid" 2>/dev/null || true; rm -f "$home/$node/pid"; done
-}
-
-nodes() { cat "$home/nodes" 2>/dev/null || true; }  # lines: name, shard, HTTP, TCP and interserver port
-
-free_ports() {  # N : that many ports that nobody listens on
-  local port count=0
-  for port in $(shuf -i 20000-29999); do
-    if ! (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; then
-      echo "$port"
-      count=$((count + 1))
-      [ "$count" -lt "$1" ] || return 0
-    fi
-  done
-}
-
-write_keeper() {
-  mkdir -p "$home/zookeeper/data"
-  cat >"$home/zookeeper/zoo.cfg" <<EOF
-tickTime=2000
-dataDir=$home/zookeeper/data
-clientPort=$1
-clientPortAddress=127.0.0.1
-admin.enableServer=false
-maxClientCnxns=0
-autopurge.purgeInterval=1
-4lw.commands.whitelist=srvr
-EOF
-}
-
-write_shards() {
-  local shard
-  for shard in $(cut -d' ' -f2 "$home/nodes" | sort -un); do
-    echo "<shard><internal_replication>true</internal_replication>"
-    awk -v shard="$shard" '$2 == shard {
-      print "<replica><host>127.0.0.1</host><port>" $4 "</port></replica>" }' "$home/nodes"
-    echo "</shard>"
-  done
-}
-
-write_node() {  # NAME SHARD HTTP TCP INTERSERVER
-  local at=$home/$1
-  mkdir -p "$at/data" "$at/tmp" "$at/user_files" "$at/format_schemas"
-  cat >"$at/config.xml" <<EOF
-<?xml version="1.0"?>
-<yandex>
-  <logger><level>information</level><log>$at/server.log</log><errorlog>$at/error.log</errorlog><size>20M</size><count>2</count></logger>
-  <listen_host>127.0.0.1</listen_host>
-  <http_port>$3</http_port><tcp_port>$4</tcp_port>
-  <interserver_http_host>127.0.0.1</interserver_http_host><interserver_http_port>$5</interserver_http_port>
-  <path>$at/data/</path><tmp_path>$at/tmp/</tmp_path><user_files_path>$at/user_files/</user_files_path>
-  <format_schema_path>$at/format_schemas/</format_schema_path>
-  <users_config>$at/users.xml</users_config><default_profile>default</default_profile><default_database>default</default_database>
-  <max_connections>128</max_connections><keep_alive_timeout>10</keep_alive_timeout><max_concurrent_queries>64</max_concurrent_queries>
-  <uncompressed_cache_size>0</uncompressed_cache_size><mark_cache_size>67108864</mark_cache_size>
-  <remote_servers><pliant>
-$(write_shards)
-  </pliant></remote_servers>
-  <zookeeper><node><host>127.0.0.1</host><port>$(cat "$home/zookeeper/port")</port></node><session_timeout_ms>10000</session_timeout_ms></zookeeper>
-  <macros><shard>$2</shard><replica>$1</replica></macros>
-  <distributed_ddl><path>/clickhouse/task_queue/ddl</path></distributed_ddl>
-</yandex>
-EOF
-  cat >"$at/users.xml" <<EOF
-<?xml version="1.0"?>
-<yandex>
-  <profiles><default>
-    <max_memory_usage>1000000000</max_memory_usage><max_threads>2</max_threads><min_compress_block_size>8192</min_compress_block_size>
-    <background_schedule_pool_size>4</background_schedule_pool_size><connect_timeout_with_failover_ms>200</connect_timeout_with_failover_ms>
-    <log_queries>0</log_queries>
-  </default></profiles>
-  <users><default><password></password><networks><ip>127.0.0.1</ip></networks><profile>default</profile><quota>default</quota></default></users>
-  <quotas><default></default></quotas>
-</yandex>
-EOF
-}
-
-plan() {  # SHARDS REPLICAS : chooses ports, once for a folder: the tables remember them
-  local ports shard replica at=1
-  [[ $1 =~ ^[1-9]$ && $2 =~ ^[1-9]$ ]] || fail "shards and replicas are 1 to 9"
-  mapfile -t ports < <(free_ports $((1 + 3 * $1 * $2)))
-  mkdir -p "$home/zookeeper"
-  echo "${ports[0]}" >"$home/zookeeper/port"
-  for shard in $(seq "$1"); do
-    for replica in $(seq "$2"); do
-      echo "s${shard}r$replica $shard ${ports[at]} ${ports[at + 1]} ${ports[at + 2]}"
-      at=$((at + 3))
-    done
-  done >"$home/nodes.new"
-  mv "$home/nodes.new" "$home/nodes"
-}
-
-# "ruok" is answered before the data are loaded, and servers that start then give up.
-keeper_answers() {
-  local answer
-  { exec 3<>"/dev/tcp/127.0.0.1/$(cat "$home/zookeeper/port")"; } 2>/dev/null || return 1
-  echo srvr >&3 2>/dev/null || true
-  answer=$(timeout 2 cat <&3 || true)
-  exec 3>&-
-  [[ $answer == *Mode:* ]]
-}
-
-answers() { [ "$(curl -s -m 3 --noproxy '*' "http://127.0.0.1:$1/ping" || true)" = Ok. ]; }
-
-start_keeper() {
-  if pid_of zookeeper >/dev/null; then return; fi
-  write_keeper "$(cat "$home/zookeeper/port")"
-  setsid java -Xmx192m -XX:+UseSerialGC -cp "/etc/zookeeper/conf_example:/usr/share/java/zookeeper.jar" \
-    -Dzookeeper.log.dir="$home/zookeeper" -Dzookeeper.root.logger=WARN,CONSOLE \
-    org.apache.zookeeper.server.quorum.QuorumPeerMain "$home/zookeeper/zoo.cfg" \
-    >"$home/zookeeper/out.log" 2>&1 </dev/null 9>&- &
-  echo $! >"$home/zookeeper/pid"
-}
-
-start_node() {
-  if pid_of "$1" >/dev/null; then return; fi
-  write_node "$@"
-  LD_LIBRARY_PATH=$libraries setsid clickhouse-server --config-file="$home/$1/config.xml" >"$home/$1/out.log" 2>&1 </dev/null 9>&- &  # the lock is this script's
-  echo $! >"$home/$1/pid"
-}
-
-wait_for() {  # NAME COMMAND... : at most 90 seconds, less when the process has ended
-  local name=$1
-  shift
-  for _ in $(seq 450); do
-    "$@" && return 0
-    pid_of "$name" >/dev/null || break
-    sleep 0.2
-  done
-  tail -n 5 "$home/$name/error.log" "$home/$name/out.log" >&2 2>/dev/null || true
   return 1
 }
 
-url() {
-  echo "clickhouse://$(awk '{ printf "%s127.0.0.1:%s", (NR > 1 ? "," : ""), $3 }' "$home/nodes")/pliant?keeper=127.0.0.1:$(cat "$home/zookeeper/port")&cluster=pliant"
-}
+# -- the servers, server1, server2, ...
 
-check_packages() {
-  local program
-  for program in clickhouse-server java curl; do
-    command -v "$program" >/dev/null || { echo "cluster_local.sh: $program is missing: apt-get install clickhouse-server libzookeeper-java default-jre-headless curl" >&2; exit 77; }
+servers() { find "$home" -maxdepth 1 -name 'server*' -printf '%f\n' | sort -V; }
+server_pid() { local pid; pid=$(cat "$home/$1/pid" 2>/dev/null) && grep -qsF "127.0.0.1:$(port "$1")" "/proc/$pid/cmdline" && echo "$pid"; }
+server_runs() { server_pid "$1" >/dev/null; }
+ready() { curl -fs -m 5 --noproxy '*' -o /dev/null "http://127.0.0.1:$(port "$1")/readyz"; }
+
+start_servers() {
+  local name program
+  PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../build/*/bin" | tr '\n' ':' || true)
+  for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
+  pliant db init --db "$(url)"
+  for name in $(servers); do
+    server_runs "$name" && continue
+    setsid pliant-server --db "$(url)" --listen "127.0.0.1:$(port "$name")" >>"$home/$name/log" 2>&1 </dev/null 9>&- &
+    echo $! >"$home/$name/pid"
   done
-  [ -e /usr/share/java/zookeeper.jar ] || { echo "cluster_local.sh: ZooKeeper is missing: apt-get install libzookeeper-java" >&2; exit 77; }
+  for name in $(servers); do
+    wait_for server_runs "$name" ready "$name" || { tail -n 5 "$home/$name/log" >&2; fail "$name is not ready; see $home/$name/log"; }
+  done
 }
 
-up() {
-  local started=
-  check_packages
-  [ -s "$home/nodes" ] && [ -s "$home/zookeeper/port" ] || plan "${1:-2}" "${2:-2}"
-  # What this call started goes again when not all of it answers, also after Ctrl-C.
-  trap 'status=$?; if [ "$status" -ne 0 ] && [ -n "$started" ]; then stop $started; fi' EXIT
-  trap 'exit 130' INT TERM
-  pid_of zookeeper >/dev/null || started=zookeeper
-  start_keeper
-  wait_for zookeeper keeper_answers || fail "ZooKeeper does not answer; see $home/zookeeper"
-  while read -r name shard http tcp interserver; do
-    pid_of "$name" >/dev/null || started="$name $started"
-    start_node "$name" "$shard" "$http" "$tcp" "$interserver"
-  done < <(nodes)
-  while read -r name _ http _; do
-    wait_for "$name" answers "$http" || fail "$name does not answer; see $home/$name"
-  done < <(nodes)
-  url
+stop_servers() {  # SIGNAL : and SIGKILL for what ignores that for 40 seconds
+  local name end=$((SECONDS + 40))
+  for name in $(servers); do
+    if server_runs "$name"; then kill "-$1" "$(server_pid "$name")" || true; fi
+  done
+  for name in $(servers); do
+    while server_runs "$name"; do
+      [ "$SECONDS" -lt "$end" ] || kill -KILL "$(server_pid "$name")" || true
+      sleep 0.1
+    done
+  done
+}
+
+stop_db() {  # NODE MODE
+  db_runs "$1" || return 0
+  as_postgres pg_ctl stop -s -w -t 120 -D "$home/$1/data" -m "$2" || ! db_runs "$1"  # it may have been ending just then
 }
 
 status() {
-  local all=0 state name http
-  check_packages
-  [ -s "$home/nodes" ] || fail "there is no cluster in $home; make one with: cluster_local.sh up $home"
-  state=answers; keeper_answers || { state="does not answer"; all=1; }
-  echo "zookeeper  127.0.0.1:$(cat "$home/zookeeper/port")  $state"
-  while read -r name _ http _; do
-    state=answers; answers "$http" || { state="does not answer"; all=1; }
-    echo "$name       127.0.0.1:$http  $state"
-  done < <(nodes)
-  url
+  local all=0 node state
+  [ -s "$home/primary" ] || fail "there is no cluster in $home; make one with: cluster_local.sh up $home"
+  for node in db1 db2; do
+    case $(sql "$node" -c 'SELECT pg_is_in_recovery()' 2>/dev/null) in
+      f) state=primary ;;
+      t) state=standby; if [ "$node" = "$(standby)" ] && ! replicates; then state="standby that does not follow"; all=1; fi ;;
+      *) state="does not answer"; all=1 ;;
+    esac
+    echo "$node  127.0.0.1:$(port "$node")  $state"
+  done
+  for node in $(servers); do
+    state=ready; ready "$node" || { state="is not ready"; all=1; }
+    echo "$node  http://127.0.0.1:$(port "$node")  $state"
+  done
+  echo "--db '$(url)'"
   return "$all"
 }
 
+up() {
+  local name count=${1:-$([ -e "$home/primary" ] && echo 0 || echo 2)}
+  [[ $count =~ ^[0-9]+$ ]] || usage
+  for name in db1 db2 $(seq -f 'server%g' "$count"); do prepare "$name"; done
+  start_primary
+  start_standby
+  if [ -n "$(servers)" ]; then start_servers; fi
+  status
+}
+
 exec 9>"$home/lock"
-if [ "$action" = remove ]; then
-  flock -w 10 9 || true  # an `up` whose caller has ended may wait for a node that never answers
-else
-  flock -w 120 9 || fail "another cluster_local.sh works in $home"
-fi
+flock -w 300 9 || fail "another cluster_local.sh works in $home"
 case $action in
   up) up "${@:3}" ;;
   status) status ;;
-  down) stop $(nodes | cut -d' ' -f1); stop zookeeper ;;
+  promote)
+    db_runs "$(standby)" || fail "the standby does not run: it may lack what the primary has committed. Call up first."
+    stop_db "$(primary)" fast  # never two primaries
+    standby >"$home/primary.new"
+    mv "$home/primary.new" "$home/primary"
+    up
+    ;;
+  down)
+    stop_servers TERM
+    stop_db "$(primary)" fast  # which waits until the standby has everything
+    stop_db "$(standby)" fast
+    ;;
   remove)
-    kill_now $(nodes | cut -d' ' -f1) zookeeper
-    for name in $(nodes | cut -d' ' -f1) zookeeper; do rm -rf "${home:?}/$name"; done
-    rm -f "$home/nodes" "$home/lock"
+    stop_servers KILL
+    for name in db1 db2; do stop_db "$name" immediate; done
+    for name in db1 db2 $(servers); do rm -rf "${home:?}/$name"; done
+    rm -f "$home/primary" "$home/made.log" "$home/lock"
     rmdir "$home" 2>/dev/null || true  # unless something else is there
     ;;
   *) usage ;;
