@@ -216,7 +216,7 @@ CREATE TRIGGER picture_fields BEFORE INSERT OR UPDATE OF metadata ON pictures
 
 CREATE FUNCTION count_pictures() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-  UPDATE collections c SET images = images + n.images, descriptors = descriptors + n.descriptors
+  UPDATE collections c SET images = c.images + n.images, descriptors = c.descriptors + n.descriptors
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM added
         GROUP BY collection) n WHERE c.key = n.collection;
   RETURN NULL;
@@ -231,7 +231,7 @@ DECLARE
 BEGIN
   SELECT count(*) INTO gone FROM removed;
   IF gone = 0 THEN RETURN NULL; END IF;
-  UPDATE collections c SET images = images - n.images, descriptors = descriptors - n.descriptors
+  UPDATE collections c SET images = c.images - n.images, descriptors = c.descriptors - n.descriptors
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM removed
         GROUP BY collection) n WHERE c.key = n.collection;
   UPDATE feed SET removals = removals + gone WHERE key = 0 RETURNING removals INTO last;
