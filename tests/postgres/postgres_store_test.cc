@@ -88,8 +88,8 @@ class PostgresStoreTest : public ::testing::Test {
       request.metadata = picture.metadata;
       request.object = picture.object;
       request.source = picture.source;
-      request.bytes = Bytes(reinterpret_cast<const std::uint8_t*>(picture.id.data()),
-                            picture.id.size());
+      request.bytes =
+          Bytes(reinterpret_cast<const std::uint8_t*>(picture.id.data()), picture.id.size());
     }
     std::vector<PicturePut> puts;
     for (const AddRequest& request : requests) {
@@ -286,7 +286,8 @@ Json RandomMetadata(std::mt19937& dice) {
 FilterBound RandomBound(std::mt19937& dice) {
   while (true) {
     FilterValue value = RandomValue(dice);
-    if (std::holds_alternative<std::monostate>(value) || std::holds_alternative<bool>(value)) continue;
+    if (std::holds_alternative<std::monostate>(value) || std::holds_alternative<bool>(value))
+      continue;
     return {value, dice() % 2 == 0};
   }
 }
@@ -333,14 +334,14 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
   for (int i = 0; i < 400; ++i) {
     const Filter filter = RandomFilter(dice, i % 3);
     CheckFilter(filter);
-    const Admission admission =
-        store_->catalogue().Admit(collection, std::nullopt, filter, {});
+    const Admission admission = store_->catalogue().Admit(collection, std::nullopt, filter, {});
     std::set<std::string> expected;
     for (const Picture& picture : pictures) {
       if (Passes(filter, picture.metadata)) expected.insert(picture.id);
     }
     std::vector<PictureRef> refs;
-    for (const std::int64_t version : *admission.versions) refs.push_back({collection, "", version});
+    for (const std::int64_t version : *admission.versions)
+      refs.push_back({collection, "", version});
     std::set<std::string> found;
     for (const auto& picture : store_->catalogue().LoadPictures(refs, Load::kRecords)) {
       found.insert(picture->record.id);
@@ -352,7 +353,7 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
 }
 
 TEST_F(PostgresStoreTest, TextIsFoundWhateverItsCase) {
-  const std::vector<std::string> names = {"Straße",  "STRASSE", "ΣΊΣΥΦΟΣ", "σίσυφος", "İstanbul",
+  const std::vector<std::string> names = {"Straße",   "STRASSE", "ΣΊΣΥΦΟΣ", "σίσυφος", "İstanbul",
                                           "ISTANBUL", "ǅ",       "ＡＢＣ",  "a_%\\b",  "Ünï 'x'"};
   std::vector<Picture> pictures;
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -360,7 +361,8 @@ TEST_F(PostgresStoreTest, TextIsFoundWhateverItsCase) {
   }
   Put(*store_, pictures);
   for (const std::string& text : names) {
-    for (const std::string& asked : {text, EncodeUtf8(FoldCase(text)), text.substr(0, 1), "p " + text}) {
+    for (const std::string& asked :
+         {text, EncodeUtf8(FoldCase(text)), text.substr(0, 1), "p " + text}) {
       if (!IsValidUtf8(asked)) continue;
       PictureListing list;
       list.which.text = asked;
@@ -389,7 +391,8 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
       server.Ask(
           "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity "
           "WHERE application_name = 'pliant' AND random() < 0.3");
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));  // the rate of kills, no condition
+      std::this_thread::sleep_for(
+          std::chrono::milliseconds(20));  // the rate of kills, no condition
     }
   });
   const auto insist = [&](const auto& work) {
@@ -398,7 +401,7 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
         return work();
       } catch (const Error& error) {
         ASSERT_EQ(error.code(), ErrorCode::kUnavailable) << error.what();
-        if (error.reason() == "outcome_unknown") ++unknown;
+        if (error.reason() == "database_outcome_unknown") ++unknown;
       }
     }
     FAIL() << "never done";
@@ -430,8 +433,7 @@ TEST_F(PostgresStoreTest, AWriterThatHoldsTheTurnTooLongIsRefusedAndEnds) {
   other.Ask("BEGIN");
   other.Ask("UPDATE feed SET position = position + 1 WHERE key = 0");
   const auto store = Open(300);
-  testing::ExpectError(ErrorCode::kUnavailable, "database_busy",
-                       [&] { Put(*store, {{"waits"}}); });
+  testing::ExpectError(ErrorCode::kUnavailable, "database_busy", [&] { Put(*store, {{"waits"}}); });
   other.Ask("ROLLBACK");
   EXPECT_EQ(Put(*store, {{"waits"}}).front().outcome, AddOutcome::kCreated);
 }
