@@ -33,4 +33,19 @@ std::u32string DecodeUtf8(std::string_view text) {
   return points;
 }
 
+std::string EncodeUtf8(std::u32string_view text) {
+  std::string bytes;
+  for (const char32_t c : text) {
+    if (c < 0x80) {
+      bytes += static_cast<char>(c);
+      continue;
+    }
+    const int more = c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;  // bytes that follow the first
+    constexpr char32_t kFirst[] = {0xC0, 0xE0, 0xF0};
+    bytes += static_cast<char>(kFirst[more - 1] | c >> 6 * more);
+    for (int i = more - 1; i >= 0; --i) bytes += static_cast<char>(0x80 | (c >> 6 * i & 0x3F));
+  }
+  return bytes;
+}
+
 }  // namespace pliant

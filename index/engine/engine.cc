@@ -59,6 +59,13 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), options_.loading);
   if (options_.load_index) ranker_->Load();
   if (!options_.read_only) store_->BeginWriting([this] { ranker_->Follow(); });
+  follower_ = store_->FollowOthers([this] {
+    try {
+      ranker_->Follow();
+    } catch (const Error&) {
+      // The next search tries again, and says what is wrong.
+    }
+  });
 }
 
 void Engine::Impl::CheckModel(const DescriptorInfo& info) const {

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "index/engine/engine.h"
@@ -115,6 +116,7 @@ class Engine::Impl {
   std::unique_ptr<Store> store_;
   std::unique_ptr<Ranker> ranker_;  // follows store_, and goes first
   std::mutex training_mutex_;       // one training at a time
+  std::jthread follower_;           // last: it uses the ranker
 };
 
 }  // namespace pliant

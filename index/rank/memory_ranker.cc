@@ -172,7 +172,7 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
 // A replaced picture is a removal and an addition: both must come in one snapshot, or a search sees
 // neither of the two states.
 bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
-  const auto removed = view.RemovedSince(loaded.at.removal);
+  const auto removed = view.RemovedSince(loaded.at);
   if (!removed) return false;
   const FeedPosition at = view.Position();  // may fail: after the change it would be done again
   view.ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.picture,

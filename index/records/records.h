@@ -125,6 +125,14 @@ struct UseOptions {
   bool automatic = false;
 };
 
+// What a database on a server of its own says.
+struct DatabaseServerRecord {
+  std::uint64_t connections = 0;       // that this process has open
+  std::uint64_t connection_waits = 0;  // times that somebody waited for a free one
+  // Of the standby that is furthest behind; absent where there is none.
+  std::optional<double> replication_lag_s;
+};
+
 struct EngineStats {
   std::uint64_t images = 0;
   std::uint64_t objects = 0;
@@ -134,6 +142,7 @@ struct EngineStats {
   std::string descriptor;
   std::string model_id;
   std::optional<VocabularyRecord> vocabulary;  // the active one of the default collection
+  std::optional<DatabaseServerRecord> server;  // absent: the database is a file
 };
 
 // A directory of uploaded files (EngineOptions::originals_dir).

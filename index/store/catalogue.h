@@ -61,81 +61,83 @@ struct DescriptorSample {
 
 enum class Load { kRecords, kRecordsAndFeatures };
 
+class Access;
+class OriginalsKeeper;
+struct ModelRow;
+
 class Catalogue {
  public:
-  virtual ~Catalogue() = default;
+  // All must outlive it.
+  Catalogue(Access* access, OriginalsKeeper* originals, const ModelRow* model)
+      : access_(*access), originals_(*originals), model_(*model) {}
 
   // What a search reads.
-  virtual CollectionState RequireCollection(const std::string& name) = 0;
+  CollectionState RequireCollection(const std::string& name);
   // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
   // where there is none.
-  virtual std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
-                                                                 Load what) = 0;
+  std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
+                                                         Load what);
   // Fills in what `object`, `filter` and `without` come to; ids of no picture leave nothing out.
-  // Reads the metadata of the whole collection when there is a filter.
-  virtual Admission Admit(Key collection, const std::optional<std::string>& object,
-                          const Filter& filter, const std::vector<std::string>& without) = 0;
+  Admission Admit(Key collection, const std::optional<std::string>& object, const Filter& filter,
+                  const std::vector<std::string>& without);
 
   // Collections and objects.
-  virtual std::vector<std::string> ListCollections() = 0;
-  virtual std::vector<CollectionLabel> ListLabels() = 0;  // as ListCollections, with other names
-  virtual std::vector<AliasRecord> ListAliases() = 0;     // in order of their names
-  virtual CollectionRecord DescribeCollection(const std::string& name) = 0;
-  virtual std::optional<ObjectRecord> FindObject(const std::string& collection,
-                                                 const std::string& object) = 0;
-  virtual std::vector<ObjectRecord> ListObjects(const std::string& collection,
-                                                const std::string& after, int limit) = 0;
+  std::vector<std::string> ListCollections();
+  std::vector<CollectionLabel> ListLabels();  // as ListCollections, with other names
+  std::vector<AliasRecord> ListAliases();     // in order of their names
+  CollectionRecord DescribeCollection(const std::string& name);
+  std::optional<ObjectRecord> FindObject(const std::string& collection, const std::string& object);
+  std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
+                                        int limit);
 
   // Pictures.
-  virtual std::optional<ImageRecord> FindPicture(const std::string& collection,
-                                                 const std::string& id) = 0;
-  virtual std::optional<ImageRecord> FindBySha256(const std::string& collection,
-                                                  const std::string& sha256) = 0;
-  virtual std::vector<ImageRecord> ListPictures(const ListOptions& options) = 0;
+  std::optional<ImageRecord> FindPicture(const std::string& collection, const std::string& id);
+  std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
+  std::vector<ImageRecord> ListPictures(const ListOptions& options);
   // Reads the metadata, or the names, of the whole collection when there is a filter, a text, a
   // count of what these leave, or a facet; holds a page in memory. kInvalidArgument
   // "after_invalid".
-  virtual PicturePage ListPicturePage(const PictureListing& list) = 0;
+  PicturePage ListPicturePage(const PictureListing& list);
   // All pages, one after the other, of one state of the store, however long `work` takes.
-  virtual void ForEachPicturePage(PictureListing list,
-                                  const std::function<void(const PicturePage&)>& work) = 0;
+  void ForEachPicturePage(PictureListing list, const std::function<void(const PicturePage&)>& work);
   // The same pictures twice, of one state of the store, in the same order: page by page, then one
   // by one with their encoded features, of which a page is in memory.
-  virtual void ForEachPictureFeatures(
-      PictureListing list, const std::function<void(const PicturePage&)>& look,
-      const std::function<void(const ImageRecord&, Bytes features)>& take) = 0;
-  virtual ObjectPage ListObjectPage(const ObjectListing& list) = 0;
+  void ForEachPictureFeatures(PictureListing list,
+                              const std::function<void(const PicturePage&)>& look,
+                              const std::function<void(const ImageRecord&, Bytes features)>& take);
+  ObjectPage ListObjectPage(const ObjectListing& list);
   // The picture that `request` would only store once more (store/unchanged.h).
-  virtual std::optional<ImageRecord> FindUnchanged(const AddRequest& request,
-                                                   const std::string& sha256) = 0;
+  std::optional<ImageRecord> FindUnchanged(const AddRequest& request, const std::string& sha256);
   // A picture of any collection with these bytes, with its features.
-  virtual std::optional<StoredPicture> FindDescribed(const std::string& sha256) = 0;
+  std::optional<StoredPicture> FindDescribed(const std::string& sha256);
   // The uploaded bytes. kNotFound "image_not_found", "content_not_kept"; kCorrupt
   // "original_missing", "original_corrupt".
-  virtual std::vector<std::uint8_t> ReadContent(const std::string& collection,
-                                                const std::string& id) = 0;
+  std::vector<std::uint8_t> ReadContent(const std::string& collection, const std::string& id);
 
   // Vocabularies: those that are ready, oldest first.
-  virtual std::vector<VocabularyRecord> ListVocabularies(const std::string& collection) = 0;
-  virtual std::optional<VocabularyRecord> FindVocabulary(const std::string& collection,
-                                                         Key vocabulary) = 0;
-  virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
-  virtual std::uint64_t CountPictures(Key collection) = 0;
-  virtual std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary) = 0;
+  std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
+  std::optional<VocabularyRecord> FindVocabulary(const std::string& collection, Key vocabulary);
+  std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary);
+  std::uint64_t CountPictures(Key collection);
+  std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary);
   // Pictures without words of the vocabulary: at most `limit`, by version, after `after`.
-  virtual std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary,
-                                                      std::int64_t after, int limit) = 0;
+  std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary, std::int64_t after,
+                                              int limit);
   // Each descriptor of the collection is as likely as any other, none is drawn twice. The same
   // seed and pictures give the same sample, in whatever order the pictures were added.
-  virtual DescriptorSample SampleDescriptors(Key collection, std::size_t count,
-                                             std::uint64_t seed) = 0;
+  DescriptorSample SampleDescriptors(Key collection, std::size_t count, std::uint64_t seed);
 
   // The whole store. Count: images, objects, descriptors, bytes, and the default collection's
   // vocabulary. Check: what is wrong, a sentence each. Backup: see Engine::Backup.
-  virtual EngineStats Count() = 0;
-  virtual std::vector<std::string> Check() = 0;
-  virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
-  virtual std::optional<OriginalsRecord> DescribeOriginals() = 0;
+  EngineStats Count();
+  std::vector<std::string> Check();
+  void Backup(const std::filesystem::path& target, const std::stop_token& stop);
+  std::optional<OriginalsRecord> DescribeOriginals();
+
+ private:
+  Access& access_;
+  OriginalsKeeper& originals_;
+  const ModelRow& model_;
 };
 
 }  // namespace pliant

@@ -20,6 +20,18 @@ namespace pliant {
 struct FeedPosition {
   std::int64_t picture = 0;  // the newest version
   std::int64_t removal = 0;  // number of the newest removal
+  // Of a database that a standby may take the place of: commits so far, which line of history they
+  // are in, and how many there were when it left the one before.
+  std::int64_t commit = 0;
+  std::int64_t history = 0;
+  std::int64_t left_at = 0;
+
+  // Whether nothing that was seen at `before` has been undone since, as what a standby had not
+  // received is when it takes the place of a primary.
+  bool Continues(const FeedPosition& before) const {
+    if (history == before.history) return commit >= before.commit;
+    return history == before.history + 1 && left_at >= before.commit;
+  }
 };
 
 // One consistent state of the store. For one thread; keep it short.
@@ -29,9 +41,9 @@ class FeedView {
 
   virtual FeedPosition Position() = 0;
   virtual std::vector<CollectionState> Collections() = 0;
-  // Versions that went after that removal, of all collections. nullopt: the store has forgotten
-  // some of them, so that only loading anew tells what is gone.
-  virtual std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) = 0;
+  // Versions that were removed after that position, of all collections. nullopt: the store has
+  // forgotten some of them, or does not continue from there; only loading all again tells.
+  virtual std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) = 0;
   virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
   virtual std::uint64_t CountPictures(Key collection) = 0;
   // Pictures that have words of the vocabulary, of `words` words, with versions above `after`,

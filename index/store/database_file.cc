@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/database_file.h"
 
+#include <string>
+
 #include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 
@@ -13,9 +15,9 @@ void RequireDatabaseFile(const std::filesystem::path& path) {
                 "the name of the database is empty");
   }
   if (!IsDatabaseUrl(path.string())) return;
-  throw Error(ErrorCode::kInvalidArgument, "database_is_a_url",
-              "the database is the URL of a PostgreSQL database, and this needs a database file; "
-              "back up and restore PostgreSQL with its own tools");
+  throw Error(ErrorCode::kInvalidArgument, "database_file_needed",
+              "this needs a database file, and the database is on a server; its own tools back it "
+              "up and restore it, and `pliant db copy` copies it to a file");
 }
 
 }  // namespace pliant

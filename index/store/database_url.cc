@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/database_url.h"
 
+#include <string>
+
 namespace pliant {
 
 bool IsDatabaseUrl(std::string_view database) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The name of a database is a file's path, or the URL of a database on a PostgreSQL server.
+// Databases that are not files: "postgresql://user@host/database".
 #pragma once
 
 #include <filesystem>
@@ -8,11 +8,10 @@
 
 namespace pliant {
 
-// Whether `database` begins with "postgresql://" or "postgres://".
 bool IsDatabaseUrl(std::string_view database);
 
-// Where a program writes temporary files: the directory of the database's file, and for a URL the
-// directory that this system has for them.
+// Where a server puts what it needs for a moment: beside the database's file, and for a URL where
+// this system keeps temporary files.
 std::filesystem::path FolderOf(const std::filesystem::path& database);
 
 }  // namespace pliant

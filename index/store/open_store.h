@@ -31,6 +31,10 @@ std::unique_ptr<Store> OpenStore(const StoreOptions& options);
 // "database_not_found" and what OpenStore throws for files that are no database.
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
 
+// Makes the tables of a database on a server, if they are not there: a URL (database_url.h). Throws
+// what OpenStore throws.
+void InitializeDatabase(const std::string& url);
+
 // Reads the whole file, writes nothing, and throws kCorrupt "database_corrupt" when its pages, its
 // keys or its counts contradict each other: it is damaged, or lies beside the log of another one.
 // As fast as the disk can be read, and under a second per GB. No file is no error.

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -58,54 +59,61 @@ struct RequestState {
   std::string answer;
 };
 
+class Access;
+
 // Thread-safe. Every method throws what a database throws: kUnavailable, kNoSpace, kReadOnly,
 // kCorrupt. OpenServiceStore (open_store.h) makes one.
 class ServiceStore {
  public:
-  virtual ~ServiceStore() = default;
+  // The database, opened for this.
+  explicit ServiceStore(std::unique_ptr<Access> access);
+  ~ServiceStore();
+  ServiceStore(const ServiceStore&) = delete;
+  ServiceStore& operator=(const ServiceStore&) = delete;
 
   // Changes whenever any process or thread has committed anything: then lists may differ.
-  virtual std::int64_t Version() = 0;
+  std::int64_t Version();
 
-  virtual std::vector<ApiKeyRecord> Keys() = 0;  // oldest first, with those that are revoked
-  virtual void AddKey(const ApiKeyRecord& key) = 0;
+  std::vector<ApiKeyRecord> Keys();  // oldest first, with those that are revoked
+  void AddKey(const ApiKeyRecord& key);
   // By id, or by a name that one working key has; false = there is none. Throws kConflict
   // "key_ambiguous" when several have that name.
-  virtual bool RevokeKey(const std::string& id_or_name) = 0;
-  virtual std::uint64_t ForgetRevokedKeys() = 0;  // how many
+  bool RevokeKey(const std::string& id_or_name);
+  std::uint64_t ForgetRevokedKeys();  // how many
 
   // The name under which this process has jobs; others can ask whether it still lives. Where a
   // process is known by a file, it is made by the first call.
-  virtual const std::string& Owner() = 0;
-  virtual bool Lives(const std::string& owner) = 0;
+  const std::string& Owner();
+  bool Lives(const std::string& owner);
 
-  virtual std::vector<JobRecord> Jobs() = 0;  // oldest first
+  std::vector<JobRecord> Jobs();  // oldest first
   // New, or in place of the one with its id; false = that is by now another owner's, and stays.
-  virtual bool SaveJob(const JobRecord& job) = 0;
+  bool SaveJob(const JobRecord& job);
   // A new job, with what it works on: kept until the job is saved as one that has ended.
-  virtual void AddJob(const JobRecord& job, std::span<const std::uint8_t> input) = 0;
+  void AddJob(const JobRecord& job, std::span<const std::uint8_t> input);
   // Nothing where there is none.
-  virtual std::optional<std::vector<std::uint8_t>> JobInput(const std::string& id) = 0;
+  std::optional<std::vector<std::uint8_t>> JobInput(const std::string& id);
   // What a job says of each of its items, by their numbers from 0, as texts; forgotten with the
   // job. Add: those that follow `first`, in place of what is there.
-  virtual void AddJobItems(const std::string& id, std::uint64_t first,
-                           const std::vector<std::string>& items) = 0;
-  virtual std::vector<std::string> JobItems(const std::string& id, std::uint64_t first,
-                                            int limit) = 0;
+  void AddJobItems(const std::string& id, std::uint64_t first,
+                   const std::vector<std::string>& items);
+  std::vector<std::string> JobItems(const std::string& id, std::uint64_t first, int limit);
   // New, unless a job of its kind in its collection has not ended, whoever does that; false = so it
   // is, and nothing was written.
-  virtual bool AddOnlyJob(const JobRecord& job) = 0;
+  bool AddOnlyJob(const JobRecord& job);
   // Makes a job that has not ended this process's own; false = `from` does not have it any more.
-  virtual bool TakeJob(const std::string& id, const std::string& from) = 0;
-  virtual void RequestCancel(const std::string& id) = 0;
-  virtual void KeepNewestJobs(std::size_t count) = 0;  // forgets older ones that have ended
+  bool TakeJob(const std::string& id, const std::string& from);
+  void RequestCancel(const std::string& id);
+  void KeepNewestJobs(std::size_t count);  // forgets older ones that have ended
 
   // Requests that may be sent again, remembered for a day. What a process began that no longer
   // lives, or this one without ending it, is begun anew: the caller knows what it is doing.
-  virtual RequestState BeginRequest(const RepeatableRequest& request) = 0;
+  RequestState BeginRequest(const RepeatableRequest& request);
   // nullopt = it failed, and is forgotten: it can be tried again.
-  virtual void EndRequest(const RepeatableRequest& request,
-                          const std::optional<std::string>& answer) = 0;
+  void EndRequest(const RepeatableRequest& request, const std::optional<std::string>& answer);
+
+ private:
+  const std::unique_ptr<Access> access_;
 };
 
 }  // namespace pliant

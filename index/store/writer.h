@@ -43,58 +43,71 @@ struct PictureWords {
   Bow bow;
 };
 
+class Access;
+class Connection;
+class IncomingOriginal;
+class OriginalsKeeper;
+struct ModelRow;
+
 class Writer {
  public:
-  virtual ~Writer() = default;
+  // All must outlive it.
+  Writer(Access* access, OriginalsKeeper* originals, const ModelRow* model)
+      : access_(*access), originals_(*originals), model_(*model) {}
 
   // Looks once more whether the same is stored already: kUnchanged. What `put.check` throws.
   PutOutcome Put(const PicturePut& put) { return PutAll({&put, 1}).front(); }
   // In one commit, in this order: all, or none where one of them throws. An outcome for each.
-  virtual std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts) = 0;
+  std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts);
   // The bytes of a stored picture, where its file has been lost.
-  virtual void RestoreContent(const ImageRecord& stored, Bytes bytes) = 0;
+  void RestoreContent(const ImageRecord& stored, Bytes bytes);
   // The picture, or the object, as it is then. Features, words and bytes stay. kNotFound
   // "image_not_found", "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict
   // "object_exists"; what `check` throws.
-  virtual ImageRecord ChangePicture(const std::string& collection, const std::string& id,
-                                    const PictureChange& change) = 0;
-  virtual ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
-                                    const ObjectChange& change) = 0;
+  ImageRecord ChangePicture(const std::string& collection, const std::string& id,
+                            const PictureChange& change);
+  ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
+                            const ObjectChange& change);
   // Of what is there; the check may be empty.
-  virtual bool Remove(const std::string& collection, const std::string& id,
-                      const PictureCheck& check) = 0;
-  virtual std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
-                                     const ObjectCheck& check) = 0;
+  bool Remove(const std::string& collection, const std::string& id, const PictureCheck& check);
+  std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
+                             const ObjectCheck& check);
 
-  virtual std::uint64_t RemoveWhere(const Selection& which) = 0;  // how many; at once
+  std::uint64_t RemoveWhere(const Selection& which);  // how many; at once
 
-  virtual bool CreateCollection(const std::string& name) = 0;  // false = it was there
+  bool CreateCollection(const std::string& name);  // false = it was there
   // With its aliases. false = it was not there. kConflict "collection_is_alias" for an alias.
-  virtual bool RemoveCollection(const std::string& name) = 0;
-  virtual CollectionRecord ChangeCollection(const std::string& name,
-                                            const CollectionChange& change) = 0;
+  bool RemoveCollection(const std::string& name);
+  CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
   // All at once, or none. kNotFound "alias_not_found" for one to remove, "collection_not_found";
   // kConflict "collection_exists" for an alias with the name of a collection.
-  virtual void ChangeAliases(const AliasChanges& changes) = 0;
+  void ChangeAliases(const AliasChanges& changes);
 
   // A vocabulary comes in three steps: it is added, not ready yet; pictures get words of it; it is
   // finished. The last two give words to what lacks them, while nobody adds pictures.
-  virtual Key AddVocabulary(Key collection, const Vocabulary& vocabulary) = 0;
+  Key AddVocabulary(Key collection, const Vocabulary& vocabulary);
   // Does nothing for pictures that are gone.
-  virtual void AddWords(Key vocabulary, std::span<const PictureWords> pictures) = 0;
+  void AddWords(Key vocabulary, std::span<const PictureWords> pictures);
   // Ready, and active where the collection has none. `automatic`: nobody chose it
   // (CollectionRecord).
-  virtual VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,
-                                            const Quantizer& quantizer, bool automatic) = 0;
+  VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,
+                                    const Quantizer& quantizer, bool automatic);
   // An automatic one does not replace one that somebody has chosen.
-  virtual void SetActiveVocabulary(const std::string& collection, Key vocabulary,
-                                   const Quantizer& quantizer, bool automatic) = 0;
-  virtual void DropVocabulary(Key vocabulary) = 0;
+  void SetActiveVocabulary(const std::string& collection, Key vocabulary,
+                           const Quantizer& quantizer, bool automatic);
+  void DropVocabulary(Key vocabulary);
 
   // Originals in files: see Engine.
-  virtual std::uint64_t SweepOriginals() = 0;
-  virtual MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
-                                            const std::function<void(double)>& progress) = 0;
+  std::uint64_t SweepOriginals();
+  MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
+                                    const std::function<void(double)>& progress);
+
+ private:
+  PutOutcome Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const;
+
+  Access& access_;
+  OriginalsKeeper& originals_;
+  const ModelRow& model_;
 };
 
 }  // namespace pliant

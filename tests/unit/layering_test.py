@@ -15,7 +15,7 @@ APART = ("server", "python")  # both stand on index, and know nothing of each ot
 ROOMS = {
     "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
                    "evaluation", "training"],
-    "index": ["files", "records", "store", "store/sqlite", "rank", "verify", "engine", "json",
+    "index": ["files", "records", "store", "store/sql", "store/sqlite", "store/postgres", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
     "server": [("decoder", "http", "web"), "fetch", ("auth", "jobs", "openapi"), "routes", "app"],
     "python": ["native"],
@@ -24,7 +24,7 @@ FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
                    for room in ((rooms,) if isinstance(rooms, str) else rooms)}
           for folder, order in ROOMS.items()}
 # Rooms that nobody else includes: what is in them is made by a factory that stands below.
-CLOSED = {"index/store/sqlite"}
+CLOSED = {"index/store/sql", "index/store/sqlite", "index/store/postgres"}
 # The word, in code and comments, and the one room that may say it.
 DATABASE = (re.compile(r"sqlite", re.IGNORECASE), {"index", "server", "python"}, "index/store/sqlite")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
@@ -35,6 +35,7 @@ OWNERS = {
     "torch/": set(),
     "SQLiteCpp/": {"index/store/sqlite"},
     "sqlite3": {"index/store/sqlite"},
+    "libpq-fe.h": {"index/store/postgres"},
     "httplib": {"server"},
     "curl/": {"server/fetch"},
     "hdf5": {"index/cli"},

@@ -72,11 +72,11 @@ class FakeView : public FeedView {
     return content_.position;
   }
   std::vector<CollectionState> Collections() override { return content_.collections; }
-  std::optional<std::vector<std::int64_t>> RemovedSince(std::int64_t removal) override {
-    if (removal < content_.forgotten) return std::nullopt;
+  std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) override {
+    if (at.removal < content_.forgotten) return std::nullopt;
     std::vector<std::int64_t> versions;
     for (const auto& [number, version] : content_.removals) {
-      if (number > removal) versions.push_back(version);
+      if (number > at.removal) versions.push_back(version);
     }
     return versions;
   }

@@ -3,7 +3,6 @@
 #include "index/store/sqlite/database.h"
 
 #include <array>
-#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <string>
@@ -13,6 +12,7 @@
 #include <sqlite3.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/files/durable_file.h"
 #include "index/records/records.h"
 #include "index/store/open_store.h"
@@ -55,12 +55,6 @@ void AddFirstRows(SQLite::Database& database, const DescriptorInfo& model) {
 }
 
 }  // namespace
-
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 FileState InspectDatabaseFile(const fs::path& path) {
   std::error_code error;
@@ -111,9 +105,9 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
   temporary.Publish(path, NewDatabaseFile::Over::kEmptyFile);
 }
 
-void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeout_ms) {
-  Connection connection(path, mode, busy_timeout_ms);
-  if (mode == Connection::Mode::kReadWrite) {
+void UpgradeDatabase(const fs::path& path, SqliteConnection::Mode mode, int busy_timeout_ms) {
+  SqliteConnection connection(path, mode, busy_timeout_ms);
+  if (mode == SqliteConnection::Mode::kReadWrite) {
     Migrate(connection.database(), Migrations());
     return;
   }
@@ -127,7 +121,7 @@ void UpgradeDatabase(const fs::path& path, Connection::Mode mode, int busy_timeo
   Migrate(connection.database(), Migrations());  // only refuses a newer one
 }
 
-void CopyDatabase(Connection& source, const fs::path& target, const std::stop_token& stop) {
+void CopyDatabase(SqliteConnection& source, const fs::path& target, const std::stop_token& stop) {
   SQLite::Database copy(fs::absolute(target).string(),
                         SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
   // Held from before the first step to behind the last: else what others write meanwhile would
@@ -147,7 +141,7 @@ void CopyDatabase(Connection& source, const fs::path& target, const std::stop_to
   }
 }
 
-void BackupDatabase(Connection& source, const fs::path& target, const std::stop_token& stop) {
+void BackupDatabase(SqliteConnection& source, const fs::path& target, const std::stop_token& stop) {
   CheckParentDirectory(target);
   const Error exists(ErrorCode::kConflict, "backup_exists",
                      DisplayPath(target) + " exists already; name a new file for the backup");

@@ -8,7 +8,7 @@
 #include <stop_token>
 
 #include "descriptor/features/descriptor.h"
-#include "index/store/sqlite/connection.h"
+#include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant {
 
@@ -25,19 +25,18 @@ void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& mod
 
 // Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
 // Error kConflict "old_schema".
-void UpgradeDatabase(const std::filesystem::path& path, Connection::Mode mode, int busy_timeout_ms);
+void UpgradeDatabase(const std::filesystem::path& path, SqliteConnection::Mode mode,
+                     int busy_timeout_ms);
 
 // Copies the database of `source` over the empty file `target`, while it is in use. `stop`: then
 // kCancelled "cancelled".
-void CopyDatabase(Connection& source, const std::filesystem::path& target,
+void CopyDatabase(SqliteConnection& source, const std::filesystem::path& target,
                   const std::stop_token& stop = {});
 
 // Copies it to the new file `target`, whole or not at all: temporary file, fsync, rename.
 // What killed processes have left in that directory is removed first.
 // Throws kConflict "backup_exists" when `target` exists.
-void BackupDatabase(Connection& source, const std::filesystem::path& target,
+void BackupDatabase(SqliteConnection& source, const std::filesystem::path& target,
                     const std::stop_token& stop = {});
-
-std::int64_t NowMs();  // Unix time
 
 }  // namespace pliant

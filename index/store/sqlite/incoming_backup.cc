@@ -17,12 +17,12 @@
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/store/open_store.h"
-#include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
+#include "index/store/sqlite/sqlite_connection.h"
 #include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
@@ -111,7 +111,7 @@ class IncomingFile final : public IncomingBackup {
     if (stop_()) ThrowStopped();
     const auto until = Clock::now() + kCheckTime + (written_ >> 30) * kCheckTimePerGib;
     try {
-      Connection db(made_.path(), Connection::Mode::kReadCopy, 0);
+      SqliteConnection db(made_.path(), SqliteConnection::Mode::kReadCopy, 0);
       db.StopWhen([&] { return stop_() || Clock::now() > until; });
       Check(db);
     } catch (const SQLite::Exception& error) {
@@ -121,7 +121,7 @@ class IncomingFile final : public IncomingBackup {
     }
   }
 
-  void Check(Connection& db) const {
+  void Check(SqliteConnection& db) const {
     db.database().exec("PRAGMA cell_size_check = ON");
     const std::int64_t version = db.Scalar("PRAGMA user_version");
     if (version < 1) ThrowForeign(target_);

@@ -17,12 +17,12 @@
 #include "index/store/database_file.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
-#include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
+#include "index/store/sqlite/sqlite_connection.h"
 #include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
@@ -122,10 +122,10 @@ bool IsThere(const fs::path& database) {
 
 std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   {
-    Connection source(backup, Connection::Mode::kReadCopy, kBusyTimeoutMs);
+    SqliteConnection source(backup, SqliteConnection::Mode::kReadCopy, kBusyTimeoutMs);
     CopyDatabase(source, copy);
   }
-  Connection made(copy, Connection::Mode::kReadWrite, kBusyTimeoutMs);
+  SqliteConnection made(copy, SqliteConnection::Mode::kReadWrite, kBusyTimeoutMs);
   const std::vector<std::string> foreign = CheckSchema(made, Others::kLeft);
   if (!foreign.empty()) ThrowDamaged(backup, foreign);
   Migrate(made.database(), Migrations());
@@ -185,10 +185,10 @@ void PutBack(const fs::path& aside, const fs::path& database) noexcept {
 void EmptyLog(const fs::path& database) {
   try {
     {
-      Connection db(database, Connection::Mode::kReadOnly, 0);
+      SqliteConnection db(database, SqliteConnection::Mode::kReadOnly, 0);
       if (!QuickCheck(db).empty()) return;
     }
-    Connection(database, Connection::Mode::kReadWrite, 0)
+    SqliteConnection(database, SqliteConnection::Mode::kReadWrite, 0)
         .database()
         .exec("PRAGMA wal_checkpoint(TRUNCATE)");
   } catch (const SQLite::Exception&) {
@@ -254,11 +254,11 @@ bool IsSetAside(const fs::path& name) {
 }
 
 void CheckDatabaseFile(const fs::path& database) {
-  if (IsDatabaseUrl(database.string())) return;  // its server checks its own files
+  if (IsDatabaseUrl(database.string())) return;  // `pliant cluster check` asks its nodes
   RequireDatabaseFile(database);
   if (InspectDatabaseFile(database) != FileState::kPliant) return;
   WithDatabaseErrors(database, [&] {
-    Connection db(database, Connection::Mode::kReadOnly, kBusyTimeoutMs);
+    SqliteConnection db(database, SqliteConnection::Mode::kReadOnly, kBusyTimeoutMs);
     const SQLite::Transaction reading(db.database());  // others may write meanwhile
     const std::vector<std::string> problems = QuickCheck(db);
     if (problems.empty()) return;

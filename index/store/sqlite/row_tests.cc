@@ -4,13 +4,14 @@
 
 #include <exception>
 #include <new>
+#include <stdexcept>
 #include <string_view>
 
 #include <SQLiteCpp/Exception.h>
 #include <sqlite3.h>
 
 #include "index/files/fold_case.h"
-#include "index/store/sqlite/connection.h"
+#include "index/records/filter.h"
 
 namespace pliant {
 namespace {
@@ -33,49 +34,40 @@ void Answer(sqlite3_context* context, const Test& test) noexcept {
   }
 }
 
-const RowTests& TestsOf(sqlite3_context* context) {
-  return *static_cast<const RowTests*>(sqlite3_user_data(context));
+template <typename Value>
+const Value& Bound(sqlite3_context* context, sqlite3_value* value, const char* type) {
+  const auto& all = *static_cast<const BoundPointers*>(sqlite3_user_data(context));
+  const BoundPointer& bound = all.at(sqlite3_value_int64(value));
+  if (bound.type != type) throw std::invalid_argument("another kind of value is bound");
+  return *static_cast<const Value*>(bound.value);
 }
 
 void PassesFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {
   Answer(context, [&] {
-    const RowTests& tests = TestsOf(context);
-    return tests.filter == nullptr || Passes(*tests.filter, TextOf(values[0]));
+    return Passes(Bound<Filter>(context, values[1], kFilterPointer), TextOf(values[0]));
   });
 }
 
 void ContainsFunction(sqlite3_context* context, int count, sqlite3_value** values) {
   Answer(context, [&] {
-    const RowTests& tests = TestsOf(context);
-    if (tests.words.empty()) return true;
     std::vector<std::string_view> texts;
-    for (int i = 0; i < count; ++i) texts.push_back(TextOf(values[i]));
-    return OccurIn(tests.words, texts);
+    for (int i = 1; i < count; ++i) texts.push_back(TextOf(values[i]));
+    return count > 0 && OccurIn(Bound<FoldedText>(context, values[0], kWordsPointer), texts);
   });
 }
 
 }  // namespace
 
-void AddRowTests(sqlite3* connection, RowTests* tests) {
+void AddRowTests(sqlite3* connection, BoundPointers* bound) {
   // Not "deterministic": what they look for changes from statement to statement.
   constexpr int kHow = SQLITE_UTF8 | SQLITE_DIRECTONLY;
   const auto add = [&](const char* name, int arguments, auto* function) {
-    const int code = sqlite3_create_function_v2(connection, name, arguments, kHow, tests, function,
+    const int code = sqlite3_create_function_v2(connection, name, arguments, kHow, bound, function,
                                                 nullptr, nullptr, nullptr);
     if (code != SQLITE_OK) throw SQLite::Exception(connection, code);
   };
-  add("pliant_passes", 1, &PassesFunction);
+  add("pliant_passes", 2, &PassesFunction);
   add("pliant_contains", -1, &ContainsFunction);
-}
-
-RowTestScope::RowTestScope(Connection& db, const Selection& which) : tests_(db.row_tests()) {
-  tests_.words = FoldedWords(which.text);
-  tests_.filter = &which.filter;
-}
-
-RowTestScope::~RowTestScope() {
-  tests_.filter = nullptr;
-  tests_.words.clear();
 }
 
 }  // namespace pliant

@@ -54,7 +54,7 @@ std::vector<Item> SchemaOfVersion(std::size_t version) {
 
 }  // namespace
 
-std::vector<std::string> CheckSchema(Connection& db, Others others) {
+std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
   const std::int64_t version = db.Scalar("PRAGMA user_version");
   if (version < 1 || version > SchemaVersion()) return {};
   const std::vector<Item> expected = SchemaOfVersion(static_cast<std::size_t>(version));

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "index/store/sqlite/connection.h"
+#include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant {
 
@@ -21,6 +21,6 @@ enum class Others {
 // Everything in the schema must be, to the letter, what the migrations up to the database's
 // version make, and all of that must be there. One sentence a problem; empty = sound, or of a
 // version that this program does not know.
-std::vector<std::string> CheckSchema(Connection& db, Others others);
+std::vector<std::string> CheckSchema(SqliteConnection& db, Others others);
 
 }  // namespace pliant

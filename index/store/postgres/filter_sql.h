@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// A filter on metadata as SQL on the column `fields` (schema.cc). Private to store/postgres.
+#pragma once
+
+#include <string>
+
+#include "index/records/filter.h"
+#include "index/store/sql/connection.h"
+
+namespace pliant::postgres {
+
+// True or false for each row of `pictures`, which the query names `table`; the same as Passes
+// (filter.h). Equality is looked up in the index on `fields`.
+std::string FilterSql(Query& query, const std::string& table, const Filter& filter);
+
+}  // namespace pliant::postgres

@@ -1,0 +1,258 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/postgres/pg_connection.h"
+
+#include <array>
+
+#include <poll.h>
+
+#include "descriptor/base/error.h"
+#include "descriptor/base/utf8.h"
+#include "index/files/fold_case.h"
+#include "index/store/postgres/filter_sql.h"
+#include "index/store/postgres/pg_statement.h"
+#include "index/store/postgres/server_error.h"
+
+namespace pliant::postgres {
+namespace {
+
+using std::chrono::milliseconds;
+
+// A server that has said nothing for so long, on any connection, is taken for stopped.
+constexpr std::int64_t kSilenceMs = 10'000;
+// What was asked of a server before the monitor lost it may still be answered.
+constexpr std::int64_t kGraceMs = 3'000;
+constexpr std::int64_t kAloneMs = 8'000;  // without a monitor
+constexpr milliseconds kLook{200};
+
+// BEGIN and its part's row of `feed`: whoever has the row is the only writer until the end of the
+// commit. The name of the log file begins with the timeline, which a promoted standby changes.
+std::string BeginWriteSql(int part) {
+  return "BEGIN; UPDATE feed SET position = position + 1, "
+         "left_at = CASE WHEN timeline = t.now THEN left_at ELSE position END, "
+         "history = history + CASE WHEN timeline = t.now THEN 0 ELSE 1 END, timeline = t.now "
+         "FROM (SELECT substr(pg_walfile_name(pg_current_wal_insert_lsn()), 1, 8) AS now) t "
+         "WHERE key = " +
+         std::to_string(part);
+}
+
+bool Succeeded(const PGresult* result) {
+  const ExecStatusType status = PQresultStatus(result);
+  return status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK;
+}
+
+}  // namespace
+
+std::int64_t SteadyMs() {
+  return std::chrono::duration_cast<milliseconds>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+PgConnection::PgConnection(const Address* address, const Health* health, Options options)
+    : address_(*address), health_(health), options_(std::move(options)) {
+  Connect();
+}
+
+PgConnection::~PgConnection() {
+  ForgetStatements();
+  PQfinish(connection_);
+}
+
+void PgConnection::Connect() {
+  PQfinish(std::exchange(connection_, nullptr));
+  losses_ = health_ == nullptr ? 0 : health_->losses.load();
+  // Those before the URL can be set in it; those behind it cannot.
+  const char* target = options_.target == Target::kPrimary ? "read-write" : nullptr;
+  const std::array<const char*, 9> names = {
+      "connect_timeout",  "keepalives_idle",      "keepalives_interval",
+      "keepalives_count", "tcp_user_timeout",     "application_name",
+      "dbname",           "target_session_attrs", nullptr};
+  const std::array<const char*, 9> values = {
+      "5", "10", "5", "3", "15000", "pliant", address_.url.c_str(), target, nullptr};
+  connection_ = PQconnectdbParams(names.data(), values.data(), /*expand_dbname=*/1);
+  ++session_;
+  if (PQstatus(connection_) != CONNECTION_OK) ThrowNotConnected(connection_, address_.shown);
+  PQsetClientEncoding(connection_, "UTF8");
+  PQsetnonblocking(connection_, 1);
+  PQsetNoticeProcessor(
+      connection_, [](void*, const char*) {}, nullptr);  // not onto standard error
+  Exec("SET lock_timeout = " + std::to_string(options_.lock_timeout_ms) +
+       "; SET idle_in_transaction_session_timeout = " +
+       std::to_string(options_.idle_in_transaction_ms) +
+       "; SET standard_conforming_strings = on; SET extra_float_digits = 1" +
+       (options_.settings.empty() ? "" : "; " + options_.settings));
+}
+
+bool PgConnection::WaitForSocket(milliseconds time, bool writing) const {
+  const short events = writing ? POLLIN | POLLOUT : POLLIN;
+  pollfd socket{PQsocket(connection_), events, 0};
+  return ::poll(&socket, 1, static_cast<int>(time.count())) > 0;
+}
+
+// The last result of what was sent. A server that was stopped holds its connections open: then the
+// monitor knows.
+Result PgConnection::Await() {
+  const std::int64_t begun = SteadyMs();
+  Result last;
+  while (true) {
+    for (int unsent = 0; (unsent = PQflush(connection_)) > 0 || PQisBusy(connection_) != 0;) {
+      const std::int64_t now = SteadyMs();
+      const bool silent = health_ == nullptr
+                              ? now - begun > kAloneMs
+                              : now - std::max(begun, health_->answered_ms.load()) > kSilenceMs ||
+                                    (health_->losses.load() != losses_ && now - begun > kGraceMs);
+      if (silent) {
+        PQfinish(std::exchange(connection_, nullptr));
+        ThrowSilent(address_.shown);
+      }
+      WaitForSocket(kLook, unsent > 0);
+      if (PQconsumeInput(connection_) == 0) break;  // the connection is gone
+    }
+    Result next(PQgetResult(connection_));
+    if (!next) break;
+    // The first that failed says why; those behind it were not begun.
+    if (!last || Succeeded(last.get())) last = std::move(next);
+  }
+  if (!last || PQstatus(connection_) != CONNECTION_OK) {
+    if (last && !Succeeded(last.get()) && PQresultErrorField(last.get(), PG_DIAG_SQLSTATE)) {
+      ThrowFailed(last.get(), address_.shown);
+    }
+    ThrowNotConnected(connection_, address_.shown);
+  }
+  if (!Succeeded(last.get())) ThrowFailed(last.get(), address_.shown);
+  return last;
+}
+
+void PgConnection::Exec(const std::string& sql) {
+  if (PQsendQuery(connection_, sql.c_str()) == 0) ThrowNotConnected(connection_, address_.shown);
+  Await();
+}
+
+void PgConnection::PrepareNamed(const std::string& name, const std::string& sql,
+                                std::span<const Oid> types) {
+  if (PQsendPrepare(connection_, name.c_str(), sql.c_str(), static_cast<int>(types.size()),
+                    types.data()) == 0) {
+    ThrowNotConnected(connection_, address_.shown);
+  }
+  Await();
+}
+
+Result PgConnection::RunNamed(const std::string& name, std::span<const char* const> values,
+                              std::span<const int> lengths, std::span<const int> formats) {
+  if (PQsendQueryPrepared(connection_, name.c_str(), static_cast<int>(values.size()), values.data(),
+                          lengths.data(), formats.data(),
+                          /*resultFormat: binary*/ 1) == 0) {
+    ThrowNotConnected(connection_, address_.shown);
+  }
+  return Await();
+}
+
+// A connection that has ended since it was used last is made again, before anything is asked of it.
+void PgConnection::Begin(const std::string& sql) {
+  const std::uint64_t session = session_;
+  if (!IsGood()) Connect();
+  try {
+    Exec(sql);
+  } catch (const Error&) {
+    if (connection_ != nullptr && PQstatus(connection_) == CONNECTION_OK) throw;
+    if (session_ != session) throw;
+    Connect();
+    Exec(sql);
+  }
+}
+
+void PgConnection::BeginRead() { Begin("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"); }
+
+void PgConnection::BeginWrite() { Begin(BeginWriteSql(options_.part)); }
+
+void PgConnection::Commit() {
+  const std::string sql = "NOTIFY pliant; COMMIT";
+  if (PQsendQuery(connection_, sql.c_str()) == 0) ThrowNotConnected(connection_, address_.shown);
+  try {
+    const Result result = Await();
+    if (std::string_view(PQcmdStatus(result.get())) == "COMMIT") return;
+  } catch (const Error&) {
+    if (connection_ != nullptr && PQstatus(connection_) == CONNECTION_OK) throw;
+    ThrowOutcomeUnknown(address_.shown);
+  }
+  throw Error(ErrorCode::kInternal, "database_error",
+              "a transaction on the database " + address_.shown + " was rolled back");
+}
+
+void PgConnection::Rollback() noexcept {
+  if (connection_ == nullptr || PQtransactionStatus(connection_) == PQTRANS_IDLE) return;
+  try {
+    Exec("ROLLBACK");
+  } catch (const std::exception&) {
+    // The connection has ended, and the transaction with it; the next one is on a new connection.
+    PQfinish(std::exchange(connection_, nullptr));
+  }
+}
+
+bool PgConnection::InTransaction() const {
+  if (connection_ == nullptr) return false;
+  const PGTransactionStatusType status = PQtransactionStatus(connection_);
+  return status == PQTRANS_INTRANS || status == PQTRANS_INERROR;
+}
+
+bool PgConnection::IsStandby() const {
+  const char* standby = PQparameterStatus(connection_, "in_hot_standby");
+  return standby != nullptr && std::string_view(standby) == "on";
+}
+
+bool PgConnection::IsGood() const {
+  return connection_ != nullptr && PQstatus(connection_) == CONNECTION_OK &&
+         (health_ == nullptr || health_->losses.load() == losses_);
+}
+
+bool PgConnection::WaitForNotice(milliseconds time) {
+  const auto take = [&] {
+    if (PQconsumeInput(connection_) == 0) ThrowNotConnected(connection_, address_.shown);
+    bool any = false;
+    while (PGnotify* notice = PQnotifies(connection_)) {
+      PQfreemem(notice);
+      any = true;
+    }
+    return any;
+  };
+  return take() || (WaitForSocket(time) && take());
+}
+
+std::string PgConnection::IsAmong(const std::string& expression,
+                                  const std::string& parameter) const {
+  return expression + " = ANY(" + parameter + ")";
+}
+
+std::string PgConnection::Passes(Query& query, const std::string& table,
+                                 const Filter& filter) const {
+  return FilterSql(query, table, filter);
+}
+
+// As FoldCase does: by way of the upper case.
+std::string PgConnection::Contains(Query& query, const std::string& text,
+                                   const std::vector<std::string>& columns) const {
+  std::string all = "TRUE";
+  for (const std::u32string& word : FoldedWords(text)) {
+    const std::string parameter = query.Bind(EncodeUtf8(word));
+    std::string any;
+    for (const std::string& column : columns) {
+      any += any.empty() ? "" : " OR ";
+      any += "strpos(lower(upper(coalesce(" + column + ", '') COLLATE pliant_fold)), " + parameter +
+             ") > 0";
+    }
+    all += " AND (" + any + ")";
+  }
+  return "(" + all + ")";
+}
+
+std::unique_ptr<Statement> PgConnection::Make(const std::string& sql) {
+  return std::make_unique<PgStatement>(this, sql);
+}
+
+void PgConnection::ThrowRowMissing() {
+  throw Error(ErrorCode::kCorrupt, "database_corrupt",
+              "a row that must exist is missing in the database " + address_.shown);
+}
+
+}  // namespace pliant::postgres

@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One connection to PostgreSQL with its prepared statements; all values travel in binary. Private
+// to store/postgres. Used by one thread at a time; throws Error.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <libpq-fe.h>
+
+#include "index/store/postgres/address.h"
+#include "index/store/sql/connection.h"
+
+namespace pliant::postgres {
+
+struct ResultDeleter {
+  void operator()(PGresult* result) const { PQclear(result); }
+};
+using Result = std::unique_ptr<PGresult, ResultDeleter>;
+
+// Whether the database's server is there, as PgMonitor sees it. Thread-safe.
+struct Health {
+  // Counts the times that the monitor lost its connection: what was connected before may be to a
+  // server that has stopped, or that is the primary no more.
+  std::atomic<std::uint64_t> losses = 0;
+  std::atomic<std::int64_t> answered_ms = 0;  // when it answered last (SteadyMs)
+};
+std::int64_t SteadyMs();
+
+class PgConnection : public Connection {
+ public:
+  enum class Target { kPrimary, kAny };
+  struct Options {
+    Target target = Target::kPrimary;
+    int lock_timeout_ms = 10'000;
+    // The server ends the session when a transaction does nothing for so long, as that of a program
+    // that was stopped does: it holds what others wait for.
+    int idle_in_transaction_ms = 15'000;
+    std::string settings = {};  // further statements at the begin of a session
+    int part = 0;               // StorePart, of BeginWrite
+  };
+
+  // `health`: nullptr = whoever waits, waits 8 seconds at most. Both must outlive the connection.
+  PgConnection(const Address* address, const Health* health, Options options);
+  ~PgConnection() override;
+
+  void Exec(const std::string& sql) override;
+  void BeginRead() override;
+  // Waits for the turn of this writer among those of all processes, and counts the commit in
+  // `feed`.
+  void BeginWrite() override;
+  // Throws kUnavailable "outcome_unknown".
+  void Commit() override;
+  void Rollback() noexcept override;
+  bool InTransaction() const override;
+
+  std::string IsAmong(const std::string& expression, const std::string& parameter) const override;
+  std::string Passes(Query& query, const std::string& table, const Filter& filter) const override;
+  std::string Contains(Query& query, const std::string& text,
+                       const std::vector<std::string>& columns) const override;
+
+  bool IsStandby() const;
+  // Whether it can be used again: connected, to a server that has been there since.
+  bool IsGood() const;
+  // Waits for a message of another session (NOTIFY), or for the time to pass; whether there was
+  // one.
+  bool WaitForNotice(std::chrono::milliseconds time);
+
+  // For PgStatement.
+  void PrepareNamed(const std::string& name, const std::string& sql, std::span<const Oid> types);
+  Result RunNamed(const std::string& name, std::span<const char* const> values,
+                  std::span<const int> lengths, std::span<const int> formats);
+  std::string NewName() { return "s" + std::to_string(++names_); }
+  std::uint64_t session() const { return session_; }
+
+ protected:
+  std::unique_ptr<Statement> Make(const std::string& sql) override;
+  void ThrowRowMissing() override;
+
+ private:
+  void Connect();
+  void Begin(const std::string& sql);
+  Result Await();
+  bool WaitForSocket(std::chrono::milliseconds time, bool writing = false) const;
+
+  const Address& address_;
+  const Health* health_;
+  const Options options_;
+  PGconn* connection_ = nullptr;
+  std::uint64_t session_ = 0;  // counts Connect
+  std::uint64_t losses_ = 0;   // Health::losses when it was connected
+  std::uint64_t names_ = 0;
+};
+
+}  // namespace pliant::postgres

@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One opened database: connections that read, and a queue that writes. What the databases share is
+// written here once; sqlite/ and postgres/ implement the rest. Private to index/store/.
+// Thread-safe. Lets out only Error.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "index/records/records.h"
+#include "index/store/change_feed.h"
+#include "index/store/open_store.h"
+#include "index/store/sql/connection.h"
+#include "index/store/sql/write_queue.h"
+
+namespace pliant {
+
+class Access {
+ public:
+  virtual ~Access() = default;
+
+  // What people call the database: a path, or an address without a password.
+  virtual const std::string& name() const = 0;
+  // What tells it from every other database, also under other names.
+  virtual std::string Identity() = 0;
+
+  // From here on Write works; `after_commit` runs after each commit and before the callers return.
+  void BeginWriting(std::function<void()> after_commit);
+  bool writes() const { return writer_ != nullptr; }
+
+  // A connection in a read transaction, for as long as it lives. Must not outlive the Access.
+  class Reading {
+   public:
+    virtual ~Reading() = default;
+    virtual Connection& db() = 0;
+  };
+  virtual std::unique_ptr<Reading> BeginReading() = 0;
+
+  // Runs `work` in a read transaction.
+  template <typename Work>
+  auto Read(Work&& work) {
+    return Guarded([&] {
+      const std::unique_ptr<Reading> reading = BeginReading();
+      return work(reading->db());
+    });
+  }
+  // Runs `work` in the writer's transaction; see WriteQueue::Run. kReadOnly "read_only" before
+  // BeginWriting.
+  void Write(WriteQueue::Work work, const WriteOptions& options = {});
+  // Runs `work` in a transaction of its own connection: before BeginWriting.
+  void WriteAlone(const std::function<void(Connection& db)>& work);
+  // Runs `work` and lets out only Error.
+  template <typename Work>
+  auto Guarded(Work&& work) {
+    try {
+      return work();
+    } catch (...) {
+      ThrowAsError();
+      throw;
+    }
+  }
+
+  // Differs from what it was whenever somebody has committed in between.
+  virtual std::int64_t Version() = 0;
+  // Within a transaction of `db`.
+  virtual FeedPosition Position(Connection& db) = 0;
+  // Throws kNoSpace "no_space" unless `bytes` and the reserve fit on the disk of the directory, by
+  // default that of the database, where this process can see it.
+  virtual void RequireSpace(std::uint64_t bytes, const std::filesystem::path& directory = {}) const;
+  virtual std::uint64_t SizeBytes() = 0;  // of the database, on disk
+  // Adds what is wrong with the database itself, below its rows. False: nothing may be asked of its
+  // tables, as they are not Pliant's.
+  virtual bool CheckStructure(Connection& db, std::vector<std::string>* problems) = 0;
+  virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
+  // Store::FollowOthers.
+  virtual std::jthread FollowOthers(std::function<void()> /*wake*/) { return {}; }
+  virtual std::optional<DatabaseServerRecord> ServerFigures() { return {}; }
+
+  // The name under which this process has jobs, and whether the process of a name lives
+  // (ServiceStore).
+  virtual const std::string& Owner() = 0;
+  virtual bool Lives(const std::string& owner) = 0;
+
+ protected:
+  virtual std::unique_ptr<Connection> OpenWriter() = 0;
+  virtual void BeforeWrite() {}                // may refuse by throwing
+  virtual void BeforeCommit() {}               // likewise
+  virtual void Reclaim(Connection& /*db*/) {}  // much was removed
+  // Throws the Error that stands for the exception that is being handled, if that is the
+  // database's.
+  virtual void ThrowAsError() {}
+
+ private:
+  std::unique_ptr<WriteQueue> writer_;
+};
+
+// Which part of the database is meant: each has changes, and an order of them, of its own.
+enum class StorePart { kPictures, kService };
+
+// Makes the tables of a new database, where `options.create` says so, and refuses what is no
+// database of Pliant's. One of the two, by what the database's name looks like.
+std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart part);
+std::unique_ptr<Access> OpenServerAccess(const StoreOptions& options, StorePart part);
+std::unique_ptr<Access> OpenAccess(const StoreOptions& options, StorePart part);
+
+}  // namespace pliant

@@ -1,0 +1,238 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sql/catalogue_lists.h"
+
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "index/store/facet_count.h"
+#include "index/store/list_place.h"
+
+namespace pliant {
+namespace {
+
+// A column that lists are in order of, as SQL, and whether it is text.
+struct OrderColumn {
+  const char* sql;
+  bool is_text;
+};
+
+OrderColumn ColumnOf(PictureOrder order) {
+  switch (order) {
+    case PictureOrder::kId:
+      break;
+    case PictureOrder::kCreated:
+      return {"p.added_ms", false};
+    case PictureOrder::kUpdated:
+      return {"p.updated_ms", false};
+    case PictureOrder::kObject:
+      return {"coalesce(o.name, '')", true};
+    case PictureOrder::kSource:
+      return {"p.source", true};
+  }
+  return {"p.id", true};
+}
+
+OrderColumn ColumnOf(ObjectOrder order) {
+  switch (order) {
+    case ObjectOrder::kName:
+      break;
+    case ObjectOrder::kCreated:
+      return {"created", false};
+    case ObjectOrder::kUpdated:
+      return {"updated", false};
+    case ObjectOrder::kImages:
+      return {"images", false};
+  }
+  return {"name", true};
+}
+
+struct Place {
+  const OrderColumn column;
+  const char* tie;
+  const PageOptions& page;
+};
+
+Cursor PreparePage(Connection& db, const Place& place, Query query) {
+  const bool is_tie = std::string_view(place.column.sql) == place.tie;
+  if (const auto after = ReadPlace(place.column.is_text, place.page.after)) {
+    const std::string beyond = place.page.descending ? " < " : " > ";
+    const std::string tie = query.Bind(after->tie);
+    query.sql += " AND ";
+    if (is_tie) {
+      query.sql += place.tie + beyond + tie;
+    } else {
+      const std::string value =
+          place.column.is_text ? query.Bind(after->text) : query.Bind(after->number);
+      query.sql += std::string("(") + place.column.sql + ", " + place.tie + ")" + beyond + "(" +
+                   value + ", " + tie + ")";
+    }
+  }
+  const std::string direction = place.page.descending ? " DESC" : "";
+  query.sql += std::string(" ORDER BY ") + place.column.sql + direction;
+  if (!is_tie) query.sql += std::string(", ") + place.tie + direction;
+  // One more says that there is another page.
+  query.sql += " LIMIT " + query.Bind(std::int64_t{place.page.limit} + 1);
+  return db.Prepare(query);
+}
+
+// `read(row, &place)` gives the record of a row, and its place.
+template <typename Record, typename Read>
+void ReadPage(Connection& db, const Place& place, const Query& query, const Read& read,
+              ListPage<Record>* page) {
+  Cursor row = PreparePage(db, place, query);
+  ListPlace last;
+  while (row.Next()) {
+    if (page->records.size() == static_cast<std::size_t>(place.page.limit)) {
+      page->next = WritePlace(place.column.is_text, last);
+      return;
+    }
+    page->records.push_back(read(row, &last));
+  }
+}
+
+// `select` and the conditions on pictures; o is the object of p, where one is joined.
+Query PicturesOf(Connection& db, const std::string& select, Key collection,
+                 const Selection& which) {
+  Query query{select};
+  const std::string in = query.Bind(collection);
+  if (!which.object) {
+    query.sql += "WHERE p.collection = " + in;
+  } else {
+    // +: by the index of objects, else all pictures are read where each has one.
+    query.sql += "WHERE +p.collection = " + in;
+    query.sql += which.object->empty()
+                     ? " AND p.object IS NULL"
+                     : " AND p.object = " + query.Bind(FindObject(db, collection, *which.object));
+  }
+  if (!which.text.empty()) {
+    query.sql += " AND " + db.Contains(query, which.text, {"p.id", "o.name", "p.source"});
+  }
+  if (!which.filter.empty()) query.sql += " AND " + db.Passes(query, "p", which.filter);
+  return query;
+}
+
+// `select` and the conditions on objects.
+Query ObjectsOf(Connection& db, const std::string& select, Key collection, const Selection& which) {
+  Query query{select};
+  query.sql += "WHERE o.collection = " + query.Bind(collection);
+  if (which.object) {
+    query.sql += " AND o.key = " + query.Bind(FindObject(db, collection, *which.object));
+  }
+  if (!which.text.empty()) query.sql += " AND " + db.Contains(query, which.text, {"o.name"});
+  if (!which.filter.empty()) {
+    query.sql += " AND EXISTS (SELECT 1 FROM pictures p WHERE p.object = o.key AND " +
+                 db.Passes(query, "p", which.filter) + ")";
+  }
+  return query;
+}
+
+// ListedObject's columns.
+constexpr const char* kSelectObjects =
+    "SELECT o.name AS name, "
+    "(SELECT count(*) FROM pictures p WHERE p.object = o.key) AS images, "
+    "(SELECT min(p.id) FROM pictures p WHERE p.object = o.key) AS first, "
+    "(SELECT min(p.added_ms) FROM pictures p WHERE p.object = o.key) AS created, "
+    "(SELECT max(p.updated_ms) FROM pictures p WHERE p.object = o.key) AS updated "
+    "FROM objects o ";
+
+constexpr const char* kFromPictures = " FROM pictures p LEFT JOIN objects o ON o.key = p.object ";
+
+ImageRecord ReadPicture(const Cursor& row, PictureOrder order, ListPlace* place) {
+  ImageRecord record = ToPicture(row).record;
+  place->tie = record.id;
+  place->text = order == PictureOrder::kObject   ? record.object
+                : order == PictureOrder::kSource ? record.source
+                                                 : record.id;
+  place->number = order == PictureOrder::kUpdated ? record.updated_ms : record.added_ms;
+  return record;
+}
+
+ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) {
+  ListedObject object;
+  object.record = {row.Text(0), static_cast<std::uint64_t>(row.Int(1))};
+  if (!row.IsNull(2)) object.image_id = row.Text(2);
+  object.created_ms = row.Int(3);
+  object.updated_ms = row.Int(4);
+  place->tie = place->text = object.record.object;
+  place->number = order == ObjectOrder::kImages    ? row.Int(1)
+                  : order == ObjectOrder::kUpdated ? object.updated_ms
+                                                   : object.created_ms;
+  return object;
+}
+
+// Rows of an item, 0 = one of its own, and metadata; those of an item one after the other.
+std::vector<Facet> CountFacets(Cursor row, const std::vector<std::string>& keys) {
+  FacetCount count(keys);
+  Key item = 0;
+  while (row.Next()) {
+    if (row.Int(0) == 0 || row.Int(0) != item) count.BeginItem();
+    item = row.Int(0);
+    count.Add(row.Text(1));
+  }
+  return count.Result();
+}
+
+}  // namespace
+
+PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListing& list) {
+  PicturePage page;
+  ReadPage(
+      db, {ColumnOf(list.order), "p.id", list},
+      PicturesOf(db, SelectPictureSql(), collection, list.which),
+      [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); },
+      &page);
+  const auto select = [&](const std::string& columns) {
+    return db.Prepare(PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which));
+  };
+  if (list.count) page.total = select("count(*)").One().Count(0);
+  if (!list.facets.empty()) page.facets = CountFacets(select("0, p.metadata"), list.facets);
+  return page;
+}
+
+ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing& list) {
+  ObjectPage page;
+  Query query =
+      ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
+  query.sql += ") AS listed WHERE TRUE";
+  ReadPage(
+      db, {ColumnOf(list.order), "name", list}, query,
+      [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
+      &page);
+  if (list.count) {
+    page.total =
+        db.Prepare(ObjectsOf(db, "SELECT count(*) FROM objects o ", collection, list.which))
+            .One()
+            .Count(0);
+  }
+  if (!list.facets.empty()) {
+    query = ObjectsOf(
+        db, "SELECT p.object, p.metadata FROM objects o JOIN pictures p ON p.object = o.key ",
+        collection, list.which);
+    if (!list.which.filter.empty()) {
+      query.sql += " AND " + db.Passes(query, "p", list.which.filter);
+    }
+    query.sql += " ORDER BY o.key";
+    page.facets = CountFacets(db.Prepare(query), list.facets);
+  }
+  return page;
+}
+
+std::uint64_t DeletePicturesWhere(Connection& db, Key collection, const Selection& which) {
+  std::vector<Key> keys;  // a statement must not see what it deletes
+  {
+    Cursor row =
+        db.Prepare(PicturesOf(db, std::string("SELECT p.key") + kFromPictures, collection, which));
+    while (row.Next()) keys.push_back(row.Int(0));
+  }
+  db.Prepare("DELETE FROM pictures WHERE " + db.IsAmong("key", "?1")).Bind(std::span(keys)).Run();
+  db.Prepare(
+        "DELETE FROM objects WHERE collection = ? AND NOT EXISTS (SELECT 1 FROM pictures p WHERE "
+        "p.object = objects.key)")
+      .Bind(collection)
+      .Run();
+  return keys.size();
+}
+
+}  // namespace pliant

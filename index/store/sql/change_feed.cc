@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The change feed: Access::Version says whether anybody has committed, new pictures have greater
+// keys, removed ones are in the table `removals`.
+#include "index/store/sql/change_feed.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "index/store/sql/catalogue_vocabularies.h"
+#include "index/store/sql/rows.h"
+#include "index/store/word_codec.h"
+
+namespace pliant {
+namespace {
+
+constexpr std::size_t kRowsAtOnce = 512;  // a database may send all rows before the first is read
+
+class SqlFeedView : public FeedView {
+  template <typename Work>  // before its users, which need its type
+  auto Read(const Work& work) {
+    return access_.Guarded([&] { return work(reading_->db(), access_); });
+  }
+
+ public:
+  explicit SqlFeedView(Access* access) : access_(*access), reading_(access->BeginReading()) {}
+
+  FeedPosition Position() override {
+    return Read([](Connection& db, Access& access) { return access.Position(db); });
+  }
+
+  std::vector<CollectionState> Collections() override {
+    return Read([](Connection& db, Access&) {
+      std::vector<CollectionState> states;
+      for (const CollectionRow& row : AllCollections(db)) states.push_back(StateOf(row));
+      return states;
+    });
+  }
+
+  std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) override {
+    return Read([&](Connection& db, Access& access) -> std::optional<std::vector<std::int64_t>> {
+      const FeedPosition now = access.Position(db);
+      if (!now.Continues(at)) return std::nullopt;
+      std::vector<std::int64_t> removed;
+      Cursor row = db.Prepare("SELECT seq, picture FROM removals WHERE seq > ? ORDER BY seq");
+      row.Bind(at.removal);
+      std::int64_t first = now.removal + 1;
+      while (row.Next()) {
+        first = std::min(first, row.Int(0));
+        removed.push_back(row.Int(1));
+      }
+      // Numbers have no gaps: when the first is not the next one, older ones have been dropped.
+      if (now.removal > at.removal && first != at.removal + 1) return std::nullopt;
+      return removed;
+    });
+  }
+
+  std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) override {
+    return Read([&](Connection& db, Access&) { return pliant::ReadVocabulary(db, vocabulary); });
+  }
+
+  std::uint64_t CountPictures(Key collection) override {
+    return Read([&](Connection& db, Access&) { return CountPicturesIn(db, collection); });
+  }
+
+  void ForEachPicture(Key vocabulary, std::size_t words, std::int64_t after, std::size_t chunk,
+                      const std::function<void(std::vector<IndexedPicture>)>& work) override {
+    Read([&](Connection& db, Access&) {
+      std::vector<IndexedPicture> pictures;
+      for (std::size_t rows = kRowsAtOnce; rows == kRowsAtOnce;) {
+        rows = 0;
+        Cursor row = db.Prepare(
+            "SELECT p.key, p.object, p.id, w.data FROM picture_words w JOIN pictures p ON p.key = "
+            "w.picture WHERE w.vocabulary = ? AND w.picture > ? ORDER BY w.picture LIMIT ?");
+        row.Bind(vocabulary, after, kRowsAtOnce);
+        for (; row.Next(); ++rows) {
+          pictures.push_back({row.Int(0), row.IsNull(1) ? 0 : row.Int(1), row.Text(2),
+                              DecodeBow(row.Blob(3), words)});
+          after = pictures.back().key;
+          if (pictures.size() == chunk) work(std::exchange(pictures, {}));
+        }
+      }
+      if (!pictures.empty()) work(std::move(pictures));
+    });
+  }
+
+ private:
+  Access& access_;
+  const std::unique_ptr<Access::Reading> reading_;
+};
+
+}  // namespace
+
+std::unique_ptr<FeedView> SqlFeed::Look() {
+  return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
+}
+
+}  // namespace pliant

@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/sql/connection.h"
+
+namespace pliant {
+
+Cursor::~Cursor() {
+  if (!statement_) return;
+  statement_->Reset();  // its error was thrown when the statement ran
+  statement_->ClearBindings();
+  try {
+    owner_->idle_.find(*sql_)->second.push_back(std::move(statement_));
+  } catch (const std::bad_alloc&) {
+    statement_.reset();  // prepared again next time
+  }
+}
+
+Cursor& Cursor::One() {
+  if (!Next()) owner_->ThrowRowMissing();
+  return *this;
+}
+
+void Cursor::BindOne(int index, const SqlValue& value) {
+  if (const auto* number = std::get_if<std::int64_t>(&value)) {
+    statement_->Bind(index, *number);
+  } else if (const auto* text = std::get_if<std::string>(&value)) {
+    statement_->Bind(index, *text);
+  } else {
+    const auto& pointer = std::get<SqlPointer>(value);
+    statement_->BindPointer(index, pointer.value.get(), pointer.type);
+  }
+}
+
+Cursor Connection::Prepare(std::string_view sql) {
+  auto found = idle_.find(sql);
+  if (found == idle_.end()) {
+    found = idle_.emplace(std::string(sql), std::vector<std::unique_ptr<Statement>>()).first;
+  }
+  if (found->second.empty()) return {*this, found->first, Make(found->first)};
+  std::unique_ptr<Statement> statement = std::move(found->second.back());
+  found->second.pop_back();
+  return {*this, found->first, std::move(statement)};
+}
+
+Cursor Connection::Prepare(const Query& query) {
+  Cursor cursor = Prepare(std::string_view(query.sql));
+  for (std::size_t i = 0; i < query.values.size(); ++i) {
+    cursor.BindOne(static_cast<int>(i) + 1, query.values[i]);
+  }
+  return cursor;
+}
+
+}  // namespace pliant

@@ -1,0 +1,78 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Where an engine keeps uploaded bytes: in the database, or in a directory that the database
+// remembers. Private to index/.
+//
+// A file is written and flushed before the transaction that refers to it, gets its name inside that
+// transaction, and loses it in one that comes after the commit that dropped the last reference. A
+// process that dies in between leaves a file too many, never one too few; Sweep removes those.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "index/store/sql/catalogue_originals.h"
+#include "index/store/sql/connection.h"
+#include "index/store/sql/original_store.h"
+
+namespace pliant {
+
+class Originals {
+ public:
+  Originals() = default;
+  // Follows what the database says, or looks into `directory` instead. Changes nothing.
+  Originals(Connection& db, const std::string& database,
+            const std::optional<std::filesystem::path>& directory);
+
+  // Whether new originals go where `directory` wants them, and nothing is left to be claimed.
+  bool Settled(Connection& db, const std::optional<std::filesystem::path>& directory) const;
+  // Makes `directory` (absent: the one the database remembers; empty: the database itself) the
+  // place of new originals, in the transaction of `db`. Throws kConflict "originals_foreign" for
+  // another database's directory, kNotFound "originals_missing" when the files that pictures refer
+  // to are not in it, and kNotFound "no_such_directory".
+  void Claim(Connection& db, const std::optional<std::filesystem::path>& directory);
+
+  // Whether the files are to be copied to `directory` before it is claimed: they are in another
+  // one, which is this database's.
+  bool AreElsewhere(Connection& db, const std::filesystem::path& directory) const;
+  // Makes `directory` this database's, to be filled; the database does not say so before Record.
+  // Throws like Claim, but for "originals_missing".
+  void Prepare(Connection& db, const std::filesystem::path& directory);
+  void Record(Connection& db);
+
+  // Where files are at the moment: another process may have moved them. nullopt = in the database.
+  std::optional<OriginalStore> Present(Connection& db) const;
+
+  const OriginalStore* store() const { return store_ ? &*store_ : nullptr; }
+  bool owned() const { return owned_; }          // files may be removed
+  bool takes_new() const { return takes_new_; }  // into the directory
+
+  // The flushed file for Keep; nullptr when new originals go into the database.
+  std::unique_ptr<IncomingOriginal> Receive(const std::string& sha256, Bytes bytes) const;
+  // In the writer's transaction: `picture` has `bytes`, which are `incoming` if there is one. They
+  // go into the database where another process has moved the files meanwhile.
+  void Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const;
+  // Removes files whose last picture is gone. In a transaction of its own (WriteOptions::alone),
+  // after the commit that dropped it: in one with others' work it would remove files of pictures
+  // whose removal is not committed, and may never be.
+  void RemoveDropped(Connection& db) const;
+  // Removes the file unless a picture refers to it. In a transaction of its own, too.
+  bool RemoveUnreferenced(Connection& db, const std::string& sha256) const;
+
+ private:
+  // `was`: the directory that the database records.
+  void TakeOver(Connection& db, const std::string& was);
+  void RequireNotForeign(Connection& db);
+  bool Moved(Connection& db) const;
+
+  OriginalsOwner self_;
+  std::optional<OriginalStore> store_;
+  std::string recorded_;  // by the database when this was made or changed it; "" = none
+  bool owned_ = false;
+  bool takes_new_ = false;
+};
+
+}  // namespace pliant

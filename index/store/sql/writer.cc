@@ -1,0 +1,231 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/store/writer.h"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
+#include "index/store/quantize_batch.h"
+#include "index/store/refusals.h"
+#include "index/store/sql/access.h"
+#include "index/store/sql/catalogue_lists.h"
+#include "index/store/sql/catalogue_vocabularies.h"
+#include "index/store/sql/originals_keeper.h"
+
+namespace pliant {
+namespace {
+
+void InsertWords(Connection& db, Key vocabulary, std::span<const PictureWords> pictures) {
+  for (const PictureWords& picture : pictures) {
+    InsertPictureWords(db, vocabulary, picture.version, picture.bow);
+  }
+}
+
+// What was added while the others were quantised; inside the writer's transaction.
+void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantizer& quantizer) {
+  while (true) {
+    const std::vector<StoredFeatures> batch =
+        SelectUnquantized(db, collection, vocabulary, 0, kPicturesABatch);
+    if (batch.empty()) return;
+    InsertWords(db, vocabulary, QuantizeBatch(quantizer, batch, 0));
+  }
+}
+
+}  // namespace
+
+std::vector<PutOutcome> Writer::PutAll(std::span<const PicturePut> puts) {
+  std::uint64_t bytes = 0;
+  for (const PicturePut& put : puts) bytes += put.request.bytes.size();
+  access_.RequireSpace(bytes);
+  if (const OriginalStore* store = originals_.originals().store()) {
+    access_.RequireSpace(bytes, store->directory());
+  }
+  std::vector<std::unique_ptr<IncomingOriginal>> originals(puts.size());
+  const auto receive = [&](std::size_t i) {  // nullptr: into the database, or nowhere
+    if (!puts[i].keep_content) return;
+    originals[i] = originals_.originals().Receive(puts[i].record.sha256, puts[i].request.bytes);
+  };
+  std::vector<PutOutcome> outcomes(puts.size());
+  try {
+    for (std::size_t i = 0; i < puts.size(); ++i) receive(i);
+    access_.Write([&](Connection& db) {
+      for (std::size_t i = 0; i < puts.size(); ++i) {
+        outcomes[i] = Store(db, puts[i], originals[i].get());
+      }
+    });
+  } catch (...) {
+    for (std::size_t i = 0; i < puts.size(); ++i) {
+      if (originals[i]) originals_.Forget(puts[i].record.sha256);
+    }
+    throw;
+  }
+  const bool replaced = std::any_of(outcomes.begin(), outcomes.end(), [](const PutOutcome& one) {
+    return one.outcome == AddOutcome::kReplaced;
+  });
+  if (replaced) originals_.Tidy();
+  return outcomes;
+}
+
+PutOutcome Writer::Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const {
+  const AddRequest& request = put.request;
+  const CollectionRow collection = RequireCollection(db, request.collection);
+  refusals::CheckIsMeant(request, collection.created_ms);
+  // Somebody else may have stored the same while this picture was described.
+  if (const auto unchanged = FindUnchangedIn(db, collection.key, request, put.record.sha256)) {
+    if (put.check) put.check(&*unchanged);
+    return {AddOutcome::kUnchanged, *unchanged};
+  }
+  PictureRow picture{0, 0, put.record};
+  auto replaced = FindPicture(db, collection.key, picture.record.id);
+  if (replaced && !request.id) {  // a generated id that was given to another picture by name
+    picture.record.id = picture.record.sha256;
+    replaced = FindPicture(db, collection.key, picture.record.id);
+  }
+  if (put.check) put.check(replaced ? &replaced->record : nullptr);
+  if (replaced) DeletePicture(db, *replaced);
+  picture.object = FindOrInsertObject(db, collection.key, request.object);
+  if (!put.keep_times) picture.record.added_ms = picture.record.updated_ms = NowMs();
+  const Key key = InsertPicture(db, collection.key, picture);
+  InsertFeatures(db, key, model_.key, put.encoded);
+  if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
+  if (collection.active_vocabulary != 0) {
+    if (collection.active_vocabulary == put.vocabulary) {
+      InsertPictureWords(db, collection.active_vocabulary, key, put.bow);
+    } else {  // switched since
+      const Quantizer quantizer(ReadVocabulary(db, collection.active_vocabulary));
+      const Descriptors& descriptors = put.features.descriptors;
+      InsertPictureWords(
+          db, collection.active_vocabulary, key,
+          quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
+    }
+  }
+  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};
+}
+
+bool Writer::Remove(const std::string& collection, const std::string& id,
+                    const PictureCheck& check) {
+  bool removed = false;
+  access_.Write(
+      [&](Connection& db) {
+        const auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
+        removed = picture.has_value();
+        if (!picture) return;
+        if (check) check(&picture->record);
+        DeletePicture(db, *picture);
+      },
+      {.reclaim = true});
+  originals_.Tidy();
+  return removed;
+}
+
+std::uint64_t Writer::RemoveObject(const std::string& collection, const std::string& object,
+                                   const ObjectCheck& check) {
+  std::uint64_t removed = 0;
+  access_.Write(
+      [&](Connection& db) {
+        const Key in = RequireCollection(db, collection).key;
+        const Key key = FindObject(db, in, object);
+        if (check && key != 0)
+          pliant::CheckObjectNow(db, in, {object, CountPicturesOf(db, key)}, check);
+        removed = DeletePicturesOf(db, key);
+      },
+      {.reclaim = true});
+  originals_.Tidy();
+  return removed;
+}
+
+std::uint64_t Writer::RemoveWhere(const Selection& which) {
+  std::uint64_t removed = 0;
+  access_.Write(
+      [&](Connection& db) {
+        removed = DeletePicturesWhere(db, RequireCollection(db, which.collection).key, which);
+      },
+      {.reclaim = true, .alone = true});  // it may be all there is
+  originals_.Tidy();
+  return removed;
+}
+
+bool Writer::CreateCollection(const std::string& name) {
+  bool created = false;
+  access_.Write([&](Connection& db) {
+    created = !FindCollection(db, name).has_value();
+    if (created) InsertCollection(db, name, model_.key);
+  });
+  return created;
+}
+
+bool Writer::RemoveCollection(const std::string& name) {
+  bool removed = false;
+  access_.Write(
+      [&](Connection& db) {
+        const auto collection = FindCollection(db, name);
+        removed = collection.has_value();
+        if (!collection) return;
+        if (collection->name != name) {
+          throw refusals::CollectionIsAlias(name, collection->name);
+        }
+        DeleteCollection(db, collection->key);
+      },
+      {.reclaim = true});
+  originals_.Tidy();
+  return removed;
+}
+
+Key Writer::AddVocabulary(Key collection, const Vocabulary& vocabulary) {
+  Key key = 0;
+  access_.Write([&](Connection& db) {
+    DeleteAbandonedVocabularies(db, collection);
+    key = InsertVocabulary(db, collection, model_.key, vocabulary);
+  });
+  return key;
+}
+
+void Writer::AddWords(Key vocabulary, std::span<const PictureWords> pictures) {
+  access_.Write([&](Connection& db) { InsertWords(db, vocabulary, pictures); });
+}
+
+VocabularyRecord Writer::FinishVocabulary(const std::string& collection, Key vocabulary,
+                                          const Quantizer& quantizer, bool automatic) {
+  std::optional<VocabularyRecord> record;
+  access_.Write([&](Connection& db) {
+    CollectionRow now = RequireCollection(db, collection);
+    QuantizeRest(db, now.key, vocabulary, quantizer);
+    MarkVocabularyReady(db, vocabulary);
+    if (now.active_vocabulary == 0) {
+      pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
+      now.active_vocabulary = vocabulary;
+    }
+    record = FindVocabulary(db, now, vocabulary);
+  });
+  return record.value();
+}
+
+void Writer::SetActiveVocabulary(const std::string& collection, Key vocabulary,
+                                 const Quantizer& quantizer, bool automatic) {
+  access_.Write([&](Connection& db) {
+    const CollectionRow now = RequireCollection(db, collection);
+    if (automatic && now.active_vocabulary != 0 && !now.automatic) return;
+    QuantizeRest(db, now.key, vocabulary, quantizer);
+    pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
+  });
+}
+
+void Writer::DropVocabulary(Key vocabulary) {
+  access_.Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, {.reclaim = true});
+}
+
+std::uint64_t Writer::SweepOriginals() { return originals_.Sweep(); }
+
+void Writer::RestoreContent(const ImageRecord& stored, Bytes bytes) {
+  originals_.Restore(stored, bytes);
+}
+
+MoveOriginalsResult Writer::MoveOriginals(const std::filesystem::path& directory,
+                                          const std::function<void(double)>& progress) {
+  return originals_.Move(directory, progress);
+}
+
+}  // namespace pliant
