@@ -4,7 +4,7 @@
 # What the containers of docker/cluster.compose.yaml run, without containers: primary.sh makes the role and the database, and
 # standby.sh a standby that the primary knows by the name in synchronous_standby_names, each with its password only.
 set -euo pipefail
-[ -n "${PLIANT_TEST_DATABASE_HOME:-}" ] || exec bash "$(dirname "${BASH_SOURCE[0]}")/on_postgres.sh" bash "$0"
+[ -n "${PLIANT_TEST_DATABASE_HOME:-}" ] || exec bash "$(dirname "${BASH_SOURCE[0]}")/../postgres/on_postgres.sh" bash "$0"
 scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../docker/cluster" && pwd)
 home=$PLIANT_TEST_DATABASE_HOME
 fail() { echo "compose_scripts_test.sh: $*" >&2; exit 1; }
