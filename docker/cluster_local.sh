@@ -102,7 +102,7 @@ CONF
   fi
   if [ -z "$(sql "$node" -c "SELECT 1 FROM pg_database WHERE datname = 'pliant'")" ]; then  # no standby has it yet
     PGOPTIONS='-c synchronous_commit=local' sql "$node" -c 'SET client_min_messages = warning' -c 'DROP ROLE IF EXISTS pliant' \
-      -c 'CREATE ROLE pliant LOGIN' -c 'CREATE DATABASE pliant OWNER pliant'
+      -c 'CREATE ROLE pliant LOGIN IN ROLE pg_monitor' -c 'CREATE DATABASE pliant OWNER pliant'
   fi
 }
 
@@ -144,10 +144,10 @@ ready() { curl -fs -m 5 --noproxy '*' -o /dev/null "http://127.0.0.1:$(port "$1"
 start_servers() {
   local name program
   PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../build/*/bin" | tr '\n' ':' || true)
-  for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
-  pliant db init --db "$(url)"
   for name in $(servers); do
     server_runs "$name" && continue
+    for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
+    pliant db init --db "$(url)" >/dev/null
     setsid pliant-server --db "$(url)" --listen "127.0.0.1:$(port "$name")" >>"$home/$name/log" 2>&1 </dev/null 9>&- &
     echo $! >"$home/$name/pid"
   done
