@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One connection to a database that speaks SQL, whichever it is: statements with numbered
-// parameters (?, ?1, ?2, ...) in the SQL that SQLite and PostgreSQL share, and the few words in
+// parameters (?, ?1, ?2, ...) in the SQL that all databases share, and the few words in
 // which they differ. Private to index/store/. A connection is used by one thread at a time, and
 // throws its own database's exceptions or Error; Access lets out only Error.
 #pragma once
