@@ -21,7 +21,9 @@
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
 #include "index/store/open_store.h"
+#include "index/store/sql/original_store.h"
 #include "tests/unit/expect_error.h"
+#include "tests/unit/index_test_pictures.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant {
@@ -426,6 +428,38 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
     EXPECT_TRUE(ids.contains("1-4"));
   });
   insist([&] { EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty()); });
+}
+
+TEST_F(PostgresStoreTest, UploadsCanBeInOneFolderOfAllServers) {
+  const testing::TemporaryFolder folder;
+  const auto other = Open();
+  for (Store* store : {store_.get(), other.get()}) store->OpenOriginals(folder / "originals", true);
+  Put(*store_, {{"a"}, {"b"}});
+  EXPECT_EQ(other->catalogue().ReadContent("default", "a"), std::vector<std::uint8_t>{'a'});
+  EXPECT_EQ(other->catalogue().DescribeOriginals()->files, 2U);
+  EXPECT_TRUE(other->writer().Remove("default", "a", {}));
+  const OriginalStore files(folder / "originals");
+  EXPECT_THAT(files.List(), ::testing::ElementsAre(
+                                Sha256Hex(Bytes(reinterpret_cast<const std::uint8_t*>("b"), 1))));
+  EXPECT_EQ(store_->writer().SweepOriginals(), 0U);
+  EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty());
+}
+
+TEST(OriginalStore, AFileIsPutBackWhereItsRemovalIsNotConfirmed) {
+  const testing::TemporaryFolder folder;
+  const OriginalStore files(folder.path());
+  files.Claim({"id", "database"});
+  const std::vector<std::uint8_t> bytes = {1, 2, 3};
+  const std::string sha256 = Sha256Hex(bytes);
+  IncomingOriginal incoming(folder.path(), sha256, bytes);
+  files.Publish(incoming);
+  EXPECT_THROW(files.RemoveIf(sha256, [] { throw std::runtime_error("the turn is over"); }),
+               std::runtime_error);
+  EXPECT_EQ(files.Read(sha256, 3), bytes);
+  EXPECT_EQ(files.RemoveAbandoned(), 0U);
+  EXPECT_TRUE(files.RemoveIf(sha256, [] {}));
+  EXPECT_FALSE(files.RemoveIf(sha256, [] {}));
+  EXPECT_THAT(files.List(), ::testing::IsEmpty());
 }
 
 TEST_F(PostgresStoreTest, AWriterThatHoldsTheTurnTooLongIsRefusedAndEnds) {

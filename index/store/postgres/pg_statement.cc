@@ -45,8 +45,8 @@ std::string WithDollars(const std::string& sql) {
 
 }  // namespace
 
-PgStatement::PgStatement(PgConnection* connection, const std::string& sql)
-    : connection_(*connection), sql_(WithDollars(sql)) {}
+PgStatement::PgStatement(PgConnection* connection, const std::string& sql, bool kept)
+    : connection_(*connection), sql_(WithDollars(sql)), kept_(kept) {}
 
 void PgStatement::Set(int index, Parameter parameter) {
   const auto at = static_cast<std::size_t>(index) - 1;
@@ -102,10 +102,10 @@ void PgStatement::Bind(int /*index*/, const SqlPointer& /*value*/) {
 }
 
 void PgStatement::Execute() {
-  if (prepared_ != connection_.session()) {
+  if (!kept_ || prepared_ != connection_.session()) {
     std::vector<Oid> types;
     for (const Parameter& parameter : parameters_) types.push_back(parameter.type);
-    name_ = connection_.NewName();
+    if (kept_) name_ = connection_.NewName();
     connection_.PrepareNamed(name_, sql_, types);
     prepared_ = connection_.session();
   }

@@ -199,7 +199,7 @@ std::int64_t SqliteConnection::LastKey(const char* table) {
       .Int(0);
 }
 
-std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql) {
+std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql, bool /*kept*/) {
   return std::make_unique<SqliteStatement>(database_, bound_, sql);
 }
 
