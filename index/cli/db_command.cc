@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant db stats | check | backup | restore | copy | export | originals | rm
+// pliant db init | stats | check | backup | restore | copy | export | originals | rm
 #include <memory>
 
 #include "descriptor/base/format_bytes.h"
@@ -36,6 +36,16 @@ struct Options {
 };
 
 Engine OpenEngine(Options& options, Access access) { return OpenForCare(options.engine, access); }
+
+ExitStatus Initialize(Options& options) {
+  InitializeDatabase(options.engine.database.string());
+  if (options.json) {
+    PrintJson({{"database", ToDisplayText(options.engine.database.string())}});
+  } else {
+    Print("the database has Pliant's tables");
+  }
+  return ExitStatus::kDone;
+}
 
 ExitStatus Stats(Options& options) {
   return RunStats(options.engine, {.collection = options.collection_named ? options.collection : "",
@@ -183,6 +193,8 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
     });
     return sub;
   };
+  add("init", "Make the tables of a database on a PostgreSQL server, if they are missing",
+      Initialize, "init --db postgresql://pliant@host/pliant");
   add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
       "stats --db my.db --collection shirts");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/engine/engine.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "descriptor/base/error.h"
@@ -125,6 +126,9 @@ const Engine::Impl::Extractors& Engine::Impl::extractors() {
 EngineStats Engine::Impl::Stats() {
   EngineStats stats = catalogue().Count();
   stats.index_bytes = ranker_->memory_bytes();
+  if (stats.server) {
+    stats.server->behind = std::max<std::int64_t>(0, stats.server->commit - ranker_->followed());
+  }
   return stats;
 }
 

@@ -109,6 +109,7 @@ void MemoryRanker::CatchUp() {
   const std::unique_ptr<FeedView> view = feed_->Look();
   CatchUpWith(*view);
   version_ = version;
+  followed_ = version;
 }
 
 void MemoryRanker::CatchUpWith(FeedView& view) {

@@ -40,6 +40,7 @@ class MemoryRanker : public Ranker {
   void Follow() override;
   std::shared_ptr<const void> Prepare(Key collection, Key vocabulary) override;
   std::size_t memory_bytes() const override;
+  std::int64_t followed() const override { return followed_; }
   std::vector<std::string> Check() override;
 
  private:
@@ -81,6 +82,7 @@ class MemoryRanker : public Ranker {
   mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are followed
   std::condition_variable changed_;  // an entry is no longer loading
   std::map<std::string, Entry> entries_;
+  std::atomic<std::int64_t> followed_ = 0;
   std::optional<std::int64_t> version_;  // of the feed that entries_ follow; absent: unknown
   bool in_use_ = false;                  // after the first load or view
   std::vector<std::weak_ptr<const Loaded>> prepared_;

@@ -96,6 +96,8 @@ class Ranker {
   [[nodiscard]] virtual std::shared_ptr<const void> Prepare(Key collection, Key vocabulary) = 0;
 
   virtual std::size_t memory_bytes() const = 0;
+  // ChangeFeed::Version when it last caught up with the store; 0 = never. Waits for nobody.
+  virtual std::int64_t followed() const = 0;
   // Differences between the ranker and the store, as sentences.
   virtual std::vector<std::string> Check() = 0;
 };

@@ -129,6 +129,8 @@ struct UseOptions {
 struct DatabaseServerRecord {
   std::uint64_t connections = 0;       // that this process has open
   std::uint64_t connection_waits = 0;  // times that somebody waited for a free one
+  std::int64_t commit = 0;             // of the newest change
+  std::int64_t behind = 0;             // changes that the index in memory has not seen yet
   // Of the standby that is furthest behind; absent where there is none.
   std::optional<double> replication_lag_s;
 };

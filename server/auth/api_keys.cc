@@ -105,12 +105,11 @@ std::optional<Scope> ScopeFromName(const std::string& name) {
 }
 
 KeyRing::KeyRing(std::filesystem::path database) : database_(std::move(database)) {
-  std::error_code absent;
-  if (!IsDatabaseUrl(database_.string()) &&
-      (std::filesystem::file_size(database_, absent) == 0 || absent)) {
-    return;
+  try {
+    in_use_at_start_ = !OpenServiceStore(database_)->Keys().empty();
+  } catch (const Error& error) {
+    if (error.reason() != "database_not_found") throw;
   }
-  in_use_at_start_ = !OpenServiceStore(database_)->Keys().empty();
 }
 
 void KeyRing::Open() {

@@ -73,6 +73,16 @@ class Metrics::Impl {
   prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database");
   prometheus::Gauge& disk_free_bytes =
       Gauge("pliant_disk_free_bytes", "Free space on the disk of the database");
+  // Of a database on PostgreSQL.
+  prometheus::Family<prometheus::Gauge>& connections =
+      Gauges("pliant_database_connections", "Connections to the database that are open");
+  prometheus::Family<prometheus::Gauge>& connection_waits =
+      Gauges("pliant_database_connection_waits_total",
+             "Times that all reading connections were in use, since the start");
+  prometheus::Family<prometheus::Gauge>& feed_lag = Gauges(
+      "pliant_feed_lag", "Changes of the database that the index in memory has not seen yet");
+  prometheus::Family<prometheus::Gauge>& replication_lag =
+      Gauges("pliant_replication_lag_seconds", "How far the slowest standby is behind the primary");
   prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
   prometheus::Gauge& resident_bytes =
       Gauge("process_resident_memory_bytes", "Memory of the process");
@@ -87,6 +97,18 @@ class Metrics::Impl {
 
   void Observe(const char* operation, const char* stage, double ms) {
     stage_seconds.Add({{"operation", operation}, {"stage", stage}}, kSeconds).Observe(ms / 1000);
+  }
+
+  void SetServer(const DatabaseServerRecord& server) {
+    connections.Add({}).Set(static_cast<double>(server.connections));
+    connection_waits.Add({}).Set(static_cast<double>(server.connection_waits));
+    feed_lag.Add({}).Set(static_cast<double>(server.behind));
+    prometheus::Gauge& lag = replication_lag.Add({});
+    if (server.replication_lag_s) {
+      lag.Set(*server.replication_lag_s);
+    } else {
+      replication_lag.Remove(&lag);
+    }
   }
 
   // One series at a time: the vocabulary that was active before is none any more.
@@ -172,6 +194,7 @@ std::string Metrics::Text(const MetricsNow& now) {
     m.database_bytes.Set(static_cast<double>(stats.database_bytes));
     m.disk_free_bytes.Set(static_cast<double>(now.disk_free_bytes));
     m.index_bytes.Set(static_cast<double>(stats.index_bytes));
+    if (stats.server) m.SetServer(*stats.server);
     if (stats.vocabulary) {
       m.words.Set(static_cast<double>(stats.vocabulary->words));
       m.SetVocabulary(*stats.vocabulary);

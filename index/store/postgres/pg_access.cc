@@ -7,6 +7,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/unix_time.h"
+#include "index/store/database_url.h"
 #include "index/store/postgres/pg_connection.h"
 #include "index/store/postgres/pg_monitor.h"
 #include "index/store/postgres/schema.h"
@@ -202,6 +203,7 @@ class PgAccess : public Access {
     DatabaseServerRecord figures;
     figures.connections = primary_.connections() + (standby_ ? standby_->connections() : 0) +
                           (writes() ? 1 : 0) + 2;  // the monitor's and Version's
+    figures.commit = Version();
     figures.connection_waits = primary_.waits() + (standby_ ? standby_->waits() : 0);
     PgReading reading(&primary_);
     Cursor row = reading.db().Prepare(
@@ -305,6 +307,11 @@ std::unique_ptr<Access> OpenServerAccess(const StoreOptions& options, StorePart 
 }
 
 void InitializeDatabase(const std::string& url) {
+  if (!IsDatabaseUrl(url)) {
+    throw Error(ErrorCode::kInvalidArgument, "database_url_needed",
+                "only a database on a server (postgresql://...) is initialized; a database file is "
+                "made when the first image is added");
+  }
   StoreOptions options;
   options.database = url;
   postgres::Address address = postgres::ParseAddress(url);

@@ -53,7 +53,7 @@ class PgConnection : public Connection {
   // Waits for the turn of this writer among those of all processes, and counts the commit in
   // `feed`.
   void BeginWrite() override;
-  // Throws kUnavailable "outcome_unknown".
+  // Throws kUnavailable "database_outcome_unknown".
   void Commit() override;
   void Rollback() noexcept override;
   bool InTransaction() const override;

@@ -97,7 +97,7 @@ void PgStatement::Bind(int index, std::span<const Key> keys) {
 
 void PgStatement::BindNull(int index) { Set(index, {kInt8, std::nullopt}); }
 
-void PgStatement::BindPointer(int /*index*/, const void* /*value*/, const char* /*type*/) {
+void PgStatement::Bind(int /*index*/, const SqlPointer& /*value*/) {
   throw Error(ErrorCode::kInternal, "database_error", "there are no functions of this process");
 }
 

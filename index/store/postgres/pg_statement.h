@@ -25,7 +25,7 @@ class PgStatement : public Statement {
   void Bind(int index, Bytes value) override;
   void Bind(int index, std::span<const Key> keys) override;
   void BindNull(int index) override;
-  void BindPointer(int index, const void* value, const char* type) override;
+  void Bind(int index, const SqlPointer& value) override;
 
   bool Step() override;
   std::int64_t Changed() override;

@@ -4,7 +4,7 @@
 
 namespace pliant::postgres {
 
-// The tables of sqlite/schema.cc, and what a database of many writers needs. Text is in order of
+// The same tables as in a file, and what a database of many writers needs. Text is in order of
 // its bytes everywhere. Keys are never used twice, and given in order of commits: what writes holds
 // the row of `feed` from its first statement to the end of its commit.
 const char* const kSchema = R"sql(
@@ -216,7 +216,7 @@ CREATE TRIGGER picture_fields BEFORE INSERT OR UPDATE OF metadata ON pictures
 
 CREATE FUNCTION count_pictures() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-  UPDATE collections c SET images = images + n.images, descriptors = descriptors + n.descriptors
+  UPDATE collections c SET images = c.images + n.images, descriptors = c.descriptors + n.descriptors
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM added
         GROUP BY collection) n WHERE c.key = n.collection;
   RETURN NULL;
@@ -231,7 +231,7 @@ DECLARE
 BEGIN
   SELECT count(*) INTO gone FROM removed;
   IF gone = 0 THEN RETURN NULL; END IF;
-  UPDATE collections c SET images = images - n.images, descriptors = descriptors - n.descriptors
+  UPDATE collections c SET images = c.images - n.images, descriptors = c.descriptors - n.descriptors
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM removed
         GROUP BY collection) n WHERE c.key = n.collection;
   UPDATE feed SET removals = removals + gone WHERE key = 0 RETURNING removals INTO last;

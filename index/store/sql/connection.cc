@@ -26,8 +26,7 @@ void Cursor::BindOne(int index, const SqlValue& value) {
   } else if (const auto* text = std::get_if<std::string>(&value)) {
     statement_->Bind(index, *text);
   } else {
-    const auto& pointer = std::get<SqlPointer>(value);
-    statement_->BindPointer(index, pointer.value.get(), pointer.type);
+    statement_->Bind(index, std::get<SqlPointer>(value));
   }
 }
 

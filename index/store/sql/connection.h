@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One connection to a database that speaks SQL, whichever it is: statements with numbered
-// parameters (?, ?1, ?2, ...) in the SQL that SQLite and PostgreSQL share, and the few words in
+// parameters (?, ?1, ?2, ...) in the SQL that all databases share, and the few words in
 // which they differ. Private to index/store/. A connection is used by one thread at a time, and
 // throws its own database's exceptions or Error; Access lets out only Error.
 #pragma once
@@ -27,6 +27,12 @@ struct KeyOrNull {
   std::int64_t key = 0;
 };
 
+// A value for SQL functions of this process; `type` says what it is, as a constant.
+struct SqlPointer {
+  std::shared_ptr<const void> value;
+  const char* type = nullptr;
+};
+
 // A prepared statement. Blobs that are bound are not copied: they must outlive the statement's run.
 class Statement {
  public:
@@ -38,9 +44,7 @@ class Statement {
   virtual void Bind(int index, Bytes value) = 0;
   virtual void Bind(int index, std::span<const Key> keys) = 0;  // for Connection::IsAmong
   virtual void BindNull(int index) = 0;
-  // For SQL functions of this process; `type` says what it is, as a constant. It must outlive the
-  // statement's run.
-  virtual void BindPointer(int index, const void* value, const char* type) = 0;
+  virtual void Bind(int index, const SqlPointer& value) = 0;
 
   virtual bool Step() = 0;             // the next row; false: there is none
   virtual std::int64_t Changed() = 0;  // rows that it has changed, once it has run
@@ -57,11 +61,6 @@ class Statement {
 
 class Connection;
 
-// A value that a statement is run with.
-struct SqlPointer {
-  std::shared_ptr<const void> value;
-  const char* type = nullptr;
-};
 using SqlValue = std::variant<std::int64_t, std::string, SqlPointer>;
 
 // SQL that is put together from pieces, with what is bound to its parameters.
