@@ -192,8 +192,10 @@ bool OriginalStore::RemoveIf(const std::string& sha256,
   if (fd < 0) ThrowErrno("cannot remove", path);
   const fs::path aside = directory_ / kIncoming / (sha256 + "." + RandomHex(16));
   try {
-    // Locked, it is not taken for what a dead writer left.
-    if (::flock(fd, LOCK_EX) != 0 || ::rename(path.c_str(), aside.c_str()) != 0) {
+    // Locked, by this process or by the one that has just written it, it is not taken for what a
+    // dead writer left.
+    if ((::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno != EWOULDBLOCK) ||
+        ::rename(path.c_str(), aside.c_str()) != 0) {
       ThrowErrno("cannot remove", path);
     }
     try {
