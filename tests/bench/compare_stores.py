@@ -85,7 +85,7 @@ def main():
         timed([options.bin / "load_database", "--db", file, "--folder", options.folder, "--pictures", str(options.pictures),
                "--keypoints", str(options.keypoints)])
         for source, target, what in ((file, url, "file to PostgreSQL"), (url, back, "PostgreSQL to file")):
-            took, said = timed([options.bin / "pliant", "db", "copy", target, "--db", source, "--json", "--compare", "20"])
+            took, said = timed([options.bin / "pliant", "db", "copy", target, "--db", source, "--json", "--compare", "1"])
             result = json.loads(said)
             print(f"db copy, {what}: {result['copied']} images in {took:.0f} s with the comparison of {result['rankings_compared']} rankings, "
                   f"{result['copied'] / took:.0f}/s; differences: {result['differences']}", flush=True)

@@ -42,6 +42,7 @@ class PgConnection : public Connection {
     int idle_in_transaction_ms = 15'000;
     std::string settings = {};  // further statements at the begin of a session
     int part = 0;               // StorePart, of BeginWrite
+    FeatureCache* features = nullptr;
   };
 
   // `health`: nullptr = whoever waits, waits 8 seconds at most. Both must outlive the connection.
@@ -58,6 +59,8 @@ class PgConnection : public Connection {
   void Rollback() noexcept override;
   bool InTransaction() const override;
   bool KeepsItsTurn() const override { return false; }
+  FeatureCache* feature_cache() override { return options_.features; }
+  std::uint64_t epoch() const override { return losses_; }
 
   std::string IsAmong(const std::string& expression, const std::string& parameter) const override;
   std::string Passes(Query& query, const std::string& table, const Filter& filter) const override;

@@ -170,21 +170,21 @@ std::vector<std::optional<StoredPicture>> Catalogue::LoadPictures(std::span<cons
                                                                   Load what) {
   return access_.Read([&](Connection& db) {
     std::vector<std::optional<StoredPicture>> pictures(refs.size());
-    std::vector<Key> versions;
-    for (const PictureRef& ref : refs) versions.push_back(ref.version);
-    std::map<Key, StoredPicture> found = SelectStored(db, versions, what);
-    std::vector<Key> others(refs.size());  // those in the place of versions that are gone
-    versions.clear();
+    std::multimap<Key, std::size_t> wanted;  // places in `pictures`
+    const auto fill = [&](Key key, StoredPicture picture) {
+      const auto [begin, end] = wanted.equal_range(key);
+      for (auto at = std::next(begin); at != end; ++at) pictures[at->second] = picture;
+      pictures[begin->second] = std::move(picture);
+    };
+    for (std::size_t i = 0; i < refs.size(); ++i) wanted.emplace(refs[i].version, i);
+    SelectStored(db, wanted, what, fill);
+    wanted.clear();
     for (std::size_t i = 0; i < refs.size(); ++i) {
-      if (found.contains(refs[i].version)) continue;
-      others[i] = KeyOfPicture(db, refs[i].collection, refs[i].id);
-      if (others[i] != 0) versions.push_back(others[i]);
+      if (pictures[i]) continue;
+      const Key other = KeyOfPicture(db, refs[i].collection, refs[i].id);  // in its place
+      if (other != 0) wanted.emplace(other, i);
     }
-    if (!versions.empty()) found.merge(SelectStored(db, versions, what));
-    for (std::size_t i = 0; i < refs.size(); ++i) {
-      const auto state = found.find(others[i] != 0 ? others[i] : refs[i].version);
-      if (state != found.end()) pictures[i] = state->second;
-    }
+    if (!wanted.empty()) SelectStored(db, wanted, what, fill);
     return pictures;
   });
 }

@@ -4,6 +4,7 @@
 #include "descriptor/base/hex.h"
 #include "index/files/text.h"
 #include "index/store/refusals.h"
+#include "index/store/sql/feature_cache.h"
 #include "index/store/sql/rows.h"
 
 namespace pliant {
@@ -16,8 +17,6 @@ namespace {
   " FROM pictures p JOIN collections c ON c.key = p.collection " \
   "LEFT JOIN objects o ON o.key = p.object "
 #define PLIANT_SELECT_PICTURE "SELECT " PLIANT_PICTURE_COLUMNS PLIANT_FROM_PICTURES
-
-constexpr int kPictureColumns = 15;
 
 }  // namespace
 
@@ -227,30 +226,42 @@ std::vector<std::vector<std::uint8_t>> ReadFeaturesBlobs(Connection& db,
   for (const Key picture : pictures) {
     const auto blob = found.find(picture);
     if (blob == found.end()) throw refusals::FeaturesMissing();
-    blobs.push_back(blob->second);
+    blobs.push_back(std::move(blob->second));
   }
   return blobs;
 }
 
-std::map<Key, StoredPicture> SelectStored(Connection& db, std::span<const Key> pictures,
-                                          Load what) {
-  const bool features = what == Load::kRecordsAndFeatures;
-  Cursor row = db.Prepare(std::string("SELECT " PLIANT_PICTURE_COLUMNS) +
-                          (features ? ", f.data" : "") + PLIANT_FROM_PICTURES +
-                          (features ? "LEFT JOIN features f ON f.picture = p.key " : "") +
-                          "WHERE " + db.IsAmong("p.key", "?1"));
-  row.Bind(pictures);
+void SelectStored(Connection& db, const std::multimap<Key, std::size_t>& keys, Load what,
+                  const std::function<void(Key, StoredPicture)>& take) {
+  std::vector<Key> wanted;
+  for (const auto& [key, place] : keys) wanted.push_back(key);
   std::map<Key, StoredPicture> found;
-  while (row.Next()) {
-    PictureRow picture = ToPicture(row);
-    StoredPicture stored{picture.key, std::move(picture.record), {}};
-    if (features) {
-      if (row.IsNull(kPictureColumns)) throw refusals::FeaturesMissing();
-      stored.features = row.CopyOfBlob(kPictureColumns);
+  {
+    Cursor row = db.Prepare(PLIANT_SELECT_PICTURE "WHERE " + db.IsAmong("p.key", "?1"));
+    row.Bind(std::span<const Key>(wanted));
+    while (row.Next()) {
+      PictureRow picture = ToPicture(row);
+      found[picture.key] = {picture.key, std::move(picture.record), {}};
     }
-    found.emplace(picture.key, std::move(stored));
   }
-  return found;
+  if (what == Load::kRecordsAndFeatures) {
+    FeatureCache* const cache = db.feature_cache();
+    wanted.clear();
+    for (auto& [key, picture] : found) {
+      auto cached = cache == nullptr ? std::nullopt : cache->Find(key, db.epoch());
+      if (cached) {
+        picture.features = *std::move(cached);
+      } else {
+        wanted.push_back(key);
+      }
+    }
+    std::vector<std::vector<std::uint8_t>> read = ReadFeaturesBlobs(db, wanted);
+    for (std::size_t i = 0; i < wanted.size(); ++i) {
+      if (cache != nullptr) cache->Add(wanted[i], read[i], db.epoch());
+      found[wanted[i]].features = std::move(read[i]);
+    }
+  }
+  for (auto& [key, picture] : found) take(key, std::move(picture));
 }
 
 }  // namespace pliant

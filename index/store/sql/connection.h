@@ -61,6 +61,7 @@ class Statement {
 };
 
 class Connection;
+class FeatureCache;
 
 using SqlValue = std::variant<std::int64_t, std::string, SqlPointer>;
 
@@ -164,6 +165,10 @@ class Connection {
   // Whether a transaction that writes is the only one until this process ends it, or ends; else the
   // database may end it, and each further statement fails.
   virtual bool KeepsItsTurn() const = 0;
+
+  // Features that were read lately, where it is worth to keep them; and FeatureCache's epoch.
+  virtual FeatureCache* feature_cache() { return nullptr; }
+  virtual std::uint64_t epoch() const { return 0; }
 
   // Where the databases differ, as text of SQL.
   // Whether `expression` is one of the keys bound to `parameter`.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -109,11 +110,13 @@ void DeletePicture(Connection& db, const PictureRow& picture);
 std::uint64_t DeletePicturesOf(Connection& db, Key object);
 void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob);
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture);  // or kCorrupt
-// In the order of the keys; or kCorrupt.
+// In the order of the keys, none of which comes twice; or kCorrupt.
 std::vector<std::vector<std::uint8_t>> ReadFeaturesBlobs(Connection& db,
                                                          std::span<const Key> pictures);
-// Those that are there; or kCorrupt where features are asked for and missing.
-std::map<Key, StoredPicture> SelectStored(Connection& db, std::span<const Key> pictures, Load what);
+// Gives those of the keys that are there, once each; or kCorrupt where features are asked for and
+// missing.
+void SelectStored(Connection& db, const std::multimap<Key, std::size_t>& keys, Load what,
+                  const std::function<void(Key, StoredPicture)>& take);
 // The picture that `request` would only store once more.
 std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256);

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Candidate cache: encoded features of pictures that were verified lately, for databases that are
+// not on this machine. A picture's key stands for one state of it, so what is kept stays true.
+// Thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <mutex>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "index/records/picture_ref.h"
+
+namespace pliant {
+
+class FeatureCache {
+ public:
+  explicit FeatureCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+
+  // `epoch`: another one than before empties the cache, as a database that lost commits may give
+  // the keys of these again.
+  std::optional<std::vector<std::uint8_t>> Find(Key picture, std::uint64_t epoch);
+  void Add(Key picture, std::vector<std::uint8_t> encoded, std::uint64_t epoch);
+
+ private:
+  struct Entry {
+    Key picture = 0;
+    std::vector<std::uint8_t> encoded;
+  };
+  void Follow(std::uint64_t epoch);
+
+  const std::size_t max_bytes_;
+  std::mutex mutex_;  // guards what follows
+  std::uint64_t epoch_ = 0;
+  std::size_t bytes_ = 0;
+  std::list<Entry> entries_;  // last used first
+  std::unordered_map<Key, std::list<Entry>::iterator> places_;
+};
+
+}  // namespace pliant
