@@ -167,8 +167,8 @@ class Test:
             shutil.rmtree(self.logs)
 
 
-def has_own_mounts():
-    """Whether this process sees mounts that nobody else does; starts it again so where that is allowed."""
+def ask_for_own_mounts():
+    """Starts this again with mounts that nobody else sees, where that is allowed."""
     if os.environ.get(OWN_MOUNTS):
         return
     tried = ["unshare", "--mount", "sh", "-c", "mount -t tmpfs tmpfs /mnt"]
@@ -186,9 +186,9 @@ def main():
     parser.add_argument("--gap", type=float, default=5, help="seconds at most between one trouble and the next")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    print(f"seed {options.seed}", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    has_own_mounts()
+    ask_for_own_mounts()
+    print(f"seed {options.seed}", flush=True)
     for name in [name for name in os.environ if name.startswith("PG")]:
         del os.environ[name]  # they are about other databases
     test, finished = Test(options), False
