@@ -44,7 +44,15 @@ primary() { cat "$home/primary" 2>/dev/null || echo db1; }
 standby() { if [ "$(primary)" = db1 ]; then echo db2; else echo db1; fi; }
 source_of() { echo "host=127.0.0.1 port=$(port "$1") user=postgres dbname=postgres"; }
 sql() { psql -qAtX -d "$(source_of "$1") connect_timeout=5" "${@:2}"; }  # NODE ARGUMENTS...
-db_runs() { as_postgres pg_ctl status -D "$home/$1/data" >/dev/null 2>&1; }
+db_runs() {
+  local pid
+  pid=$(head -n 1 "$home/$1/data/postmaster.pid" 2>/dev/null) || return 1
+  for _ in $(seq 100); do  # until a killed process is gone: PostgreSQL takes what is left of it for a server
+    grep -qs '^State:.Z' "/proc/$pid/status" || break
+    sleep 0.1
+  done
+  grep -qsF "$home/$1/data" "/proc/$pid/cmdline"  # another process may have that number since
+}
 url() { echo "postgresql://pliant@127.0.0.1:$(port db1),127.0.0.1:$(port db2)/pliant?target_session_attrs=read-write"; }
 
 prepare() {  # NAME : its folder and its port, chosen once, because the URL names it
@@ -94,7 +102,7 @@ CONF
   fi
   if [ -z "$(sql "$node" -c "SELECT 1 FROM pg_database WHERE datname = 'pliant'")" ]; then  # no standby has it yet
     PGOPTIONS='-c synchronous_commit=local' sql "$node" -c 'SET client_min_messages = warning' -c 'DROP ROLE IF EXISTS pliant' \
-      -c 'CREATE ROLE pliant LOGIN' -c 'CREATE DATABASE pliant OWNER pliant'
+      -c 'CREATE ROLE pliant LOGIN IN ROLE pg_monitor' -c 'CREATE DATABASE pliant OWNER pliant'
   fi
 }
 
@@ -136,10 +144,10 @@ ready() { curl -fs -m 5 --noproxy '*' -o /dev/null "http://127.0.0.1:$(port "$1"
 start_servers() {
   local name program
   PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../build/*/bin" | tr '\n' ':' || true)
-  for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
-  pliant db init --db "$(url)"
   for name in $(servers); do
     server_runs "$name" && continue
+    for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
+    pliant db init --db "$(url)" >/dev/null
     setsid pliant-server --db "$(url)" --listen "127.0.0.1:$(port "$name")" >>"$home/$name/log" 2>&1 </dev/null 9>&- &
     echo $! >"$home/$name/pid"
   done
@@ -201,7 +209,7 @@ case $action in
   up) up "${@:3}" ;;
   status) status ;;
   promote)
-    db_runs "$(standby)" || fail "the standby does not run: it may lack what the primary has committed. Call up first."
+    [ "$(sql "$(standby)" -c 'SELECT pg_is_in_recovery()' 2>/dev/null)" = t ] || fail "the standby does not run. Call up first."
     stop_db "$(primary)" fast  # never two primaries
     standby >"$home/primary.new"
     mv "$home/primary.new" "$home/primary"

@@ -22,8 +22,9 @@ std::size_t SizeOf(const FilterValue& value) {
   return kEntryBytes + (text == nullptr ? 0 : text->size());
 }
 
-// One form for each number: 1.0 is 1, as filters have it.
-FilterValue Canonical(FilterValue value) {
+}  // namespace
+
+FilterValue CanonicalFacetValue(FilterValue value) {
   if (const auto* number = std::get_if<std::int64_t>(&value); number != nullptr && *number >= 0) {
     return static_cast<std::uint64_t>(*number);
   }
@@ -35,7 +36,18 @@ FilterValue Canonical(FilterValue value) {
   return value;
 }
 
-}  // namespace
+Facet MakeFacet(const std::string& key, const std::map<FilterValue, std::uint64_t>& counts,
+                std::uint64_t without, bool complete) {
+  Facet facet;
+  facet.key = key;
+  facet.without = without;
+  facet.complete = complete && counts.size() <= kFacetValues;
+  for (const auto& [value, count] : counts) facet.values.push_back({value, count});
+  std::stable_sort(facet.values.begin(), facet.values.end(),
+                   [](const auto& a, const auto& b) { return a.count > b.count; });
+  if (facet.values.size() > kFacetValues) facet.values.resize(kFacetValues);
+  return facet;
+}
 
 FacetCount::FacetCount(const std::vector<std::string>& keys) {
   for (const std::string& key : keys) countings_.emplace_back().key = key;
@@ -59,7 +71,7 @@ void FacetCount::EndItem() {
 }
 
 void FacetCount::Note(Counting& counting, FilterValue value) {
-  value = Canonical(std::move(value));
+  value = CanonicalFacetValue(std::move(value));
   if (!counting.counts.contains(value)) {
     if (counting.bytes + SizeOf(value) > kMaxBytes) {
       counting.complete = false;
@@ -90,15 +102,8 @@ std::vector<Facet> FacetCount::Result() {
   EndItem();
   std::vector<Facet> facets;
   for (Counting& counting : countings_) {
-    Facet facet;
-    facet.key = counting.key;
-    facet.without = items_ - counting.items_with;
-    facet.complete = counting.complete && counting.counts.size() <= kFacetValues;
-    for (const auto& [value, count] : counting.counts) facet.values.push_back({value, count});
-    std::stable_sort(facet.values.begin(), facet.values.end(),
-                     [](const auto& a, const auto& b) { return a.count > b.count; });
-    if (facet.values.size() > kFacetValues) facet.values.resize(kFacetValues);
-    facets.push_back(std::move(facet));
+    facets.push_back(
+        MakeFacet(counting.key, counting.counts, items_ - counting.items_with, counting.complete));
   }
   return facets;
 }

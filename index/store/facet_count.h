@@ -15,6 +15,13 @@
 
 namespace pliant {
 
+// The facet of a key that `without` items do not have, from all its values and how many items have
+// each. `complete`: no value is missing among them.
+Facet MakeFacet(const std::string& key, const std::map<FilterValue, std::uint64_t>& counts,
+                std::uint64_t without, bool complete);
+// One form for each number: 1.0 is 1, as filters have it.
+FilterValue CanonicalFacetValue(FilterValue value);
+
 class FacetCount {
  public:
   // Of one key so many bytes of different values are kept; what comes later is not counted, and the

@@ -47,7 +47,7 @@ Problem MakeProblem(const std::string& code, const std::string& detail) {
 std::string PublicDetail(const std::string& code) {
   if (code == "database_unavailable") return "The database does not answer. Try again later.";
   if (code == "database_outcome_unknown") {
-    return "It may be done, or not: look before you try again.";
+    return "Outcome unknown. Check before retrying.";
   }
   if (code == "busy") return "The server is busy. Try again shortly.";
   if (code == "read_only") return "The server may not write where it keeps this.";

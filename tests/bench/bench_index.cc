@@ -18,7 +18,7 @@
 #include "index/rank/memory_ranker.h"
 #include "index/rank/ranking.h"
 #include "index/store/open_store.h"
-#include "index/store/sqlite/catalogue_vocabularies.h"
+#include "index/store/sql/catalogue_vocabularies.h"
 #include "index/store/sqlite/database.h"
 
 namespace pliant {
@@ -135,7 +135,7 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
                     ("pliant-bench-" + std::to_string(::getpid()) + ".db");
   for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
   CreateDatabase(path, {"bench", DescriptorKind::kBinary, 8, "bench:1"});
-  Connection db(path, Connection::Mode::kReadWrite, 1000);
+  SqliteConnection db(path, SqliteConnection::Mode::kReadWrite, 1000);
   SQLite::Transaction transaction(db.database());
   const CollectionRow collection = RequireCollection(db, kDefaultCollection);
   Vocabulary vocabulary;

@@ -9,7 +9,7 @@
 
 #include "descriptor/match/distance.h"
 #include "index/store/feature_codec.h"
-#include "index/store/sqlite/connection.h"
+#include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant::bench {
 namespace {
@@ -69,7 +69,7 @@ std::vector<IndexedPicture> Quantized(const std::vector<LabelledPicture>& pictur
 
 RankingSet ReadSet(const std::filesystem::path& database) {
   constexpr int kBusyMs = 10'000;
-  Connection db(database, Connection::Mode::kReadOnly, kBusyMs);
+  SqliteConnection db(database, SqliteConnection::Mode::kReadOnly, kBusyMs);
   Cursor row = db.Prepare(
       "SELECT c.name, o.name, f.data FROM pictures p JOIN collections c ON c.key = p.collection "
       "JOIN features f ON f.picture = p.key LEFT JOIN objects o ON o.key = p.object "

@@ -2,14 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts the databases of a program's tests on the PostgreSQL server that PLIANT_TEST_DATABASE names:
 // for each file a schema of its own.
-#include <unistd.h>
-
 #include <cstdlib>
 #include <map>
 #include <string>
 
 #include <gtest/gtest.h>
 #include <libpq-fe.h>
+#include <unistd.h>
 
 #include "tests/unit/test_database.h"
 

@@ -21,7 +21,9 @@
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
 #include "index/store/open_store.h"
+#include "index/store/sql/original_store.h"
 #include "tests/unit/expect_error.h"
+#include "tests/unit/index_test_pictures.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant {
@@ -88,8 +90,8 @@ class PostgresStoreTest : public ::testing::Test {
       request.metadata = picture.metadata;
       request.object = picture.object;
       request.source = picture.source;
-      request.bytes = Bytes(reinterpret_cast<const std::uint8_t*>(picture.id.data()),
-                            picture.id.size());
+      request.bytes =
+          Bytes(reinterpret_cast<const std::uint8_t*>(picture.id.data()), picture.id.size());
     }
     std::vector<PicturePut> puts;
     for (const AddRequest& request : requests) {
@@ -286,7 +288,8 @@ Json RandomMetadata(std::mt19937& dice) {
 FilterBound RandomBound(std::mt19937& dice) {
   while (true) {
     FilterValue value = RandomValue(dice);
-    if (std::holds_alternative<std::monostate>(value) || std::holds_alternative<bool>(value)) continue;
+    if (std::holds_alternative<std::monostate>(value) || std::holds_alternative<bool>(value))
+      continue;
     return {value, dice() % 2 == 0};
   }
 }
@@ -333,14 +336,14 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
   for (int i = 0; i < 400; ++i) {
     const Filter filter = RandomFilter(dice, i % 3);
     CheckFilter(filter);
-    const Admission admission =
-        store_->catalogue().Admit(collection, std::nullopt, filter, {});
+    const Admission admission = store_->catalogue().Admit(collection, std::nullopt, filter, {});
     std::set<std::string> expected;
     for (const Picture& picture : pictures) {
       if (Passes(filter, picture.metadata)) expected.insert(picture.id);
     }
     std::vector<PictureRef> refs;
-    for (const std::int64_t version : *admission.versions) refs.push_back({collection, "", version});
+    for (const std::int64_t version : *admission.versions)
+      refs.push_back({collection, "", version});
     std::set<std::string> found;
     for (const auto& picture : store_->catalogue().LoadPictures(refs, Load::kRecords)) {
       found.insert(picture->record.id);
@@ -352,7 +355,7 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
 }
 
 TEST_F(PostgresStoreTest, TextIsFoundWhateverItsCase) {
-  const std::vector<std::string> names = {"Straße",  "STRASSE", "ΣΊΣΥΦΟΣ", "σίσυφος", "İstanbul",
+  const std::vector<std::string> names = {"Straße",   "STRASSE", "ΣΊΣΥΦΟΣ", "σίσυφος", "İstanbul",
                                           "ISTANBUL", "ǅ",       "ＡＢＣ",  "a_%\\b",  "Ünï 'x'"};
   std::vector<Picture> pictures;
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -360,7 +363,8 @@ TEST_F(PostgresStoreTest, TextIsFoundWhateverItsCase) {
   }
   Put(*store_, pictures);
   for (const std::string& text : names) {
-    for (const std::string& asked : {text, EncodeUtf8(FoldCase(text)), text.substr(0, 1), "p " + text}) {
+    for (const std::string& asked :
+         {text, EncodeUtf8(FoldCase(text)), text.substr(0, 1), "p " + text}) {
       if (!IsValidUtf8(asked)) continue;
       PictureListing list;
       list.which.text = asked;
@@ -389,7 +393,8 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
       server.Ask(
           "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity "
           "WHERE application_name = 'pliant' AND random() < 0.3");
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));  // the rate of kills, no condition
+      std::this_thread::sleep_for(
+          std::chrono::milliseconds(20));  // the rate of kills, no condition
     }
   });
   const auto insist = [&](const auto& work) {
@@ -398,7 +403,7 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
         return work();
       } catch (const Error& error) {
         ASSERT_EQ(error.code(), ErrorCode::kUnavailable) << error.what();
-        if (error.reason() == "outcome_unknown") ++unknown;
+        if (error.reason() == "database_outcome_unknown") ++unknown;
       }
     }
     FAIL() << "never done";
@@ -425,13 +430,44 @@ TEST_F(PostgresStoreTest, NothingIsLostOrTwiceWhenConnectionsBreak) {
   insist([&] { EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty()); });
 }
 
+TEST_F(PostgresStoreTest, UploadsCanBeInOneFolderOfAllServers) {
+  const testing::TemporaryFolder folder;
+  const auto other = Open();
+  for (Store* store : {store_.get(), other.get()}) store->OpenOriginals(folder / "originals", true);
+  Put(*store_, {{"a"}, {"b"}});
+  EXPECT_EQ(other->catalogue().ReadContent("default", "a"), std::vector<std::uint8_t>{'a'});
+  EXPECT_EQ(other->catalogue().DescribeOriginals()->files, 2U);
+  EXPECT_TRUE(other->writer().Remove("default", "a", {}));
+  const OriginalStore files(folder / "originals");
+  EXPECT_THAT(files.List(), ::testing::ElementsAre(
+                                Sha256Hex(Bytes(reinterpret_cast<const std::uint8_t*>("b"), 1))));
+  EXPECT_EQ(store_->writer().SweepOriginals(), 0U);
+  EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty());
+}
+
+TEST(OriginalStore, AFileIsPutBackWhereItsRemovalIsNotConfirmed) {
+  const testing::TemporaryFolder folder;
+  const OriginalStore files(folder.path());
+  files.Claim({"id", "database"});
+  const std::vector<std::uint8_t> bytes = {1, 2, 3};
+  const std::string sha256 = Sha256Hex(bytes);
+  IncomingOriginal incoming(folder.path(), sha256, bytes);
+  files.Publish(incoming);
+  EXPECT_THROW(files.RemoveIf(sha256, [] { throw std::runtime_error("the turn is over"); }),
+               std::runtime_error);
+  EXPECT_EQ(files.Read(sha256, 3), bytes);
+  EXPECT_EQ(files.RemoveAbandoned(), 0U);
+  EXPECT_TRUE(files.RemoveIf(sha256, [] {}));
+  EXPECT_FALSE(files.RemoveIf(sha256, [] {}));
+  EXPECT_THAT(files.List(), ::testing::IsEmpty());
+}
+
 TEST_F(PostgresStoreTest, AWriterThatHoldsTheTurnTooLongIsRefusedAndEnds) {
   Server other(Url());
   other.Ask("BEGIN");
   other.Ask("UPDATE feed SET position = position + 1 WHERE key = 0");
   const auto store = Open(300);
-  testing::ExpectError(ErrorCode::kUnavailable, "database_busy",
-                       [&] { Put(*store, {{"waits"}}); });
+  testing::ExpectError(ErrorCode::kUnavailable, "database_busy", [&] { Put(*store, {{"waits"}}); });
   other.Ask("ROLLBACK");
   EXPECT_EQ(Put(*store, {{"waits"}}).front().outcome, AddOutcome::kCreated);
 }

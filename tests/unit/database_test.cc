@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "index/store/open_store.h"
-#include "index/store/sqlite/catalogue.h"
+#include "index/store/sql/rows.h"
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "tests/unit/expect_error.h"
@@ -36,7 +36,7 @@ class DatabaseTest : public ::testing::Test {
   TemporaryFolder folder_;
   std::filesystem::path file_ = folder_ / "a.db";
 
-  Connection Open() { return {file_, Connection::Mode::kReadWrite, 100}; }
+  SqliteConnection Open() { return {file_, SqliteConnection::Mode::kReadWrite, 100}; }
   std::size_t FilesInFolder() {
     return static_cast<std::size_t>(
         std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
@@ -85,7 +85,7 @@ TEST_F(DatabaseTest, WhatKilledBackupsLeftIsRemoved) {
   const int living = ::open((folder_ / "fri.db.new-13-1").c_str(), O_RDONLY);
   ASSERT_EQ(::flock(living, LOCK_EX), 0);
   CreateDatabase(file_, kModel);
-  Connection db = Open();
+  SqliteConnection db = Open();
   BackupDatabase(db, folder_ / "sun.db");  // another name than those
   EXPECT_FALSE(std::filesystem::exists(folder_ / "mon.db.new-12-1"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "mon.db.new-12-1-journal"));
@@ -104,7 +104,7 @@ TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
   CreateDatabase(file_, kModel);
   EXPECT_EQ(FilesInFolder(), 1u) << "no temporary files stay";
   EXPECT_EQ(InspectDatabaseFile(file_), FileState::kPliant);
-  Connection db = Open();
+  SqliteConnection db = Open();
   using std::filesystem::perms;
   EXPECT_EQ(std::filesystem::status(file_).permissions(), perms::owner_read | perms::owner_write);
   BackupDatabase(db, folder_ / "copy.db");
@@ -131,7 +131,7 @@ TEST_F(DatabaseTest, AnEmptyFileCountsAsNew) {
 TEST_F(DatabaseTest, AnExistingOneIsNotOverwritten) {
   CreateDatabase(file_, kModel);
   CreateDatabase(file_, {"other", DescriptorKind::kFloat, 8, "other:1"});
-  Connection db = Open();
+  SqliteConnection db = Open();
   EXPECT_EQ(ReadModel(db).model.info.model_id, "fake:1");
 }
 
@@ -140,7 +140,7 @@ TEST_F(DatabaseTest, ManyMakersOneDatabase) {
   for (int i = 0; i < 8; ++i) makers.emplace_back([&] { CreateDatabase(file_, kModel); });
   makers.clear();
   EXPECT_EQ(FilesInFolder(), 1u);
-  Connection db = Open();
+  SqliteConnection db = Open();
   EXPECT_EQ(db.Scalar("SELECT count(*) FROM collections"), 1);
 }
 
@@ -175,10 +175,10 @@ TEST_F(DatabaseTest, TruncatedFilesAreRefused) {
 TEST_F(DatabaseTest, ANewerSchemaIsRefused) {
   CreateDatabase(file_, kModel);
   {
-    Connection db = Open();
+    SqliteConnection db = Open();
     db.database().exec("PRAGMA user_version = 1000");
   }
-  for (const auto mode : {Connection::Mode::kReadOnly, Connection::Mode::kReadWrite}) {
+  for (const auto mode : {SqliteConnection::Mode::kReadOnly, SqliteConnection::Mode::kReadWrite}) {
     ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { UpgradeDatabase(file_, mode, 100); });
   }
 }
@@ -186,11 +186,11 @@ TEST_F(DatabaseTest, ANewerSchemaIsRefused) {
 TEST_F(DatabaseTest, AnOldSchemaNeedsWriting) {
   CreateDatabase(file_, kModel);
   {
-    Connection db = Open();
+    SqliteConnection db = Open();
     db.database().exec("PRAGMA user_version = 0");
   }
   ExpectError(ErrorCode::kConflict, "old_schema",
-              [&] { UpgradeDatabase(file_, Connection::Mode::kReadOnly, 100); });
+              [&] { UpgradeDatabase(file_, SqliteConnection::Mode::kReadOnly, 100); });
 }
 
 TEST_F(DatabaseTest, MigrationsRunOnceInOrderAndWholly) {
@@ -241,11 +241,11 @@ TEST_F(DatabaseTest, PicturesOfAnOlderSchemaWereUpdatedWhenTheyWereAdded) {
 
 TEST_F(DatabaseTest, ABackupIsWholeAndNeverOverwrites) {
   CreateDatabase(file_, kModel);
-  Connection db = Open();
+  SqliteConnection db = Open();
   const auto target = folder_ / "backup.db";
   InsertCollection(db, "more", ReadModel(db).key);
   BackupDatabase(db, target);
-  Connection copy(target, Connection::Mode::kReadOnly, 100);
+  SqliteConnection copy(target, SqliteConnection::Mode::kReadOnly, 100);
   EXPECT_TRUE(FindCollection(copy, "more"));
   ExpectError(ErrorCode::kConflict, "backup_exists", [&] { BackupDatabase(db, target); });
   ExpectError(ErrorCode::kConflict, "backup_exists", [&] { BackupDatabase(db, file_); });
@@ -268,7 +268,7 @@ TEST_F(DatabaseTest, ANameThatLooksLikeAUri) {
 
 TEST_F(DatabaseTest, StatementsComeBackUsable) {
   CreateDatabase(file_, kModel);
-  Connection db = Open();
+  SqliteConnection db = Open();
   constexpr const char* kSql = "SELECT name FROM collections WHERE name = ?";
   Cursor outer = db.Prepare(kSql);
   ASSERT_TRUE(outer.Bind(std::string("default")).Next());

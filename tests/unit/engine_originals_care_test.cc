@@ -7,7 +7,7 @@
 
 #include <gmock/gmock.h>
 
-#include "index/store/sqlite/original_store.h"
+#include "index/store/sql/original_store.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/originals_fixture.h"
 

@@ -12,10 +12,10 @@
 #include <sqlite3.h>
 
 #include "index/store/open_store.h"
-#include "index/store/sqlite/connection.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
+#include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 
@@ -94,7 +94,7 @@ TEST_F(IncomingBackupTest, ThoseOfEveryVersionAreTaken) {
     if (version < Migrations().size()) {
       EXPECT_NO_THROW(Receive(file));
     }
-    Connection db(file, Connection::Mode::kReadWrite, 0);
+    SqliteConnection db(file, SqliteConnection::Mode::kReadWrite, 0);
     EXPECT_THAT(CheckSchema(db, Others::kRefused), IsEmpty());
     Migrate(db.database(), Migrations());
     EXPECT_THAT(CheckSchema(db, Others::kRefused), IsEmpty()) << "migrated";
@@ -128,7 +128,7 @@ TEST_F(IncomingBackupTest, WhatAnOperatorAddedIsLeftAndRestoredButNotTakenFromEl
 TEST_F(IncomingBackupTest, ACheckCanBeStopped) {
   const auto file = Make("");
   ExpectError(ErrorCode::kCancelled, "check_stopped", [&] { Receive(file, true); });
-  Connection db(file, Connection::Mode::kReadOnly, 0);
+  SqliteConnection db(file, SqliteConnection::Mode::kReadOnly, 0);
   int looks = 0;
   db.StopWhen([&] { return ++looks == 100; });
   try {

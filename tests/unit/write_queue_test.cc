@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sqlite/write_queue.h"
+#include "index/store/sql/write_queue.h"
 
 #include <atomic>
 #include <chrono>
@@ -13,6 +13,7 @@
 
 #include <gtest/gtest.h>
 
+#include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant {
@@ -25,7 +26,7 @@ class WriteQueueTest : public ::testing::Test {
         .exec("CREATE TABLE t (n INTEGER)");
   }
   std::unique_ptr<Connection> Open() {
-    return std::make_unique<Connection>(file_, Connection::Mode::kReadWrite, 100);
+    return std::make_unique<SqliteConnection>(file_, SqliteConnection::Mode::kReadWrite, 100);
   }
   static void Insert(Connection& db) { db.Prepare("INSERT INTO t VALUES (1)").Run(); }
 

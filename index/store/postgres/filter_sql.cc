@@ -2,7 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/postgres/filter_sql.h"
 
+#include <map>
+
 #include <nlohmann/json.hpp>
+
+#include "index/records/filter_value.h"
+#include "index/store/facet_count.h"
 
 namespace pliant::postgres {
 namespace {
@@ -23,6 +28,15 @@ std::string Escaped(const std::string& text) {
     }
   }
   return escaped;
+}
+
+std::string Unescaped(const std::string& text) {
+  std::string plain;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool escape = text[i] == '\1' && i + 1 < text.size();
+    plain += escape ? static_cast<char>(text[++i] - 1) : text[i];
+  }
+  return plain;
 }
 
 Json JsonOf(const FilterValue& value) {
@@ -127,6 +141,37 @@ class Writing {
 };
 
 }  // namespace
+
+Facet CountFacet(Connection& db, const Query& listed, const std::string& key) {
+  Query query = listed;
+  const std::string value = "(metadata -> " + query.Bind(Escaped(key)) + ")";
+  const std::string from = "FROM (" + listed.sql + ") AS listed ";
+  Query items = query;
+  items.sql = "SELECT count(DISTINCT item), count(DISTINCT item) FILTER (WHERE " + value +
+              " IS NOT NULL) " + from;
+  std::uint64_t without = 0;
+  {
+    Cursor row = db.Prepare(items);
+    row.One();
+    without = row.Count(0) - row.Count(1);
+  }
+  // Those that are as frequent as the last one are listed in order of their kinds and values.
+  query.sql = "SELECT CAST(e.x AS text), count(DISTINCT item) " + from +
+              "CROSS JOIN LATERAL jsonb_array_elements(CASE jsonb_typeof(" + value +
+              ") WHEN 'array' THEN " + value + " ELSE jsonb_build_array(" + value +
+              ") END) AS e(x) WHERE " + value +
+              " IS NOT NULL AND jsonb_typeof(e.x) NOT IN ('array', 'object') "
+              "GROUP BY e.x ORDER BY 2 DESC FETCH FIRST " +
+              std::to_string(kFacetValues + 1) + " ROWS WITH TIES";
+  std::map<FilterValue, std::uint64_t> counts;
+  Cursor row = db.Prepare(query);
+  while (row.Next()) {
+    FilterValue one = *FilterValueOf(Json::parse(row.Text(0)));
+    if (auto* text = std::get_if<std::string>(&one)) *text = Unescaped(*text);
+    counts.emplace(CanonicalFacetValue(std::move(one)), row.Count(1));
+  }
+  return MakeFacet(key, counts, without, /*complete=*/true);
+}
 
 std::string FilterSql(Query& query, const std::string& table, const Filter& filter) {
   return Writing(query, table).All(filter);

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A filter on metadata as SQL on the column `fields` (schema.cc). Private to store/postgres.
+// Filters and counts of metadata as SQL on the column `fields` (schema.cc). Private to
+// store/postgres.
 #pragma once
 
 #include <string>
@@ -13,5 +14,8 @@ namespace pliant::postgres {
 // True or false for each row of `pictures`, which the query names `table`; the same as Passes
 // (filter.h). Equality is looked up in the index on `fields`.
 std::string FilterSql(Query& query, const std::string& table, const Filter& filter);
+
+// Connection::CountFacets, of one key.
+Facet CountFacet(Connection& db, const Query& listed, const std::string& key);
 
 }  // namespace pliant::postgres

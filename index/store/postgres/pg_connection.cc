@@ -229,6 +229,13 @@ std::string PgConnection::Passes(Query& query, const std::string& table,
   return FilterSql(query, table, filter);
 }
 
+std::vector<Facet> PgConnection::CountFacets(const Query& listed,
+                                             const std::vector<std::string>& keys) {
+  std::vector<Facet> facets;
+  for (const std::string& key : keys) facets.push_back(CountFacet(*this, listed, key));
+  return facets;
+}
+
 // As FoldCase does: by way of the upper case.
 std::string PgConnection::Contains(Query& query, const std::string& text,
                                    const std::vector<std::string>& columns) const {
@@ -246,8 +253,8 @@ std::string PgConnection::Contains(Query& query, const std::string& text,
   return "(" + all + ")";
 }
 
-std::unique_ptr<Statement> PgConnection::Make(const std::string& sql) {
-  return std::make_unique<PgStatement>(this, sql);
+std::unique_ptr<Statement> PgConnection::Make(const std::string& sql, bool kept) {
+  return std::make_unique<PgStatement>(this, sql, kept);
 }
 
 void PgConnection::ThrowRowMissing() {

@@ -53,13 +53,17 @@ class PgConnection : public Connection {
   // Waits for the turn of this writer among those of all processes, and counts the commit in
   // `feed`.
   void BeginWrite() override;
-  // Throws kUnavailable "outcome_unknown".
+  // Throws kUnavailable "database_outcome_unknown".
   void Commit() override;
   void Rollback() noexcept override;
   bool InTransaction() const override;
+  bool KeepsItsTurn() const override { return false; }
 
   std::string IsAmong(const std::string& expression, const std::string& parameter) const override;
   std::string Passes(Query& query, const std::string& table, const Filter& filter) const override;
+  std::string MetadataOf(const std::string& table) const override { return table + ".fields"; }
+  std::vector<Facet> CountFacets(const Query& listed,
+                                 const std::vector<std::string>& keys) override;
   std::string Contains(Query& query, const std::string& text,
                        const std::vector<std::string>& columns) const override;
 
@@ -78,7 +82,7 @@ class PgConnection : public Connection {
   std::uint64_t session() const { return session_; }
 
  protected:
-  std::unique_ptr<Statement> Make(const std::string& sql) override;
+  std::unique_ptr<Statement> Make(const std::string& sql, bool kept) override;
   void ThrowRowMissing() override;
 
  private:

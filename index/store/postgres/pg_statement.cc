@@ -45,8 +45,8 @@ std::string WithDollars(const std::string& sql) {
 
 }  // namespace
 
-PgStatement::PgStatement(PgConnection* connection, const std::string& sql)
-    : connection_(*connection), sql_(WithDollars(sql)) {}
+PgStatement::PgStatement(PgConnection* connection, const std::string& sql, bool kept)
+    : connection_(*connection), sql_(WithDollars(sql)), kept_(kept) {}
 
 void PgStatement::Set(int index, Parameter parameter) {
   const auto at = static_cast<std::size_t>(index) - 1;
@@ -97,15 +97,15 @@ void PgStatement::Bind(int index, std::span<const Key> keys) {
 
 void PgStatement::BindNull(int index) { Set(index, {kInt8, std::nullopt}); }
 
-void PgStatement::BindPointer(int /*index*/, const void* /*value*/, const char* /*type*/) {
+void PgStatement::Bind(int /*index*/, const SqlPointer& /*value*/) {
   throw Error(ErrorCode::kInternal, "database_error", "there are no functions of this process");
 }
 
 void PgStatement::Execute() {
-  if (prepared_ != connection_.session()) {
+  if (!kept_ || prepared_ != connection_.session()) {
     std::vector<Oid> types;
     for (const Parameter& parameter : parameters_) types.push_back(parameter.type);
-    name_ = connection_.NewName();
+    if (kept_) name_ = connection_.NewName();
     connection_.PrepareNamed(name_, sql_, types);
     prepared_ = connection_.session();
   }

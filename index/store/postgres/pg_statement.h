@@ -17,7 +17,7 @@ namespace pliant::postgres {
 class PgStatement : public Statement {
  public:
   // With parameters as ? and ?N.
-  PgStatement(PgConnection* connection, const std::string& sql);
+  PgStatement(PgConnection* connection, const std::string& sql, bool kept);
 
   void Bind(int index, std::int64_t value) override;
   void Bind(int index, double value) override;
@@ -25,7 +25,7 @@ class PgStatement : public Statement {
   void Bind(int index, Bytes value) override;
   void Bind(int index, std::span<const Key> keys) override;
   void BindNull(int index) override;
-  void BindPointer(int index, const void* value, const char* type) override;
+  void Bind(int index, const SqlPointer& value) override;
 
   bool Step() override;
   std::int64_t Changed() override;
@@ -50,7 +50,8 @@ class PgStatement : public Statement {
   PgConnection& connection_;
   std::string sql_;             // with parameters as $N
   std::uint64_t prepared_ = 0;  // PgConnection::session() in which it was prepared; 0: never
-  std::string name_;
+  const bool kept_;
+  std::string name_;  // empty: until another statement without a name is prepared
   std::vector<Parameter> parameters_;
   Result result_;
   int row_ = -1;

@@ -4,7 +4,7 @@
 
 namespace pliant::postgres {
 
-// The tables of sqlite/schema.cc, and what a database of many writers needs. Text is in order of
+// The same tables as in a file, and what a database of many writers needs. Text is in order of
 // its bytes everywhere. Keys are never used twice, and given in order of commits: what writes holds
 // the row of `feed` from its first statement to the end of its commit.
 const char* const kSchema = R"sql(

@@ -35,12 +35,16 @@ std::string Named(const std::string& database) { return "the database " + databa
                 name + " is being written by another process; try again later" + detail);
   }
   if (state == "57014" || state == "25P03") {  // 25P03: idle in a transaction
-    throw Error(ErrorCode::kUnavailable, "database_timeout",
+    throw Error(ErrorCode::kUnavailable, "database_unavailable",
                 "a statement on " + name + " took too long or was cancelled" + detail);
   }
   if (state == "25006") {
-    throw Error(ErrorCode::kUnavailable, "database_read_only",
+    throw Error(ErrorCode::kUnavailable, "database_unavailable",
                 name + " takes no writes at the moment: the server is a standby" + detail);
+  }
+  if (state == "3F000") {
+    throw Error(ErrorCode::kNotFound, "database_not_found",
+                name + " has no schema of the name in search_path; create it" + detail);
   }
   if (state == "42501") {
     throw Error(ErrorCode::kReadOnly, "read_only",
@@ -83,12 +87,12 @@ std::string Named(const std::string& database) { return "the database " + databa
 }
 
 [[noreturn]] void ThrowSilent(const std::string& database) {
-  throw Error(ErrorCode::kUnavailable, "database_timeout",
+  throw Error(ErrorCode::kUnavailable, "database_unavailable",
               Named(database) + " does not answer; try again later");
 }
 
 [[noreturn]] void ThrowOutcomeUnknown(const std::string& database) {
-  throw Error(ErrorCode::kUnavailable, "outcome_unknown",
+  throw Error(ErrorCode::kUnavailable, "database_outcome_unknown",
               "the connection to " + database +
                   " ended before it said whether the change was made; send the same request again");
 }

@@ -17,7 +17,7 @@ namespace pliant::postgres {
 [[noreturn]] void ThrowNotConnected(PGconn* connection, const std::string& database);
 // The server does not answer.
 [[noreturn]] void ThrowSilent(const std::string& database);
-// It broke while a transaction was being committed: kUnavailable "outcome_unknown".
+// It broke while a transaction was being committed: kUnavailable "database_outcome_unknown".
 [[noreturn]] void ThrowOutcomeUnknown(const std::string& database);
 
 }  // namespace pliant::postgres

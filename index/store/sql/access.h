@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One opened database: connections that read, and a queue that writes. What the databases share is
-// written here once; sqlite/ and postgres/ implement the rest. Private to index/store/.
+// written here once; the rooms of the databases implement the rest. Private to index/store/.
 // Thread-safe. Lets out only Error.
 #pragma once
 

@@ -6,7 +6,6 @@
 #include <string_view>
 #include <utility>
 
-#include "index/store/facet_count.h"
 #include "index/store/list_place.h"
 
 namespace pliant {
@@ -162,18 +161,6 @@ ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) 
   return object;
 }
 
-// Rows of an item, 0 = one of its own, and metadata; those of an item one after the other.
-std::vector<Facet> CountFacets(Cursor row, const std::vector<std::string>& keys) {
-  FacetCount count(keys);
-  Key item = 0;
-  while (row.Next()) {
-    if (row.Int(0) == 0 || row.Int(0) != item) count.BeginItem();
-    item = row.Int(0);
-    count.Add(row.Text(1));
-  }
-  return count.Result();
-}
-
 }  // namespace
 
 PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListing& list) {
@@ -184,10 +171,13 @@ PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListi
       [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); },
       &page);
   const auto select = [&](const std::string& columns) {
-    return db.Prepare(PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which));
+    return PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which);
   };
-  if (list.count) page.total = select("count(*)").One().Count(0);
-  if (!list.facets.empty()) page.facets = CountFacets(select("0, p.metadata"), list.facets);
+  if (list.count) page.total = db.Prepare(select("count(*)")).One().Count(0);
+  if (!list.facets.empty()) {
+    page.facets = db.CountFacets(select("p.key AS item, " + db.MetadataOf("p") + " AS metadata"),
+                                 list.facets);
+  }
   return page;
 }
 
@@ -207,14 +197,15 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
             .Count(0);
   }
   if (!list.facets.empty()) {
-    query = ObjectsOf(
-        db, "SELECT p.object, p.metadata FROM objects o JOIN pictures p ON p.object = o.key ",
-        collection, list.which);
+    query = ObjectsOf(db,
+                      "SELECT p.object AS item, " + db.MetadataOf("p") +
+                          " AS metadata FROM objects o JOIN pictures p ON p.object = o.key ",
+                      collection, list.which);
     if (!list.which.filter.empty()) {
       query.sql += " AND " + db.Passes(query, "p", list.which.filter);
     }
     query.sql += " ORDER BY o.key";
-    page.facets = CountFacets(db.Prepare(query), list.facets);
+    page.facets = db.CountFacets(query, list.facets);
   }
   return page;
 }

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sql/connection.h"
 
+#include "index/store/facet_count.h"
+
 namespace pliant {
 
 Cursor::~Cursor() {
-  if (!statement_) return;
+  if (!statement_ || sql_ == nullptr) return;
   statement_->Reset();  // its error was thrown when the statement ran
   statement_->ClearBindings();
   try {
@@ -26,8 +28,7 @@ void Cursor::BindOne(int index, const SqlValue& value) {
   } else if (const auto* text = std::get_if<std::string>(&value)) {
     statement_->Bind(index, *text);
   } else {
-    const auto& pointer = std::get<SqlPointer>(value);
-    statement_->BindPointer(index, pointer.value.get(), pointer.type);
+    statement_->Bind(index, std::get<SqlPointer>(value));
   }
 }
 
@@ -36,18 +37,31 @@ Cursor Connection::Prepare(std::string_view sql) {
   if (found == idle_.end()) {
     found = idle_.emplace(std::string(sql), std::vector<std::unique_ptr<Statement>>()).first;
   }
-  if (found->second.empty()) return {*this, found->first, Make(found->first)};
+  if (found->second.empty()) return {*this, &found->first, Make(found->first, true)};
   std::unique_ptr<Statement> statement = std::move(found->second.back());
   found->second.pop_back();
-  return {*this, found->first, std::move(statement)};
+  return {*this, &found->first, std::move(statement)};
 }
 
 Cursor Connection::Prepare(const Query& query) {
-  Cursor cursor = Prepare(std::string_view(query.sql));
+  Cursor cursor(*this, nullptr, Make(query.sql, false));
   for (std::size_t i = 0; i < query.values.size(); ++i) {
     cursor.BindOne(static_cast<int>(i) + 1, query.values[i]);
   }
   return cursor;
+}
+
+std::vector<Facet> Connection::CountFacets(const Query& listed,
+                                           const std::vector<std::string>& keys) {
+  FacetCount count(keys);
+  Cursor row = Prepare(listed);
+  Key item = 0;
+  while (row.Next()) {
+    if (row.Int(0) != item) count.BeginItem();
+    item = row.Int(0);
+    count.Add(row.Text(1));
+  }
+  return count.Result();
 }
 
 }  // namespace pliant

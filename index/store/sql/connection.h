@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One connection to a database that speaks SQL, whichever it is: statements with numbered
-// parameters (?, ?1, ?2, ...) in the SQL that SQLite and PostgreSQL share, and the few words in
+// parameters (?, ?1, ?2, ...) in the SQL that all databases share, and the few words in
 // which they differ. Private to index/store/. A connection is used by one thread at a time, and
 // throws its own database's exceptions or Error; Access lets out only Error.
 #pragma once
@@ -18,6 +18,7 @@
 
 #include "descriptor/image/image.h"
 #include "index/records/filter.h"
+#include "index/records/listing.h"
 #include "index/records/picture_ref.h"
 
 namespace pliant {
@@ -25,6 +26,12 @@ namespace pliant {
 // Binds as NULL when 0.
 struct KeyOrNull {
   std::int64_t key = 0;
+};
+
+// A value for SQL functions of this process; `type` says what it is, as a constant.
+struct SqlPointer {
+  std::shared_ptr<const void> value;
+  const char* type = nullptr;
 };
 
 // A prepared statement. Blobs that are bound are not copied: they must outlive the statement's run.
@@ -38,9 +45,7 @@ class Statement {
   virtual void Bind(int index, Bytes value) = 0;
   virtual void Bind(int index, std::span<const Key> keys) = 0;  // for Connection::IsAmong
   virtual void BindNull(int index) = 0;
-  // For SQL functions of this process; `type` says what it is, as a constant. It must outlive the
-  // statement's run.
-  virtual void BindPointer(int index, const void* value, const char* type) = 0;
+  virtual void Bind(int index, const SqlPointer& value) = 0;
 
   virtual bool Step() = 0;             // the next row; false: there is none
   virtual std::int64_t Changed() = 0;  // rows that it has changed, once it has run
@@ -57,11 +62,6 @@ class Statement {
 
 class Connection;
 
-// A value that a statement is run with.
-struct SqlPointer {
-  std::shared_ptr<const void> value;
-  const char* type = nullptr;
-};
 using SqlValue = std::variant<std::int64_t, std::string, SqlPointer>;
 
 // SQL that is put together from pieces, with what is bound to its parameters.
@@ -81,8 +81,9 @@ struct Query {
 // transaction outlives it.
 class Cursor {
  public:
-  Cursor(Connection& owner, const std::string& sql, std::unique_ptr<Statement> statement)
-      : owner_(&owner), sql_(&sql), statement_(std::move(statement)) {}
+  // `sql`: the key of the owner's idle statements; nullptr = it is not kept.
+  Cursor(Connection& owner, const std::string* sql, std::unique_ptr<Statement> statement)
+      : owner_(&owner), sql_(sql), statement_(std::move(statement)) {}
   ~Cursor();
   Cursor(Cursor&&) = default;
   Cursor& operator=(Cursor&&) = delete;
@@ -137,7 +138,7 @@ class Cursor {
   void BindOne(int index, const SqlValue& value);
 
   Connection* owner_;
-  const std::string* sql_;  // the key of the owner's idle statements
+  const std::string* sql_;
   std::unique_ptr<Statement> statement_;
 };
 
@@ -145,7 +146,7 @@ class Connection {
  public:
   virtual ~Connection() = default;
 
-  Cursor Prepare(std::string_view sql);
+  Cursor Prepare(std::string_view sql);  // one of a limited number of texts: it is kept
   Cursor Prepare(const Query& query);
   // First column of the first row of a statement without parameters.
   std::int64_t Scalar(std::string_view sql) { return Prepare(sql).One().Int(0); }
@@ -160,6 +161,10 @@ class Connection {
   // TO.
   virtual bool InTransaction() const = 0;
 
+  // Whether a transaction that writes is the only one until this process ends it, or ends; else the
+  // database may end it, and each further statement fails.
+  virtual bool KeepsItsTurn() const = 0;
+
   // Where the databases differ, as text of SQL.
   // Whether `expression` is one of the keys bound to `parameter`.
   virtual std::string IsAmong(const std::string& expression,
@@ -167,13 +172,18 @@ class Connection {
   // Whether the metadata of picture `table` pass. The filter must outlive the query's run.
   virtual std::string Passes(Query& query, const std::string& table,
                              const Filter& filter) const = 0;
+  // Counts values of metadata over a query whose columns are `item`, which a value counts once for,
+  // and `metadata`, as MetadataOf gives it; rows of an item come one after the other.
+  virtual std::string MetadataOf(const std::string& table) const { return table + ".metadata"; }
+  virtual std::vector<Facet> CountFacets(const Query& listed, const std::vector<std::string>& keys);
   // Whether each of the words of `text` occurs in one of the columns, whatever its case. The
   // columns are names of `pictures` (p) or `objects` (o).
   virtual std::string Contains(Query& query, const std::string& text,
                                const std::vector<std::string>& columns) const = 0;
 
  protected:
-  virtual std::unique_ptr<Statement> Make(const std::string& sql) = 0;
+  // `kept`: it will run again; else another one that is not kept may be made when it has run.
+  virtual std::unique_ptr<Statement> Make(const std::string& sql, bool kept) = 0;
   virtual void ThrowRowMissing() = 0;  // for Cursor::One
   void ForgetStatements() { idle_.clear(); }
 

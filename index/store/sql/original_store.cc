@@ -17,6 +17,7 @@
 #include "descriptor/base/sha256.h"
 #include "index/files/durable_file.h"
 #include "index/files/picture_files.h"
+#include "index/files/text.h"
 
 namespace pliant {
 namespace {
@@ -181,6 +182,36 @@ bool OriginalStore::Remove(const std::string& sha256) const {
   if (::unlink(path.c_str()) == 0) return true;
   if (errno != ENOENT) ThrowErrno("cannot remove", path);
   return false;
+}
+
+bool OriginalStore::RemoveIf(const std::string& sha256,
+                             const std::function<void()>& confirm) const {
+  const fs::path path = PathOf(sha256);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0 && errno == ENOENT) return false;
+  if (fd < 0) ThrowErrno("cannot remove", path);
+  const fs::path aside = directory_ / kIncoming / (sha256 + "." + RandomHex(16));
+  try {
+    // Locked, by this process or by the one that has just written it, it is not taken for what a
+    // dead writer left.
+    if ((::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno != EWOULDBLOCK) ||
+        ::rename(path.c_str(), aside.c_str()) != 0) {
+      ThrowErrno("cannot remove", path);
+    }
+    try {
+      confirm();
+    } catch (...) {
+      // Another process may have put the same bytes there since.
+      if (::link(aside.c_str(), path.c_str()) == 0 || errno == EEXIST) ::unlink(aside.c_str());
+      throw;
+    }
+  } catch (...) {
+    ::close(fd);
+    throw;
+  }
+  ::unlink(aside.c_str());  // what is left there is removed as abandoned
+  ::close(fd);
+  return true;
 }
 
 std::optional<std::uint64_t> OriginalStore::SizeOf(const std::string& sha256) const {

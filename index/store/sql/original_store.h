@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -68,7 +69,10 @@ class OriginalStore {
 
   // Replaces a file of that name: it had the same bytes or was damaged. Durable on return.
   void Publish(IncomingOriginal& incoming) const;
-  bool Remove(const std::string& sha256) const;                          // false = was not there
+  bool Remove(const std::string& sha256) const;  // false = was not there
+  // The same where the write lock may have been lost, as a database on a server takes it from a
+  // program that was stopped: then `confirm` must throw, and the file is put back.
+  bool RemoveIf(const std::string& sha256, const std::function<void()>& confirm) const;
   std::optional<std::uint64_t> SizeOf(const std::string& sha256) const;  // nullopt = not there
   // Is of that size, and Publish has not failed to make it durable.
   bool Holds(const std::string& sha256, std::uint64_t size) const;

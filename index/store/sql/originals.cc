@@ -152,7 +152,11 @@ void Originals::RemoveDropped(Connection& db) const {
 }
 
 bool Originals::RemoveUnreferenced(Connection& db, const std::string& sha256) const {
-  return owned_ && !IsOriginalFile(db, sha256) && Present(db)->Remove(sha256);
+  if (!owned_ || IsOriginalFile(db, sha256)) return false;
+  const std::optional<OriginalStore> store = Present(db);
+  if (db.KeepsItsTurn()) return store->Remove(sha256);
+  // A statement that succeeds says that nobody else had a turn since the first one.
+  return store->RemoveIf(sha256, [&] { IsOriginalFile(db, sha256); });
 }
 
 }  // namespace pliant

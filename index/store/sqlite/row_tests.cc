@@ -37,9 +37,9 @@ void Answer(sqlite3_context* context, const Test& test) noexcept {
 template <typename Value>
 const Value& Bound(sqlite3_context* context, sqlite3_value* value, const char* type) {
   const auto& all = *static_cast<const BoundPointers*>(sqlite3_user_data(context));
-  const BoundPointer& bound = all.at(sqlite3_value_int64(value));
+  const SqlPointer& bound = all.at(sqlite3_value_int64(value));
   if (bound.type != type) throw std::invalid_argument("another kind of value is bound");
-  return *static_cast<const Value*>(bound.value);
+  return *static_cast<const Value*>(bound.value.get());
 }
 
 void PassesFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {

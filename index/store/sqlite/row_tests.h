@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "index/store/sql/connection.h"
+
 struct sqlite3;
 
 namespace pliant {
@@ -23,11 +25,7 @@ using FoldedText = std::vector<std::u32string>;  // FoldedWords (fold_case.h)
 inline constexpr const char* kFilterPointer = "filter";
 inline constexpr const char* kWordsPointer = "words";
 
-struct BoundPointer {
-  const void* value = nullptr;
-  const char* type = nullptr;
-};
-using BoundPointers = std::map<std::int64_t, BoundPointer>;
+using BoundPointers = std::map<std::int64_t, SqlPointer>;
 
 // `bound` must outlive the connection's statements. Throws SQLite::Exception.
 void AddRowTests(sqlite3* connection, BoundPointers* bound);

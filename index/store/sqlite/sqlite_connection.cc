@@ -100,9 +100,9 @@ class SqliteStatement : public Statement {
     statement_.bind(index, list + "]");
   }
   void BindNull(int index) override { statement_.bind(index); }
-  void BindPointer(int index, const void* value, const char* type) override {
+  void Bind(int index, const SqlPointer& value) override {
     const std::int64_t number = bound_.empty() ? 1 : bound_.rbegin()->first + 1;
-    bound_[number] = {value, type};
+    bound_[number] = value;
     pointers_.push_back(number);
     statement_.bind(index, number);
   }
@@ -199,7 +199,7 @@ std::int64_t SqliteConnection::LastKey(const char* table) {
       .Int(0);
 }
 
-std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql) {
+std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql, bool /*kept*/) {
   return std::make_unique<SqliteStatement>(database_, bound_, sql);
 }
 

@@ -39,6 +39,7 @@ class SqliteConnection : public Connection {
   void Commit() override { database_.exec("COMMIT"); }
   void Rollback() noexcept override;
   bool InTransaction() const override;
+  bool KeepsItsTurn() const override { return true; }
   std::string IsAmong(const std::string& expression, const std::string& parameter) const override;
   std::string Passes(Query& query, const std::string& table, const Filter& filter) const override;
   std::string Contains(Query& query, const std::string& text,
@@ -47,7 +48,7 @@ class SqliteConnection : public Connection {
   std::int64_t LastKey(const char* table);
 
  protected:
-  std::unique_ptr<Statement> Make(const std::string& sql) override;
+  std::unique_ptr<Statement> Make(const std::string& sql, bool kept) override;
   [[noreturn]] void ThrowRowMissing() override;
 
  private:
