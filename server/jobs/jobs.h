@@ -177,7 +177,9 @@ class JobQueue {
   void Run(const std::string& kind);
   std::shared_ptr<Job> TakeNext(const std::string& kind);  // mutex_ held; null = none waits
   bool IsOwn(const Job& job) const;
+  // One that the database did not let go on is begun again.
   void Execute(const std::shared_ptr<Job>& job);
+  void AwaitStore(const std::stop_token& stop);  // until it answers, or the job is to end
   void OnProgress(Job& job, double done, double total);
   std::shared_ptr<Job> FindOrNull(const std::string& id) const;  // mutex_ held
   bool HasEnded(const std::string& id) const;                    // mutex_ held

@@ -12,6 +12,12 @@
 
 namespace pliant::server {
 
+namespace {
+
+constexpr int kUnavailable = 503;
+
+}  // namespace
+
 std::shared_ptr<JobQueue::Job> JobQueue::TakeNext(const std::string& kind) {
   const auto next = std::find_if(queue_.begin(), queue_.end(),
                                  [&](const auto& job) { return job->status.kind == kind; });
@@ -91,6 +97,8 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
   } catch (...) {
     problem = CurrentProblem();
   }
+  const bool again = problem && problem->status == kUnavailable && MayGoOn(status);
+  if (again) AwaitStore(job->stop.get_token());
   if (!IsOwn(*job)) return;  // what becomes of it is the other server's to say
   bool cancelled = false;
   bool stopping = false;
@@ -104,10 +112,14 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
     status.result = result;
     status.done = status.total;
     status.state = JobState::kDone;
-  } else if (cancelled && stopped) {
+  } else if (cancelled && (stopped || again)) {
     status.state = JobState::kCancelled;
-  } else if (stopping && (stopped || problem->code == "stopping")) {
+  } else if (stopping && (stopped || again || problem->code == "stopping")) {
     --status.attempts;  // it was not the job's fault
+    status.state = JobState::kQueued;
+  } else if (again) {
+    spdlog::warn("job {} ({}) begins again: {} {}", status.id, status.kind, problem->code,
+                 problem->internal);
     status.state = JobState::kQueued;
   } else {
     spdlog::error("job {} ({}) failed: {} {} {}", status.id, status.kind, problem->code,
@@ -116,6 +128,23 @@ void JobQueue::Execute(const std::shared_ptr<Job>& job) {
     status.state = JobState::kFailed;
   }
   Become(*job, std::move(status));
+  if (!again) return;
+  const std::lock_guard lock(mutex_);
+  if (job->owner == owner_ && job->status.state == JobState::kQueued) queue_.push_back(job);
+}
+
+// A database server that is away would use up all attempts in no time.
+void JobQueue::AwaitStore(const std::stop_token& stop) {
+  while (store_ != nullptr) {
+    try {
+      store_->Version();
+      return;
+    } catch (const Error&) {
+      std::unique_lock lock(mutex_);
+      changed_.wait_for(lock, kLookEvery, [&] { return stopping_ || stop.stop_requested(); });
+      if (stopping_ || stop.stop_requested()) return;
+    }
+  }
 }
 
 void JobQueue::Become(Job& job, JobStatus status) {

@@ -247,8 +247,8 @@ TEST_F(AuthTest, NamesThatSeveralKeysHaveAreNotRevoked) {
 }
 
 TEST_F(AuthTest, BeyondLoopbackOnlyWithKeysOrWhenTold) {
-  const std::vector<std::string> open = {"--db",      database().string(), "--listen",
-                                         "0.0.0.0:0", "--descriptor",      "rootsift"};
+  const std::vector<std::string> open = {"--db",      DatabaseOf(database()), "--listen",
+                                         "0.0.0.0:0", "--descriptor",         "rootsift"};
   const ProgramResult refused = Program(open, {}, ServerPath()).Wait();
   EXPECT_EQ(refused.status, 1);
   EXPECT_THAT(refused.err, HasSubstr("there are no API keys"));

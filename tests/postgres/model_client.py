@@ -7,14 +7,19 @@ import json
 import random
 import threading
 import time
+import urllib.parse
 
 from service.pictures import sha256, texture
 from service.server import Connection
 
-IMAGES = "/v1/collections/default/images"
-SEARCH = "/v1/collections/default/search?group_by=image&limit=5"
-IDS = 5  # of each client
+COLLECTION = "/v1/collections/default"
+IMAGES = f"{COLLECTION}/images"
+SEARCH = f"{COLLECTION}/search?group_by=image&limit=5"
+IDS = 4  # of each client
+PAIRS = 2  # of each client
 HISTORY = 12
+REFUSED = (503, 507)
+REFUSED_S = 0.05  # the clients leave the processors to what comes back
 
 
 class Book:
@@ -33,18 +38,32 @@ class Book:
 
     def blame(self, text, history=()):
         with self.lock:
-            self.wrong.append("\n    ".join([text, *history]))
+            self.wrong.append("\n    ".join([f"{time.strftime('%H:%M:%S')} {text}", *history]))
 
 
-class Picture:
-    """One id: the hashes that it may have now (None: it is not there)."""
-
+class History:
     def __init__(self, name):
-        self.name, self.may, self.data = name, {None}, {}  # data: bytes by hash
-        self.history = collections.deque(maxlen=HISTORY)
+        self.name, self.history = name, collections.deque(maxlen=HISTORY)
 
     def note(self, text):
         self.history.append(f"{time.strftime('%H:%M:%S')} {text}")
+
+
+class Picture(History):
+    """One id: the hashes that it may have now (None: it is not there)."""
+
+    def __init__(self, name):
+        super().__init__(name)
+        self.may, self.data = {None}, {}  # data: bytes by hash
+
+
+class Pair(History):
+    """Two pictures of one object, which go in one request. Others read `state` while the owner changes it: its parts are
+    replaced together. They are how many pictures there may be, and whether since `filled` only whole pairs came or went."""
+
+    def __init__(self, name):
+        super().__init__(name)
+        self.ids, self.filled, self.state = (f"{name}-0", f"{name}-1"), 0, (frozenset({0}), True)
 
 
 class Client(threading.Thread):
@@ -52,56 +71,79 @@ class Client(threading.Thread):
         super().__init__(daemon=True)
         self.number, self.servers, self.book, self.dice = number, servers, book, random.Random(dice)
         self.pictures = [Picture(f"c{number}-{i}") for i in range(IDS)]
+        self.pairs = [Pair(f"c{number}-pair-{i}") for i in range(PAIRS)]
+        self.seen_pairs = self.pairs  # those of all clients
         self.made, self.stopped = 0, False
 
     def run(self):
+        works = {self.put: 4, self.delete: 2, self.look: 3, self.search: 5, self.fill: 2, self.empty: 2, self.look_at_pair: 4}
         try:
             while not self.stopped:
-                self.dice.choices([self.put, self.delete, self.look, self.search], [4, 2, 3, 5])[0](self.dice.choice(self.pictures))
+                work = self.dice.choices([*works], [*works.values()])[0]
+                if work in (self.fill, self.empty):
+                    work(self.dice.choice(self.pairs))
+                else:
+                    work(self.dice.choice(self.seen_pairs if work == self.look_at_pair else self.pictures))
         except Exception as error:  # a defect of the test must not look like a quiet client
             self.book.blame(f"client {self.number}: defect of the test: {error!r}")
 
     def ask(self, method, path, body=None, kind="application/octet-stream"):
         """(status, JSON); status 0: no whole answer."""
         connection = Connection(self.dice.choice(self.servers).address, keep_alive=False)
+        begun = time.monotonic()
         try:
             status, data = connection.ask(method, path, body, kind)
             answer = json.loads(data) if data else {}
-        except (OSError, http.client.HTTPException):
+        except TimeoutError:
+            self.book.blame(f"{method} {path}: no answer in {time.monotonic() - begun:.0f} s")
             return 0, {}
+        except (OSError, http.client.HTTPException):  # a killed server
+            status, answer = 0, {}
         finally:
             connection.close()
-        if status >= 500 and status not in (503, 507):
-            self.book.blame(f"{method} {path}: {status} {answer}")
         self.book.count(f"{method} {status or 'no answer'}")
+        self.book.most(f"seconds for an answer at most ({'write' if method in ('PUT', 'DELETE') else 'read'})", round(time.monotonic() - begun))
+        if status in REFUSED:
+            self.book.count(f"refused: {answer.get('code')}")
+            time.sleep(REFUSED_S)
+        if status >= 400 and status not in (404, *REFUSED):
+            self.book.blame(f"{method} {path}: {status} {answer}")
+        if status == 503 and not connection.headers.get("Retry-After"):
+            self.book.blame(f"{method} {path}: 503 without Retry-After: {answer}")
         return status, answer
 
-    def put(self, picture):
+    def new_texture(self):
         self.made += 1
-        data = texture(f"client {self.number} {self.made}")
+        return texture(f"client {self.number} {self.made}")
+
+    def put(self, picture):
+        data = self.new_texture()
         mine = sha256(data)
         picture.data[mine] = data
         picture.note(f"put {mine[:8]}")
         before, picture.may = picture.may, picture.may | {mine}
         status, answer = self.ask("PUT", f"{IMAGES}/{picture.name}?object={picture.name}", data, "image/png")
-        picture.note(f"-> {status}")
+        picture.note(f"-> {status} {answer.get('code', '')}")
         if status in (200, 201):
             picture.may = {mine}
-        elif 400 <= status < 500:
-            self.book.blame(f"PUT {picture.name}: {status} {answer}", picture.history)
+        elif was_not_done(status, answer):
             picture.may = before
+        elif status == 404:
+            self.book.blame(f"PUT {picture.name}: {status} {answer}", picture.history)
 
     def delete(self, picture):
         picture.note("delete")
         before, picture.may = picture.may, picture.may | {None}
-        status, _ = self.ask("DELETE", f"{IMAGES}/{picture.name}")
-        picture.note(f"-> {status}")
+        status, answer = self.ask("DELETE", f"{IMAGES}/{picture.name}")
+        picture.note(f"-> {status} {answer.get('code', '')}")
         if status == 404 and None not in before:
             self.book.blame(f"{picture.name} was lost: DELETE says 404", picture.history)
         if status == 204 and before == {None}:
             self.book.blame(f"{picture.name} was back: DELETE says 204", picture.history)
         if status in (204, 404):
             picture.may = {None}
+        elif was_not_done(status, answer):
+            picture.may = before
 
     def look(self, picture):
         status, record = self.ask("GET", f"{IMAGES}/{picture.name}")
@@ -129,3 +171,50 @@ class Client(threading.Thread):
             self.book.blame(f"{picture.name} ({now[:8]}) is not found: {hits}", picture.history)
         if not now and picture.name in hits:
             self.book.blame(f"{picture.name} is deleted, and found", picture.history)
+
+    def fill(self, pair):
+        """Puts both pictures, one after the other."""
+        pair.filled += 1
+        pair.state = frozenset({0, 1, 2}), False
+        pair.note("fill")
+        query = urllib.parse.urlencode({"object": pair.name, "metadata": json.dumps({"pair": pair.name})})
+        status = [self.ask("PUT", f"{IMAGES}/{one}?{query}", self.new_texture(), "image/png")[0] for one in pair.ids]
+        pair.note(f"-> {status}")
+        if all(one in (200, 201) for one in status):
+            pair.state = frozenset({2}), True
+
+    def empty(self, pair):
+        """Removes both in one request, by their object or by their metadata."""
+        before, whole = pair.state
+        if not whole:
+            return
+        which = self.dice.choice([f"{COLLECTION}/objects/{pair.name}",
+                                  f"{IMAGES}?{urllib.parse.urlencode({'filter': json.dumps({'pair': pair.name})})}"])
+        pair.state = before | {0}, True
+        pair.note(f"delete {which}")
+        status, answer = self.ask("DELETE", which)
+        pair.note(f"-> {status} {answer}")
+        if status in (200, 404):
+            pair.state = frozenset({0}), True
+            if answer.get("deleted", 0) not in before:
+                self.book.blame(f"{pair.name} had {sorted(before)} pictures, DELETE says {status} {answer}", pair.history)
+        elif was_not_done(status, answer):
+            pair.state = before, True
+
+    def look_at_pair(self, pair):
+        """Any client's: there are both or none, also while somebody removes them."""
+        filled, (before, whole) = pair.filled, pair.state
+        status, answer = self.ask("GET", f"{IMAGES}?{urllib.parse.urlencode({'object': pair.name})}")
+        (after, still_whole), refilled = pair.state, pair.filled
+        if status not in (200, 404) or not whole or not still_whole or filled != refilled:
+            return
+        found = len(answer.get("images", []))
+        agrees = found in before | after
+        self.book.count("looks at pairs that agree" if agrees else "looks at pairs that do not")
+        if not agrees:
+            self.book.blame(f"{pair.name} has {found} pictures, may have {sorted(before | after)}", list(pair.history))
+
+
+def was_not_done(status, answer):
+    """Every refusal but one says that nothing has changed."""
+    return status in REFUSED and answer.get("code") != "database_outcome_unknown"

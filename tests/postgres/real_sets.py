@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Asks the same of a file and of a cluster, sets of photographs as `pliant eval retrieval` reads them, and prints a Markdown table:
+"""Asks the same of a file and of PostgreSQL, sets of photographs as `pliant eval retrieval` reads them, and prints a Markdown table:
 
-    bash tests/cluster/on_cluster.sh python3 tests/cluster/real_sets.py --bin build/release/bin REAL/packages:labels REAL/deforming:objects
+    bash tests/postgres/on_postgres.sh python3 tests/postgres/real_sets.py --bin build/release/bin REAL/packages:labels REAL/deforming:objects
 
-Each set is indexed into a file, `pliant db copy` brings it into the cluster, and a server of each answers every query. A set in which the
+Each set is indexed into a file, `pliant db copy` brings it into PostgreSQL, and a server of each answers every query. A set in which the
 queries are searched too has its mean average precision, the others their top-1. Exit status 1 when a figure differs by more than half a point.
 """
 import argparse
@@ -46,9 +46,10 @@ def fill(options, folder, layout, home):
 
 
 def fresh_database(name):
-    """The URL of the cluster with another database."""
-    before, after = os.environ["PLIANT_TEST_CLUSTER"].split("?", 1)
-    return f"{before.rsplit('/', 1)[0]}/{name}?{after}"
+    """The URL of a schema of its own."""
+    base = os.environ["PLIANT_TEST_DATABASE"]
+    run("psql", "-q", base, "-c", f"CREATE SCHEMA {name}")
+    return f"{base}?options=-csearch_path%3D{name}"
 
 
 def precision(relevant, ranked):
@@ -108,17 +109,16 @@ def measure(options, given):
     with tempfile.TemporaryDirectory(prefix="pliant-real-") as temporary:
         home = pathlib.Path(temporary)
         pictures = fill(options, folder, layout, home)
-        cluster = fresh_database(name.replace("-", "_"))
-        run(options.pliant, "cluster", "init", "--db", cluster)
-        run(options.pliant, "db", "copy", cluster, "--db", home / "db", "--compare", "0")
+        url = fresh_database(name.replace("-", "_"))
+        run(options.pliant, "db", "copy", url, "--db", home / "db", "--compare", "0")
         sizes = collections.Counter(picture["object"] for picture in pictures if picture["searched"])
         queries = [(number, picture) for number, picture in enumerate(pictures) if picture["query"]]
-        with Asked(options, home / "db", home, "file") as file, Asked(options, cluster, home, "cluster") as shards:
-            both = file, shards
+        with Asked(options, home / "db", home, "file") as file, Asked(options, url, home, "postgres") as postgres:
+            both = file, postgres
             for number, picture in queries:
                 for asked in both:
                     asked.ask(number, picture, sizes[picture["object"]])
-        equal = sum(a == b for a, b in zip(file.answers, shards.answers))
+        equal = sum(a == b for a, b in zip(file.answers, postgres.answers))
         refused = sum(status != 200 for status, _ in file.answers)
         figures = [asked.figure / len(queries) for asked in both]
         title = "mAP" if queries[0][1]["searched"] else "top-1"
@@ -133,9 +133,9 @@ def main():
     parser.add_argument("sets", nargs="+", metavar="DIR:LAYOUT")
     options = parser.parse_args()
     options.pliant, options.server = options.bin / "pliant", options.bin / "pliant-server"
-    if "PLIANT_TEST_CLUSTER" not in os.environ:
-        sys.exit("start this by tests/cluster/on_cluster.sh")
-    print("| set | figure | file | cluster | equal answers | refused |\n|---|---|---|---|---|---|", flush=True)
+    if "PLIANT_TEST_DATABASE" not in os.environ:
+        sys.exit("start this by tests/postgres/on_postgres.sh")
+    print("| set | figure | file | PostgreSQL | equal answers | refused |\n|---|---|---|---|---|---|", flush=True)
     good = [measure(options, given) for given in options.sets]
     sys.exit(0 if all(good) else 1)
 

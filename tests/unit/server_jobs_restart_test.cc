@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Jobs over restarts of the server: stopped, killed, cancelled.
 #include <future>
+#include <map>
 
 #include "tests/unit/jobs_fixture.h"
 
@@ -66,6 +67,34 @@ TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
   let_go.set_value();
   EXPECT_TRUE(jobs.WaitFor(id, kPatience));
   EXPECT_EQ(jobs.Get(id).state, JobState::kDone) << "too late to end it";
+}
+
+TEST_F(JobsTest, BeginAgainWhenTheDatabaseWasAway) {
+  std::map<std::string, int> begun;
+  const auto work = [&begun](const JobStatus& job, const JobContext&) -> std::string {
+    if (++begun[job.kind] == 1 || job.kind != "once") {
+      throw Error(ErrorCode::kUnavailable, "database_unavailable", "gone");
+    }
+    return "/done";
+  };
+  JobQueue jobs(store_.get());
+  jobs.Register("once", Kind(work));
+  jobs.Register("always", Kind(work));
+  jobs.Register("no more", Kind(work, /*resumes=*/false));
+  jobs.Start();
+  const auto ended = [&](const std::string& kind) {
+    const std::string id = jobs.Add(kind, "a", Json::object()).id;
+    EXPECT_TRUE(jobs.WaitFor(id, kPatience)) << kind;
+    return jobs.Get(id);
+  };
+  EXPECT_EQ(ended("once").state, JobState::kDone);
+  EXPECT_EQ(begun["once"], 2);
+  const JobStatus always = ended("always");
+  EXPECT_EQ(always.state, JobState::kFailed);
+  EXPECT_EQ(always.attempts, JobQueue::kMaxAttempts);
+  EXPECT_EQ(always.problem->code, "database_unavailable");
+  EXPECT_EQ(ended("no more").state, JobState::kFailed);
+  EXPECT_EQ(begun["no more"], 1);
 }
 
 // What a killed server leaves: "running".

@@ -65,6 +65,7 @@ class Connection:
 
     def __init__(self, address, keep_alive=True):
         self.address, self.keep_alive, self.connection = address, keep_alive, None
+        self.headers = {}  # of the last answer
 
     def ask(self, method, path, body=None, kind="application/octet-stream"):
         """(status, body); raises OSError or HTTPException when no whole answer came."""
@@ -77,7 +78,7 @@ class Connection:
             self.connection.request(method, path, body, headers)
             answer = self.connection.getresponse()
             data = answer.read()
-            closes = answer.will_close
+            closes, self.headers = answer.will_close, answer.headers
         except BaseException:
             self.close()
             raise
