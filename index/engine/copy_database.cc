@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <future>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -35,7 +36,7 @@ struct Copied {
   bool has_content = true;
   AddRequest request = {};  // its bytes are `content`
   Features features = {};
-  Bow bow = {};
+  std::optional<Bow> bow = {};
 };
 using Together = std::vector<Copied>;  // written in one commit
 
@@ -94,9 +95,15 @@ class Copy {
     to_->writer().CreateCollection(label.name);
     to_->writer().ChangeCollection(label.name, {.display_name = label.display_name});
     ++result_.collections;
-    active_ = to_->catalogue().RequireCollection(label.name).vocabulary;
-    quantizer_.reset();
-    if (active_ != 0) quantizer_.emplace(to_->catalogue().ReadVocabulary(active_));
+    CopyVocabularies(label.name);
+    const CollectionState to = to_->catalogue().RequireCollection(label.name);
+    active_ = to.vocabulary;
+    words_ = 0;
+    if (active_ != 0) words_ = to_->catalogue().ReadVocabulary(active_)->size();
+    same_ = from_->catalogue().RequireCollection(label.name).vocabulary;
+    if (same_ != 0 && FindSame(label.name, *from_->catalogue().ReadVocabulary(same_)) != active_) {
+      same_ = 0;  // somebody has chosen another one in the target
+    }
     PictureListing list;
     list.which.collection = label.name;
     list.limit = options_.commit_every;
@@ -109,7 +116,6 @@ class Copy {
     Written();
     const std::uint64_t there = to_->catalogue().DescribeCollection(label.name).images;
     result_.extra += there > seen ? there - seen : 0;
-    CopyVocabularies(label.name);
   }
 
   // Those that are not there, or otherwise.
@@ -148,12 +154,25 @@ class Copy {
 
   void ReadAndWrite(const std::string& collection, Together together) {
     Read(collection, together);
+    ReadWords(together);
     Written();
     if (together.empty()) return;
     writing_ = std::async(std::launch::async, [this, pictures = std::move(together)]() mutable {
       Write(pictures);
       return pictures.size();
     });
+  }
+
+  // Of the same vocabulary, they need not be made again.
+  void ReadWords(Together& together) {
+    if (active_ == 0 || same_ == 0) return;
+    std::vector<Key> versions;
+    for (const Copied& one : together) versions.push_back(one.stored.version);
+    std::map<Key, Bow> words = from_->catalogue().LoadWords(same_, words_, versions);
+    for (Copied& one : together) {
+      const auto found = words.find(one.stored.version);
+      if (found != words.end()) one.bow = std::move(found->second);
+    }
   }
 
   // Returns when all is written that was read, and counts it.
@@ -204,10 +223,6 @@ class Copy {
     one.request.source = record.source;
     one.request.bytes = one.content;
     one.features = DecodeFeatures(one.stored.features);
-    if (quantizer_) {
-      const Descriptors& descriptors = one.features.descriptors;
-      one.bow = quantizer_->BowOf(descriptors, 0, quantizer_->Assign(descriptors, 1));
-    }
   }
 
   void Write(Together& together) {
@@ -217,8 +232,10 @@ class Copy {
       put.record = std::move(one.stored.record);
       put.encoded = std::move(one.stored.features);
       put.features = std::move(one.features);
-      put.vocabulary = active_;
-      put.bow = std::move(one.bow);
+      if (one.bow) {  // else the writer makes it
+        put.vocabulary = active_;
+        put.bow = *std::move(one.bow);
+      }
       put.keep_content = one.has_content;
       put.keep_times = true;
     }
@@ -288,8 +305,9 @@ class Copy {
   std::unique_ptr<Store> from_;
   std::unique_ptr<Store> to_;
   std::uint64_t total_ = 0;
-  Key active_ = 0;  // vocabulary of the collection that is copied into
-  std::optional<Quantizer> quantizer_;
+  Key active_ = 0;         // vocabulary of the collection that is copied into
+  std::size_t words_ = 0;  // of it
+  Key same_ = 0;           // the same one in `from`; 0 = it is not active there
   CopyResult result_;
   std::future<std::size_t> writing_;  // last: it uses what stands above
 };

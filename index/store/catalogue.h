@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -20,6 +21,7 @@
 #include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
+#include "vocab/quantizer.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -123,6 +125,8 @@ class Catalogue {
   // Pictures without words of the vocabulary: at most `limit`, by version, after `after`.
   std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary, std::int64_t after,
                                               int limit);
+  // The words of the pictures that have some, by version. `words`: the size of the vocabulary.
+  std::map<Key, Bow> LoadWords(Key vocabulary, std::size_t words, std::span<const Key> versions);
   // Each descriptor of the collection is as likely as any other, none is drawn twice. The same
   // seed and pictures give the same sample, in whatever order the pictures were added.
   DescriptorSample SampleDescriptors(Key collection, std::size_t count, std::uint64_t seed);

@@ -14,6 +14,7 @@
 #include "index/store/sql/integrity.h"
 #include "index/store/sql/originals_keeper.h"
 #include "index/store/unchanged.h"
+#include "index/store/word_codec.h"
 
 namespace pliant {
 namespace {
@@ -250,6 +251,18 @@ std::vector<StoredFeatures> Catalogue::LoadUnquantized(Key collection, Key vocab
                                                        std::int64_t after, int limit) {
   return access_.Read(
       [&](Connection& db) { return SelectUnquantized(db, collection, vocabulary, after, limit); });
+}
+
+std::map<Key, Bow> Catalogue::LoadWords(Key vocabulary, std::size_t words,
+                                        std::span<const Key> versions) {
+  return access_.Read([&](Connection& db) {
+    std::map<Key, Bow> found;
+    Cursor row = db.Prepare("SELECT picture, data FROM picture_words WHERE vocabulary = ?1 AND " +
+                            db.IsAmong("picture", "?2"));
+    row.Bind(vocabulary, versions);
+    while (row.Next()) found.emplace(row.Int(0), DecodeBow(row.Blob(1), words));
+    return found;
+  });
 }
 
 DescriptorSample Catalogue::SampleDescriptors(Key collection, std::size_t count,
