@@ -29,7 +29,7 @@ sys.path.insert(0, str(HERE.parent / "chaos"))
 from model_client import COLLECTION, IMAGES, Book, Client  # noqa: E402  (needs the path above)
 from service.pictures import texture  # noqa: E402
 from service.server import Connection, Server, Wrong  # noqa: E402
-from troubles import KEPT, LOCAL, SETTLE_S, SMALL, Databases, Troubles  # noqa: E402
+from troubles import KEPT, SETTLE_S, SMALL, Databases, Troubles  # noqa: E402
 
 OWN_MOUNTS = "PLIANT_TEST_OWN_MOUNTS"
 SMALL_DISK_MB = 2048  # the databases keep up to 1 GB of their log
