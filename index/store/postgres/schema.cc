@@ -199,9 +199,9 @@ CREATE TABLE processes (
 
 -- Text is compared whatever its case as FoldCase (index/files/fold_case.h) does it.
 CREATE COLLATION pliant_fold (provider = libc, locale = 'C.UTF-8');
-CREATE FUNCTION pliant_escaped(json TEXT) RETURNS TEXT LANGUAGE sql IMMUTABLE AS $$
+CREATE FUNCTION pliant_escaped(document TEXT) RETURNS TEXT LANGUAGE sql IMMUTABLE AS $$
   -- A backslash that is escaped itself is put aside, so that "\\u0000" stays what it is.
-  SELECT replace(replace(replace(replace(json, '\\', E'\x07'), '\u0001', '\u0001\u0002'),
+  SELECT replace(replace(replace(replace(document, '\\', E'\x07'), '\u0001', '\u0001\u0002'),
                          '\u0000', '\u0001\u0001'), E'\x07', '\\')
 $$;
 CREATE FUNCTION read_metadata() RETURNS trigger LANGUAGE plpgsql AS $$
