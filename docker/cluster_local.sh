@@ -116,6 +116,7 @@ start_standby() {
     as_postgres touch "$home/$node/data.new/standby.signal"
     as_postgres mv "$home/$node/data.new" "$home/$node/data"
   elif [ ! -e "$home/$node/data/standby.signal" ]; then  # it was the primary: what only it has goes
+    db_runs "$node" || true  # pg_rewind, too, takes what is left of a killed process for a server
     as_postgres pg_rewind -D "$home/$node/data" --source-server="$(source_of "$(primary)")" >"$home/made.log" 2>&1 ||
       { cat "$home/made.log" >&2; fail "$node cannot follow; rm -r $home/$node/data, and up copies the primary again"; }
     as_postgres touch "$home/$node/data/standby.signal"
