@@ -10,7 +10,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
-#include "index/tracking/channel.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 

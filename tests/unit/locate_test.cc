@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/warp/local_affine.h"
+#include "descriptor/warp/tps_ransac.h"
 #include "index/json/location_json.h"
 #include "tests/unit/random_descriptors.h"
 
