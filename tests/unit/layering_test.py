@@ -39,6 +39,7 @@ OWNERS = {
     "httplib": {"server"},
     "curl/": {"server/fetch"},
     "hdf5": {"index/cli"},
+    "pango/": {"descriptor/plot"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
 }
