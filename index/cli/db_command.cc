@@ -226,8 +226,8 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   exporting
       ->add_option(
           "FILE", options->exporting.out,
-          "the file to write: features as .npz (NumPy) or .h5 (HDF5, as hloc reads it), or "
-          "records as .ndjson; - = standard output, records")
+          "the file to write: features as .npz (NumPy), or records as .ndjson; - = standard "
+          "output, records")
       ->required();
   exporting->add_option("--object", options->exporting.object, "only pictures of this object")
       ->type_name("NAME");

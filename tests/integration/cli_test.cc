@@ -254,7 +254,7 @@ TEST_F(CliTest, AVocabularyThatWasOutgrownIsReplaced) {
 TEST_F(CliTest, PicturesComeFromStandardInput) {
   WriteBytes(folder_ / "q.png", RandomPng(1));
   const auto described = [&](const std::string& redirection, const std::string& picture) {
-    const auto out = folder_ / (picture == "-" ? "piped.safetensors" : "named.safetensors");
+    const auto out = folder_ / (picture == "-" ? "piped.npz" : "named.npz");
     const ProgramResult result =
         Program({"-c", PliantPath().string() + " describe " + picture +
                            " --descriptor rootsift --out " + out.string() + redirection},
