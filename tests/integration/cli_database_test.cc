@@ -64,7 +64,7 @@ TEST_F(CliTest, VocabulariesFromTheCommandLine) {
   ASSERT_EQ(RunProgram({"vocab", "use", "2", "--db", db_}).status, 0);
   EXPECT_EQ(Query(2)["vocabulary"], 2);
   EXPECT_EQ(Query(2)["words"], 20);
-  const Json list = RunProgram({"vocab", "--json", "list", "--db", db_}).json()["vocabularies"];
+  const Json list = RunProgram({"vocab", "list", "--json", "--db", db_}).json()["vocabularies"];
   ASSERT_EQ(list.size(), 2u);
   EXPECT_EQ(list[0]["active"], false);
   EXPECT_EQ(list[1]["active"], true);
