@@ -1,5 +1,5 @@
-# cmake -D HELP2MAN=... -D PROGRAM=... -D OUT=... -P PliantManual.cmake: the program's manual page, from its --help, with
-# the --help of every command.
+# cmake -D HELP2MAN=... -D PROGRAM=... -D OUT=... -P PliantManual.cmake: the program's manual page, from its --help and
+# that of every command.
 cmake_path(GET PROGRAM FILENAME name)
 
 # Appends the help of the commands below `pliant ARGN`, and of those below them.

@@ -43,8 +43,8 @@ def add_legend(axes, columns):
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    axes[min(columns, len(axes)) - 1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.02, 1),
-                                             fontsize=8)
+    corner = axes[min(columns, len(axes)) - 1]
+    corner.legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.02, 1), fontsize=8)
 
 
 def matching(report):

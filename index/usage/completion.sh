@@ -2,7 +2,7 @@
 # shellcheck shell=bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# Completion of pliant and pliant-server for bash and zsh: commands, options and values as --help lists them, else files.
+# Completion of pliant and pliant-server for bash and zsh: commands, options and values from --help, else files.
 
 _pliant_complete() {
   if [ -n "${ZSH_VERSION-}" ]; then emulate -L ksh; fi # arrays begin at 0
