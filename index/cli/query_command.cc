@@ -118,7 +118,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   SearchOptions& search = options->search;
   CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
   app->add_option("IMAGE", options->image, "the query picture; - = standard input")->required();
-  AddDatabaseFlags(*app, options->engine, search.collection);
+  AddDatabaseFlag(*app, options->engine);
+  AddCollectionFlag(*app, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
       ->capture_default_str()
       ->check(AtLeast(0));
