@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/deal/deal.h"
 
-#include <array>
 #include <utility>
 
 #include "descriptor/base/parallel.h"
@@ -11,22 +10,11 @@
 namespace pliant {
 namespace {
 
-struct Variant {
-  const char* name;
-  bool warp;
-  std::span<const float> supports;  // of Describe
-};
-
-// In the order of DealVariant.
-constexpr std::array kVariants = {Variant{"deal", true, deal::kOneSupport},
-                                  Variant{"deal-fixed", false, deal::kOneSupport},
-                                  Variant{"deal-pooled", true, deal::kPooledSupports}};
-
 class DealDescriptor final : public Descriptor {
  public:
   DealDescriptor(deal::DealWeights weights, DealVariant variant)
-      : network_(std::move(weights)), variant_(kVariants.at(static_cast<std::size_t>(variant))) {
-    info_.name = variant_.name;
+      : network_(std::move(weights)), warp_(variant == DealVariant::kWarped) {
+    info_.name = warp_ ? "deal" : "deal-fixed";
     info_.kind = DescriptorKind::kFloat;
     info_.dim = deal::kDescriptorDim;
     info_.model_id = info_.name + ":" + network_.weights().sha256.substr(0, 16);
@@ -36,7 +24,7 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                        int threads) const override {
-    return Describe(grey, keypoints, variant_.supports, threads);
+    return Describe(grey, keypoints, deal::kOneSupport, threads);
   }
 
   Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
@@ -51,13 +39,12 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats =
-        network_.Describe(grey, keypoints, variant_.warp, supports, ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, warp_, supports, ResolveThreads(threads));
     return result;
   }
 
   deal::DealNetwork network_;
-  Variant variant_;
+  bool warp_;
   DescriptorInfo info_;
 };
 
