@@ -1,10 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Writer: changing what is stored without describing it anew.
-#include "descriptor/base/error.h"
 #include "descriptor/base/unix_time.h"
-#include "index/files/merge_patch.h"
-#include "index/files/text.h"
+#include "index/files/names.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/catalogue_vocabularies.h"
