@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "descriptor/deal/deal.h"
 #include "descriptor/features/baselines.h"
 #include "descriptor/features/descriptor.h"
@@ -29,20 +30,12 @@ std::shared_ptr<const Descriptor> MakeDeal(const DescriptorOptions& options) {
 constexpr std::array kDescriptors = {
     NamedDescriptor{"deal", MakeDeal<DealVariant::kWarped>},
     NamedDescriptor{"deal-fixed", MakeDeal<DealVariant::kFixed>},
-    NamedDescriptor{"deal-pooled", MakeDeal<DealVariant::kPooled>},
     NamedDescriptor{"rootsift", [](const DescriptorOptions&) { return MakeRootSift(); }},
     NamedDescriptor{"sift", [](const DescriptorOptions&) { return MakeSift(); }},
     NamedDescriptor{"daisy", [](const DescriptorOptions&) { return MakeDaisy(); }},
     NamedDescriptor{"brisk", [](const DescriptorOptions&) { return MakeBrisk(); }},
     NamedDescriptor{"orb", [](const DescriptorOptions&) { return MakeOrb(); }},
 };
-
-std::string KnownNames() {
-  std::string names;
-  for (const NamedDescriptor& d : kDescriptors)
-    names += (names.empty() ? "" : ", ") + std::string(d.name);
-  return names;
-}
 
 }  // namespace
 
@@ -58,7 +51,8 @@ std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
     if (d.name == name) return d.make(options);
   }
   throw Error(ErrorCode::kInvalidArgument, "unknown_descriptor",
-              "There is no descriptor named '" + name + "'. Known are: " + KnownNames() + ".");
+              "There is no descriptor named '" + name +
+                  "'. Known are: " + Join(DescriptorNames(), ", ") + ".");
 }
 
 std::filesystem::path DefaultModelPath() {

@@ -5,8 +5,8 @@
 #include <system_error>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {
