@@ -31,7 +31,7 @@ struct Options {
   bool json = false;
 };
 
-// Keys may be wanted before the server was ever started. Whoever mistyped the name is told.
+// A key can be created before the server first starts. The message shows a mistyped name.
 void MakeDatabase(const Options& options) {
   EngineOptions engine = options.engine;
   engine.load_index = false;
@@ -46,9 +46,12 @@ void MakeDatabase(const Options& options) {
   engine.create = true;
   const Engine made(engine);
   const std::string name = engine.database.string();
-  fmt::print(stderr, "There was no database of this name: made a new one, {}\n",
-             IsDatabaseUrl(name) ? "on its server"
-                                 : ToDisplayText(std::filesystem::absolute(name).string()));
+  if (IsDatabaseUrl(name)) {  // may hold a password
+    fmt::print(stderr, "Created Pliant's tables in the database\n");
+  } else {
+    fmt::print(stderr, "Created a new database: {}\n",
+               ToDisplayText(std::filesystem::absolute(name).string()));
+  }
 }
 
 int Create(const Options& options) {

@@ -1,7 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sql/write_queue.h"
-
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -15,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
+#include "index/store/sql/access.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The tables of a database file. Private to index/. index/README.md, section FORMAT, describes
-// them.
+// The tables of a database file. Private to index/. index/FORMAT.md describes them.
 #pragma once
 
 #include <cstdint>
