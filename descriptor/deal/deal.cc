@@ -47,8 +47,7 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats =
-        network_.Describe(grey, keypoints, warp_, supports, ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, warp_, supports, ResolveThreads(threads));
     return result;
   }
 
@@ -99,7 +98,8 @@ std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
     if (d.name == name) return d.make(options);
   }
   throw Error(ErrorCode::kInvalidArgument, "unknown_descriptor",
-              "There is no descriptor named '" + name + "'. Known are: " + Join(DescriptorNames(), ", ") + ".");
+              "There is no descriptor named '" + name +
+                  "'. Known are: " + Join(DescriptorNames(), ", ") + ".");
 }
 
 std::filesystem::path DefaultModelPath() {

@@ -26,15 +26,13 @@ int ThousandthsOf(std::string_view text) {
 std::map<std::string, int> WeightsOf(std::string_view list) {
   std::map<std::string, int> weights;
   for (const std::string& entry : Split(list, ',')) {
-    std::string name;
+    const std::string_view text = entry;
+    const std::size_t semicolon = text.find(';');
+    const std::string name = Lower(Trimmed(text.substr(0, semicolon)));
     int weight = 1000;
-    for (const std::string& part : Split(entry, ';')) {
-      const std::string text = Lower(Trimmed(part));
-      if (name.empty()) {
-        name = text;
-      } else if (text.starts_with("q=")) {
-        weight = ThousandthsOf(std::string_view(text).substr(2));
-      }
+    if (semicolon != std::string_view::npos) {
+      const std::string q = Lower(Trimmed(text.substr(semicolon + 1)));
+      weight = q.starts_with("q=") ? ThousandthsOf(std::string_view(q).substr(2)) : -1;
     }
     if (weight >= 0 && !name.empty()) weights.emplace(name, weight);
   }

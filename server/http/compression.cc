@@ -109,11 +109,8 @@ bool IsCompressible(std::string_view content_type) {
 
 std::string Compressed(const std::string& body, Coding coding) {
   if (body.size() > std::numeric_limits<uInt>::max() / 2) return {};
-  try {
-    if (coding == Coding::kGzip) return Gzipped(body);
-    if (coding == Coding::kBrotli) return Brotlied(body);
-  } catch (const std::bad_alloc&) {  // then it goes as it is
-  }
+  if (coding == Coding::kGzip) return Gzipped(body);
+  if (coding == Coding::kBrotli) return Brotlied(body);
   return {};
 }
 

@@ -63,6 +63,30 @@ TEST_F(EngineTest, AFullDiskTakesNoPicturesButGivesSomeBack) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
+TEST_F(EngineTest, AFailureAfterACommitIsLoggedAndStopsWriting) {
+  std::vector<std::string> failures;
+  EngineOptions options = Options();
+  options.warn = [&](const std::string& failure) { failures.push_back(failure); };
+  Engine engine(options);
+  AddMany(engine, 4);
+  Train(engine, 20);
+  SQLite::Database db(options.database.string(), SQLite::OPEN_READWRITE);
+  db.exec(
+      "CREATE TRIGGER spoil AFTER INSERT ON picture_words BEGIN "
+      "UPDATE picture_words SET data = x'00' WHERE key = new.key; END");
+  EXPECT_EQ(Add(engine, RandomPng(9), "x", "spoilt").outcome, AddOutcome::kCreated)
+      << "it is durable, and reported so";
+  ASSERT_EQ(failures.size(), 1U);
+  EXPECT_THAT(failures[0], HasSubstr("the index cannot follow what was written: "));
+  ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { Add(engine, RandomPng(10), "x"); });
+  ExpectError(ErrorCode::kInternal, "writing_stopped", [&] { engine.Remove("default", "p1"); });
+  EXPECT_EQ(failures.size(), 2U);
+  EXPECT_EQ(engine.Stats().images, 5U);
+  db.exec("DROP TRIGGER spoil; DELETE FROM picture_words WHERE data = x'00'");
+  EXPECT_EQ(Add(engine, RandomPng(10), "x").outcome, AddOutcome::kCreated);
+  EXPECT_EQ(failures.size(), 2U);
+}
+
 TEST_F(EngineTest, NamesThatPliantDoesNotStoreAreReported) {
   Engine engine(Options());
   Add(engine, RandomPng(1), "mug");
