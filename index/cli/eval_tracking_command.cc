@@ -69,9 +69,6 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
       ->capture_default_str()
       ->check(Between(1, 1'000'000));
   AddTrackingFlags(*app, benchmark.locate);
-  app->add_option("--lpips", benchmark.lpips,
-                  "ONNX file of LPIPS, to measure it too (see index/tracking/README.md)")
-      ->type_name("FILE");
   app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
       ->capture_default_str()
       ->check(Between(0, 1024));

@@ -24,17 +24,13 @@ std::vector<TrackingResult> AtStep(const TrackingReport& report, int step) {
 }
 
 std::string Table(const std::vector<TrackingResult>& results) {
-  const bool lpips = std::any_of(results.begin(), results.end(),
-                                 [](const TrackingResult& r) { return r.lpips.has_value(); });
-  std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
-                                     "error px",   "tracked",     "found"};
-  if (lpips) header.emplace_back("LPIPS");
+  const std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
+                                           "error px",   "tracked",     "found"};
   std::vector<std::vector<std::string>> rows;
   for (const TrackingResult& r : results) {
     rows.push_back({r.descriptor, FormatFixed(r.inlier_rate, 3), FormatFixed(r.ssim, 3),
                     r.found_share > 0 ? FormatFixed(r.error_px, 2) : "-",
                     FormatFixed(r.tracked_share, 3), FormatFixed(r.found_share, 3)});
-    if (lpips) rows.back().push_back(r.lpips ? FormatFixed(*r.lpips, 3) : "-");
   }
   return FormatTable(header, rows);
 }
@@ -48,7 +44,6 @@ Json ResultsJson(const std::vector<TrackingResult>& results) {
                     {"error_px", r.found_share > 0 ? Json(r.error_px) : Json(nullptr)},
                     {"tracked_share", r.tracked_share},
                     {"found_share", r.found_share},
-                    {"lpips", r.lpips ? Json(*r.lpips) : Json(nullptr)},
                     {"frames", r.frames},
                     {"model_id", r.model_id}});
   }
@@ -91,7 +86,7 @@ Json TrackingReportJson(const TrackingReport& report) {
 std::string TrackingReportCsv(const TrackingReport& report) {
   std::string csv =
       "sequence,view,descriptor,found,reason,matches,inliers,inlier_rate,error_px,size_px,tracked,"
-      "ssim,lpips\n";
+      "ssim\n";
   for (const TrackedView& view : report.views) {
     const std::vector<std::string> cells = {report.sequences[view.sequence],
                                             std::to_string(view.view),
@@ -104,8 +99,7 @@ std::string TrackingReportCsv(const TrackingReport& report) {
                                             view.found ? FormatFixed(view.error_px, 3) : "",
                                             FormatFixed(view.size_px, 1),
                                             view.tracked ? "1" : "0",
-                                            FormatFixed(view.ssim, 4),
-                                            view.lpips ? FormatFixed(*view.lpips, 4) : ""};
+                                            FormatFixed(view.ssim, 4)};
     for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + cells[i];
     csv += "\n";
   }

@@ -14,8 +14,8 @@ namespace pliant::cli {
 std::string TrackingReportText(const TrackingReport& report);
 
 // {"frames", "unseen", "sequences": [...], "results": [{"descriptor", "inlier_rate", "ssim",
-// "error_px", "tracked_share", ...}], "groups": [...], "over_time": [...]}. "lpips" is null unless
-// it was asked for; "error_px" is null where nothing was found.
+// "error_px", "tracked_share", ...}], "groups": [...], "over_time": [...]}. "error_px" is
+// null where nothing was found.
 Json TrackingReportJson(const TrackingReport& report);
 
 // One row per view and descriptor.

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant index DIR... --db FILE
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
@@ -105,7 +105,7 @@ Json ToJson(const Outcome& outcome) {
 }
 
 ExitStatus Run(Options& options) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const Interrupt interrupt;
   const PictureFiles files = FindPictures(options.inputs, options.object_from);
   Engine engine(options.engine);
@@ -130,7 +130,7 @@ ExitStatus Run(Options& options) {
       outcome.job.interrupted = true;
     }
   }
-  outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  outcome.seconds = watch.seconds();
   if (options.json) {
     PrintJson(ToJson(outcome));
   } else {
