@@ -136,7 +136,6 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                         "ranking of all protocols but the paper's; histogram has no verification "
                         "(default: neighbours)",
                         {{"neighbours", RankMethod::kNeighbours},
-                         {"tfidf", RankMethod::kTfIdf},
                          {"histogram", RankMethod::kHistogram}});
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
