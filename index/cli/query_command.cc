@@ -128,11 +128,11 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   AddChoice<GroupBy>(*app, "--group-by", search.group_by,
                      "one hit for each object, or for each image (default: object)",
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}});
-  AddChoice<RankMethod>(*app, "--rank", search.rank,
-                        "how pictures are compared: votes of nearest neighbours, or the paper's "
-                        "histogram of words (default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours},
-                         {"histogram", RankMethod::kHistogram}});
+  AddChoice<RankMethod>(
+      *app, "--rank", search.rank,
+      "how pictures are compared: votes of nearest neighbours, or the paper's "
+      "histogram of words (default: neighbours)",
+      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   AddChoice<Verification>(
       *app, "--verify", search.verify,
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",

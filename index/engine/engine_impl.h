@@ -93,8 +93,8 @@ class Engine::Impl {
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
   Features GetFeatures(const PictureRef& ref, const std::string& collection);
-  // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify the same ranking once more;
-  // the answer whose first hit has more evidence.
+  // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
+  // the same ranking once more; the answer whose first hit has more evidence.
   SearchResult Answer(const CollectionView& view, Features features, const SearchOptions& options,
                       const ExtractionTimings& timings, const SecondPass& second = {});
   std::vector<PictureRef> PicturesOf(const std::string& collection, const std::string& object);

@@ -17,8 +17,8 @@
 
 namespace pliant {
 
-// Immutable. Within a word codes come in order of the picture. Pictures lie on pages of 256, so that
-// a code's picture takes one byte.
+// Immutable. Within a word codes come in order of the picture. Pictures lie on pages of 256, so
+// that a code's picture takes one byte.
 class CodeLists {
  public:
   static constexpr std::uint32_t kGone = std::numeric_limits<std::uint32_t>::max();
@@ -75,8 +75,8 @@ class CodeLists {
   // Codes of word w on page p are [offsets_[w * pages_ + p], offsets_[w * pages_ + p + 1]).
   std::vector<std::uint32_t> offsets_{0};
   std::vector<std::uint8_t> pictures_;  // of each code, on its page
-  std::vector<std::int16_t> biases_;  // empty for binary descriptors
-  std::vector<std::uint8_t> codes_;   // in the layout of CodeList, and kCodePadding bytes
+  std::vector<std::int16_t> biases_;    // empty for binary descriptors
+  std::vector<std::uint8_t> codes_;     // in the layout of CodeList, and kCodePadding bytes
   bool binary_ = false;
 };
 

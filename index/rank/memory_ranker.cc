@@ -227,8 +227,7 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
   loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
   view.ForEachPicture(vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                      IndexSegment::kMaxPictures,
-                      [&](std::vector<IndexedPicture> chunk) {
+                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
                         const std::size_t pictures = chunk.size();
                         loaded.index->Append(std::move(chunk));
                         Progress(pictures);

@@ -31,11 +31,11 @@ struct VerifiedPicture {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
-  double by_chance = 4.5;          // InliersByChance of the query that it was verified with
-  double probability = 0;          // that it is right (SuppressNonMaxima)
-  double evidence = 0;             // of its own inliers, or through `via` where that is more
+  double by_chance = 4.5;                // InliersByChance of the query that it was verified with
+  double probability = 0;                // that it is right (SuppressNonMaxima)
+  double evidence = 0;                   // of its own inliers, or through `via` where that is more
   std::vector<QueryMatch> matches = {};  // of the inliers of all instances
-  std::vector<Vec2> seen = {};     // hull of the inliers in this picture, original pixels
+  std::vector<Vec2> seen = {};           // hull of the inliers in this picture, original pixels
   std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }

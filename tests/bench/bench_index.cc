@@ -146,8 +146,8 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
   SqliteConnection db(path, SqliteConnection::Mode::kReadWrite, 1000);
   SQLite::Transaction transaction(db.database());
   const CollectionRow collection = RequireCollection(db, kDefaultCollection);
-  const Key words = InsertVocabulary(db, collection.key, collection.model,
-                                     RandomVocabulary(vocabulary_size));
+  const Key words =
+      InsertVocabulary(db, collection.key, collection.model, RandomVocabulary(vocabulary_size));
   MarkVocabularyReady(db, words);
   SetActiveVocabulary(db, collection.key, words, false);
   std::mt19937_64 random(1);

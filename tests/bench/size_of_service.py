@@ -25,7 +25,7 @@ import urllib.request
 
 import service
 
-INDEX_BYTES = 36  # of each key point in memory: code 32, bias 2, picture 1, and some of the lists' offsets
+INDEX_BYTES = 36  # of a key point in memory: code 32, bias 2, picture 1, and some of the offsets
 
 
 def cpu_of_children():

@@ -92,7 +92,8 @@ TEST(KeepExclusiveMatches, PicturesOfOneObjectShare) {
 }
 
 TEST(KeepExclusiveMatches, AnotherPictureOfTheObjectWinsForIt) {
-  // The second picture of object 1 is nearer than object 2; the first is not, and keeps its matches.
+  // The second picture of object 1 is nearer than object 2; the first is not, and keeps its
+  // matches.
   std::vector<VerifiedPicture> pictures = {Matching(1, 0, 30, 0.7F), Matching(1, 0, 30, 0.5F),
                                            Matching(2, 0, 30, 0.6F)};
   KeepExclusiveMatches(&pictures);
