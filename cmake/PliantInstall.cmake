@@ -70,7 +70,6 @@ set(PLIANT_PUBLIC_HEADERS
     vocab/k_medoids.h
     vocab/quantizer.h
     vocab/residual_codes.h
-    vocab/signature.h
     vocab/vocabulary.h
     vocab/word_groups.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)

@@ -130,12 +130,11 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
       ->check(AtLeast(0));
-  AddChoice<RankMethod>(app, "--rank", retrieval.rank,
-                        "ranking of all protocols but the paper's; histogram has no verification "
-                        "(default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours},
-                         {"tfidf", RankMethod::kTfIdf},
-                         {"histogram", RankMethod::kHistogram}});
+  AddChoice<RankMethod>(
+      app, "--rank", retrieval.rank,
+      "ranking of all protocols but the paper's; histogram has no verification "
+      "(default: neighbours)",
+      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
       ->capture_default_str()

@@ -32,7 +32,9 @@ class Engine::Impl {
   // Pictures (engine_pictures.cc)
   std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
-  Features GetFeatures(const std::string& collection, const std::string& id);
+  Features GetFeatures(const std::string& collection, const std::string& id) {
+    return GetFeatures({catalogue().RequireCollection(collection).key, id}, collection);
+  }
   void ForEachFeatures(const PictureListing& list,
                        const std::function<void(const PicturePage&)>& look,
                        const std::function<void(const ImageRecord&, const Features&)>& take);
@@ -51,8 +53,8 @@ class Engine::Impl {
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
-                              const CloserLook& closer);
-  std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads) {
+                              const SecondPass& second);
+  std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads) {
     return query_extractor().LookCloser(encoded, known, {}, threads);
   }
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
@@ -90,13 +92,11 @@ class Engine::Impl {
 
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
-  // `closer`: `features` and what a closer look added; the ranking stays that of `features`.
-  SearchResult Answer(Features features, const SearchOptions& options,
-                      const ExtractionTimings& timings, const Features* closer = nullptr);
-  // Asks once more with what `closer` sees, where `first` found nothing; the answer whose first hit
-  // has more evidence.
-  SearchResult LookCloser(SearchResult first, const Features& query, const SearchOptions& options,
-                          const CloserLook& closer);
+  Features GetFeatures(const PictureRef& ref, const std::string& collection);
+  // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
+  // the same ranking once more; the answer whose first hit has more evidence.
+  SearchResult Answer(const CollectionView& view, Features features, const SearchOptions& options,
+                      const ExtractionTimings& timings, const SecondPass& second = {});
   std::vector<PictureRef> PicturesOf(const std::string& collection, const std::string& object);
   std::vector<PictureRef> MostSimilar(const Features& query, const std::string& collection,
                                       const std::string& object, int threads,

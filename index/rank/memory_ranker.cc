@@ -60,12 +60,11 @@ std::size_t MemoryRanker::Size(const CollectionView& view) const {
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
                            const RankOptions& options) const {
   const IndexSnapshot& snapshot = SnapshotOf(view);
-  const bool by_neighbours =
-      options.method == RankMethod::kNeighbours && view.quantizer->coder() != nullptr;
   const std::vector<float> weights = ContrastWeights(query.features.keypoints);
-  Ranking ranking = by_neighbours ? RankByNeighbours(snapshot, *view.quantizer,
-                                                     {query.features.descriptors, weights}, options)
-                                  : pliant::Rank(snapshot, query.bow, options);
+  Ranking ranking = options.method == RankMethod::kHistogram
+                        ? RankByHistogram(snapshot, query.bow, options)
+                        : RankByNeighbours(snapshot, *view.quantizer,
+                                           {query.features.descriptors, weights}, options);
   for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
   for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
   return ranking;
@@ -226,15 +225,13 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position()};
   if (vocabulary == 0) return loaded;
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
-  const std::size_t words = loaded.quantizer->vocabulary().size();
-  loaded.index = std::make_shared<InvertedIndex>(words, loaded.quantizer);
-  view.ForEachPicture(vocabulary, words, 0, IndexSegment::kMaxPictures,
-                      [&](std::vector<IndexedPicture> chunk) {
+  loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
+  view.ForEachPicture(vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
                         const std::size_t pictures = chunk.size();
                         loaded.index->Append(std::move(chunk));
                         Progress(pictures);
                       });
-  loaded.index->Refresh();
   return loaded;
 }
 

@@ -36,14 +36,13 @@ struct CollectionView {
   bool has_vocabulary() const { return quantizer != nullptr; }
 };
 
-// Words and descriptors: a ranker may vote by either.
 struct RankQuery {
-  const Bow& bow;            // in the view's vocabulary
-  const Features& features;  // what `bow` was made from, in stored precision
+  const Features& features;  // in stored precision: kNeighbours
+  const Bow& bow;            // of them, in the view's vocabulary: kHistogram
 };
 
 struct RankOptions {
-  RankMethod method = RankMethod::kTfIdf;
+  RankMethod method = RankMethod::kNeighbours;
   GroupBy group_by = GroupBy::kImage;
   std::size_t keep = 0;  // best entries returned; 0 = all
   double min_score = 0;  // lower scores are no hits
@@ -54,7 +53,6 @@ struct RankOptions {
   std::size_t candidates = 0;
   // Further pictures, by version, ascending, that are set apart too if they are hits at all.
   std::vector<std::int64_t> also = {};
-  bool signatures = true;  // kTfIdf compares them where the index and the query have them
 };
 
 struct RankedPicture {

@@ -123,7 +123,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_EQ(json["vocabulary"]["trained"], true);
   EXPECT_GT(json["vocabulary"]["words"], 50);
   EXPECT_GT(json["seconds"], 0.0);
-  for (const char* rank : {"tfidf", "histogram"}) {
+  for (const char* rank : {"neighbours", "histogram"}) {
     for (std::uint64_t i = 1; i <= 8; ++i) {
       const Json found = Query(i, {"--rank", rank});
       EXPECT_EQ(found["hits"][0]["object"], "o" + std::to_string(i));

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What each place of the query picture shows. Private to index/.
+// Non-maximum suppression between objects that are seen at one place of the query. Private to
+// index/.
 #pragma once
 
 #include <vector>
@@ -17,13 +18,13 @@ namespace pliant {
 //   - Each has its share of the probability: p / (1 + the sum of (o' / o)³), with its own
 //     probability p, its odds o there and those o' of each other object. An object that is seen in
 //     several places has the largest of its shares. Scores stay, and so the order.
-//   - The one that keeps most of its claims (SettleClaims) has the place: instances of the others
-//     there go, as far as one is left.
-// What keeps equally many claims, as copies under two names do, is no rival. Neither are pictures
+//   - The one that keeps most of its matches (KeepExclusiveMatches) has the place: instances of the
+//     others there go, as far as one is left.
+// What keeps equally many matches, as copies under two names do, is no rival. Neither are pictures
 // without a name, whatever they show, nor those of the same object. A picture that agrees through
 // another one (`via`) has as much of its probability as that one has, and of another object than
 // that one less, as if both were seen at one place. Sets `probability` of all pictures. `query`:
 // what `pictures` were verified against.
-void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures);
+void SuppressNonMaxima(const Features& query, std::vector<VerifiedPicture>* pictures);
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verify/places.h"
+#include "index/verify/suppression.h"
 
 #include <algorithm>
 #include <cmath>
@@ -37,10 +37,10 @@ struct Place {
   std::size_t picture = 0;   // of the list
   std::size_t instance = 0;  // of the picture
   std::vector<Vec2> outline;
-  std::vector<Vec2> points;  // of the query that it claims
+  std::vector<Vec2> points;  // of the query that it matches
   Box box;                   // of the outline
   double independent = 0;    // points, each divided by how many lie in its place
-  std::size_t kept = 0;      // claims that the object keeps
+  std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
 };
 
@@ -62,9 +62,9 @@ double OddsAt(const VerifiedPicture& picture, const Place& place) {
   return Odds(Probability(LiftScore(picture.ranking_score, evidence)));
 }
 
-// The claims of a picture stand in the order of its instances.
+// The matches of a picture stand in the order of its instances.
 std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedPicture>& pictures) {
-  const NearestClaims nearest(pictures);
+  const NearestMatches nearest(pictures);
   std::vector<Place> places;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     const VerifiedPicture& picture = pictures[i];
@@ -78,12 +78,12 @@ std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedPic
       place.independent = instance.independent;
       for (const Point p : instance.polygon) place.outline.push_back({p.x, p.y});
       const std::size_t end =
-          std::min(picture.claims.size(), begin + static_cast<std::size_t>(instance.inliers));
+          std::min(picture.matches.size(), begin + static_cast<std::size_t>(instance.inliers));
       for (; begin < end; ++begin) {
-        const Claim& claim = picture.claims[begin];
-        const Keypoint& point = query.keypoints[claim.keypoint];
+        const QueryMatch& match = picture.matches[begin];
+        const Keypoint& point = query.keypoints[match.keypoint];
         place.points.push_back({point.x, point.y});
-        place.kept += nearest.Keeps(picture.picture.object, claim) ? 1 : 0;
+        place.kept += nearest.Keeps(picture.picture.object, match) ? 1 : 0;
       }
       if (place.outline.empty() || place.points.empty()) continue;
       place.box = BoxOf(place.outline);
@@ -175,7 +175,7 @@ void Drop(std::vector<std::size_t> instances, VerifiedPicture* picture) {
 
 }  // namespace
 
-void SettlePlaces(const Features& query, std::vector<VerifiedPicture>* pictures) {
+void SuppressNonMaxima(const Features& query, std::vector<VerifiedPicture>* pictures) {
   for (VerifiedPicture& picture : *pictures) {
     picture.probability = Probability(picture.picture.score);
   }

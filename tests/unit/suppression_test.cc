@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A place of the query shows one of the objects that agree with it.
-#include "index/verify/places.h"
+#include "index/verify/suppression.h"
 
 #include <cmath>
 #include <string>
@@ -36,7 +36,7 @@ void See(VerifiedPicture* picture, std::uint32_t first, std::uint32_t count, flo
       {.inliers = static_cast<int>(count),
        .independent = static_cast<double>(count),
        .polygon = {{left, y - 9}, {left + width, y - 9}, {left + width, y + 9}, {left, y + 9}}});
-  for (std::uint32_t i = 0; i < count; ++i) picture->claims.push_back({first + i, distance});
+  for (std::uint32_t i = 0; i < count; ++i) picture->matches.push_back({first + i, distance});
 }
 
 VerifiedPicture Seen(std::int64_t object, double score, std::uint32_t first, std::uint32_t count,
@@ -52,11 +52,11 @@ double Odds(int inliers, double share) {
   return p / (1 - p);
 }
 
-TEST(SettlePlaces, ObjectsAtOnePlaceShareTheProbability) {
+TEST(SuppressNonMaxima, ObjectsAtOnePlaceShareTheProbability) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 10, 40, 0.5F)};
   See(&pictures[1], 60, 5, 0.5F);  // what only this one has, where the other one is
-  pictures[1].claims[0].distance = 0.2F;
-  SettlePlaces(Query(), &pictures);
+  pictures[1].matches[0].distance = 0.2F;
+  SuppressNonMaxima(Query(), &pictures);
   const double ratio = Odds(40, 1.0 / 40) / Odds(50, 49.0 / 50);
   EXPECT_NEAR(pictures[0].probability, Probability(0.99) / (1 + std::pow(ratio, 3)), 1e-9);
   EXPECT_GT(pictures[0].probability, 0.9);
@@ -65,42 +65,42 @@ TEST(SettlePlaces, ObjectsAtOnePlaceShareTheProbability) {
   EXPECT_EQ(pictures[1].instances.front().inliers, 40) << "where it was seen is told all the same";
 }
 
-TEST(SettlePlaces, OfTwoThatHardlyDifferNeitherIsSure) {
+TEST(SuppressNonMaxima, OfTwoThatHardlyDifferNeitherIsSure) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 50, 0.3F)};
-  for (std::size_t i = 0; i < 24; ++i) pictures[0].claims[i].distance = 0.2F;
-  for (std::size_t i = 24; i < 50; ++i) pictures[1].claims[i].distance = 0.2F;
-  SettlePlaces(Query(), &pictures);
+  for (std::size_t i = 0; i < 24; ++i) pictures[0].matches[i].distance = 0.2F;
+  for (std::size_t i = 24; i < 50; ++i) pictures[1].matches[i].distance = 0.2F;
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_NEAR(pictures[0].probability, 0.4, 0.05);
   EXPECT_NEAR(pictures[1].probability, 0.6, 0.05);
 }
 
-TEST(SettlePlaces, AnObjectsPicturesAreOneRival) {
+TEST(SuppressNonMaxima, AnObjectsPicturesAreOneRival) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 0, 40, 0.2F)};
   std::vector<VerifiedPicture> more = pictures;
   for (int i = 0; i < 5; ++i) more.push_back(more[1]);
-  SettlePlaces(Query(), &pictures);
-  SettlePlaces(Query(), &more);
+  SuppressNonMaxima(Query(), &pictures);
+  SuppressNonMaxima(Query(), &more);
   EXPECT_DOUBLE_EQ(more[0].probability, pictures[0].probability);
   EXPECT_LT(pictures[0].probability, 0.5);
 }
 
-TEST(SettlePlaces, ARivalThatIsSureElsewhereIsNoneHere) {
+TEST(SuppressNonMaxima, ARivalThatIsSureElsewhereIsNoneHere) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.9, 0, 40, 0.3F),
                                            Seen(2, 0.999, 100, 90, 0.2F)};
   See(&pictures[1], 0, 12, 0.5F);
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_GT(pictures[0].probability, 0.9);
   EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.999));
 }
 
-TEST(SettlePlaces, SiblingsSideBySideAreEachInTheirPlace) {
+TEST(SuppressNonMaxima, SiblingsSideBySideAreEachInTheirPlace) {
   // Each is seen in both places: the second one first where the first one is.
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.2F), Seen(2, 0.99, 0, 45, 0.5F)};
   See(&pictures[0], 100, 40, 0.5F);
   See(&pictures[1], 100, 42, 0.2F);
   pictures[1].explanations.resize(2);
   pictures[1].explanations[1].matches = 42;
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   ASSERT_EQ(pictures[0].instances.size(), 1U);
   EXPECT_EQ(pictures[0].instances.front().inliers, 50);
   ASSERT_EQ(pictures[1].instances.size(), 1U);
@@ -117,20 +117,20 @@ VerifiedPicture Through(const std::string& source, std::int64_t object, double s
   return picture;
 }
 
-TEST(SettlePlaces, WhatAgreesThroughAnotherPictureIsNoSurerThanThatIs) {
+TEST(SuppressNonMaxima, WhatAgreesThroughAnotherPictureIsNoSurerThanThatIs) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.95, 0, 40, 0.5F),
                                            Through("beaten", 2, 0.94)};
   pictures[1].picture.ref.id = "beaten";
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_LT(pictures[1].probability, 0.1);
   EXPECT_NEAR(pictures[2].probability, pictures[1].probability, 0.001);
 }
 
-TEST(SettlePlaces, WhatAgreesThroughAnotherObjectIsItsRival) {
+TEST(SuppressNonMaxima, WhatAgreesThroughAnotherObjectIsItsRival) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.999, 0, 50, 0.3F), Through("picture", 2, 0.94),
                                            Through("picture", 1, 0.94), Through("picture", 0, 0.94),
                                            Through("gone", 2, 0.94)};
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.999));
   EXPECT_LT(pictures[1].probability, 0.01);
   for (std::size_t i = 2; i < 5; ++i) {
@@ -138,11 +138,11 @@ TEST(SettlePlaces, WhatAgreesThroughAnotherObjectIsItsRival) {
   }
 }
 
-TEST(SettlePlaces, InPlacesOfTheirOwnAllAreFound) {
+TEST(SuppressNonMaxima, InPlacesOfTheirOwnAllAreFound) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 100, 40, 0.5F)};
   See(&pictures[0], 100, 30, 0.6F);  // more alike to the other one
   See(&pictures[1], 0, 45, 0.4F);
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
   EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9));
   for (const VerifiedPicture& picture : pictures) {
@@ -152,36 +152,36 @@ TEST(SettlePlaces, InPlacesOfTheirOwnAllAreFound) {
   EXPECT_EQ(pictures[1].instances.front().inliers, 40);
 }
 
-TEST(SettlePlaces, APartOfAThingIsNoRival) {
+TEST(SuppressNonMaxima, APartOfAThingIsNoRival) {
   // A label, and the bottle that it is on.
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 90, 0.3F),
                                            Seen(2, 0.9, 0, 20, 0.4F, 25)};
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9));
 }
 
-TEST(SettlePlaces, CopiesUnderTwoNamesAreBothFound) {
+TEST(SuppressNonMaxima, CopiesUnderTwoNamesAreBothFound) {
   std::vector<VerifiedPicture> pictures = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 50, 0.3F)};
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.99));
   EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.99));
 }
 
-TEST(SettlePlaces, PicturesOfOneObjectAndUnnamedOnesMayShowTheSame) {
+TEST(SuppressNonMaxima, PicturesOfOneObjectAndUnnamedOnesMayShowTheSame) {
   for (const std::int64_t object : {0, 1}) {
     std::vector<VerifiedPicture> pictures = {Seen(object, 0.99, 0, 50, 0.3F),
                                              Seen(object, 0.9, 0, 40, 0.5F)};
-    SettlePlaces(Query(), &pictures);
+    SuppressNonMaxima(Query(), &pictures);
     EXPECT_DOUBLE_EQ(pictures[1].probability, Probability(0.9)) << object;
   }
 }
 
-TEST(SettlePlaces, WithoutInstancesThereIsNothingToSettle) {
+TEST(SuppressNonMaxima, WithoutInstancesThereIsNothingToSettle) {
   std::vector<VerifiedPicture> pictures(2);
   pictures[0].picture = {{1, "a", 1}, 1, 0.9};
-  SettlePlaces(Query(), &pictures);
+  SuppressNonMaxima(Query(), &pictures);
   EXPECT_DOUBLE_EQ(pictures[0].probability, Probability(0.9));
-  SettlePlaces(Query(), &(pictures = {}));
+  SuppressNonMaxima(Query(), &(pictures = {}));
 }
 
 }  // namespace
