@@ -34,7 +34,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"object_not_found", 404, "no picture of such an object"},
     {"vocabulary_not_found", 404, "no vocabulary of that number"},
     {"job_not_found", 404, "no such job, or it is long finished"},
-    {"demo_not_found", 404, "no such demonstration object"},
     {"backup_not_found", 404, "no backup of that name"},
     {"key_not_found", 404, "no working key of that id"},
     {"method_not_allowed", 405, "the path exists, the method does not (Allow lists those that do)"},

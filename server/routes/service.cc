@@ -76,7 +76,7 @@ void Service::Open() {
   RegisterImportJob(*jobs, *engine_, pool,
                     {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
   RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, bulk_files, on_added);
-  RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
+  RegisterDemonstrationJob(*jobs, *engine_, pool, on_added);
   backups.RegisterJob(*jobs, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
   jobs->Start();

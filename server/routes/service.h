@@ -56,7 +56,6 @@ class Service {
   const ServiceOptions options;
   WorkerPool pool;
   ThumbnailCache thumbnails;
-  CrumpledPictures crumpled_pictures;
   Metrics metrics;
   const Backups backups;
   const BulkFiles bulk_files;

@@ -113,7 +113,7 @@ class OpenApiTest : public ::testing::Test {
         {"{a}", "live"},     {"{c}", "default"},
         {"{o}", "mug"},      {"{v}", vocabulary_},
         {"{b}", "first.db"}, {"{k}", "00000000"},
-        {"{n}", "0"},        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
+        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
     for (const auto& [name, value] : values) {
       const std::size_t at = path.find(name);
       if (at != std::string::npos) path.replace(at, name.size(), value);

@@ -168,8 +168,8 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
     }
     static const std::map<std::string, std::string> codes = {
         {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
-        {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"},
-        {"k", "key_not_found"},        {"a", "alias_not_found"}};
+        {"b", "backup_not_found"},     {"id", "image_not_found"}, {"k", "key_not_found"},
+        {"a", "alias_not_found"}};
     const bool job = operation_.path.starts_with("/v1/jobs");
     Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
         job ? "job_not_found" : codes.at(name));
