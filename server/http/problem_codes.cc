@@ -49,11 +49,8 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"interrupted", 409, "the server ended while the job ran, and it cannot go on (of a job)"},
     {"precondition_failed", 412,
      "what is stored is not what If-Match or If-None-Match asks for: read it anew"},
-    {"length_required", 411,
-     "a body needs Content-Length or chunked transfer encoding; that of a backup Content-Length"},
     {"body_too_large", 413,
-     "the body is larger than --max-body-mb, a backup than --max-backup-mb, an import than "
-     "--max-import-mb"},
+     "the body is larger than --max-body-mb, an import than --max-import-mb"},
     {"uri_too_long", 414, "the address is too long"},
     {"unsupported_content_type", 415, "the Content-Type is none that the route takes"},
     {"unsupported_content_encoding", 415, "compressed bodies are not taken"},
@@ -68,9 +65,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"fetch_host_not_allowed", 422,
      "the operator lets no pictures be fetched from this host, or it has no public address "
      "(--fetch-hosts, --fetch-private)"},
-    {"backup_invalid", 422,
-     "what was sent is no database of this Pliant or an older one, or is damaged; the detail says "
-     "which"},
     {"fetch_failed", 422, "the picture at image_url could not be fetched; the detail says why"},
     {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
     {"internal", 500, "a defect or damaged data; the server's log has the request id"},
@@ -156,7 +150,6 @@ std::string StatusTitle(int status) {
       {405, "Method Not Allowed"},
       {408, "Request Timeout"},
       {409, "Conflict"},
-      {411, "Length Required"},
       {412, "Precondition Failed"},
       {413, "Content Too Large"},
       {414, "URI Too Long"},

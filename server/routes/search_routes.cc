@@ -9,7 +9,6 @@
 #include "index/json/result_json.h"
 #include "server/http/problem.h"
 #include "server/routes/common.h"
-#include "server/routes/item_result.h"
 #include "server/routes/routes.h"
 #include "server/routes/search_drawing.h"
 #include "server/routes/search_options.h"
@@ -158,7 +157,7 @@ const Route& SingleSearch() {
 Json ResultOf(Service& service, const Request& batch, const std::string& collection,
               const Json& item) {
   const auto start = std::chrono::steady_clock::now();
-  return ItemResult([&]() -> Json {
+  try {
     if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
     Request request;
     request.id = batch.id;
@@ -171,7 +170,11 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
     const SearchResult found = SearchOnPool(service, query);
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
     return {{"status", 200}, {"answer", SearchResultJson(found, took.count())}};
-  });
+  } catch (...) {
+    const Problem problem = CurrentProblem();
+    LogProblem(problem);
+    return {{"status", problem.status}, {"problem", ProblemSummary(problem)}};
+  }
 }
 
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {

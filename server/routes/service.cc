@@ -19,7 +19,7 @@ namespace pliant::server {
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
-      backups(options.backups),
+      backups(options.backup_dir),
       bulk_files(options.bulk),
       fetcher(options.fetch) {}
 

@@ -30,7 +30,7 @@ struct ServiceOptions {
   WorkerPoolOptions pool;
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
   std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
-  BackupOptions backups;             // over HTTP
+  std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
   BulkFileOptions bulk;              // of imports that are too large for the database
   FetchOptions fetch;                // of pictures that clients name by their address
 };

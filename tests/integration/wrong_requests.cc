@@ -29,12 +29,10 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_(operation.Takes("multipart/form-data")) {
-  constexpr const char* kFile = "application/octet-stream";
   constexpr const char* kLines = "application/x-ndjson";
   type_ = image_                    ? "image/png"
           : json_                   ? "application/json"
           : form_                   ? kForm
-          : operation.Takes(kFile)  ? kFile
           : operation.Takes(kLines) ? kLines
                                     : "";
   body_ = GoodBody();
@@ -103,7 +101,6 @@ std::string WrongRequests::GoodBody() const {
     if (schema["type"] == "array") body[field] = Json::array({Json{{"image_id", "mug-1"}}});
     if (schema["type"] == "object") body[field] = Json{{"image", Base64Of(TestPicture(1))}};
   }
-  if (operation_.Takes("application/octet-stream")) return "SQLite";
   return json_ ? body.dump() : "";
 }
 

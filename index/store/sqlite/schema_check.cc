@@ -54,7 +54,7 @@ std::vector<Item> SchemaOfVersion(std::size_t version) {
 
 }  // namespace
 
-std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
+std::vector<std::string> CheckSchema(SqliteConnection& db) {
   const std::int64_t version = db.Scalar("PRAGMA user_version");
   if (version < 1 || version > SchemaVersion()) return {};
   const std::vector<Item> expected = SchemaOfVersion(static_cast<std::size_t>(version));
@@ -66,7 +66,7 @@ std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
   }
   for (const Item& item : found) {
     if (std::binary_search(expected.begin(), expected.end(), item) || IsStatistics(item)) continue;
-    if (others == Others::kLeft && item.type != "trigger") continue;
+    if (item.type != "trigger") continue;
     problems.push_back(item.Named() + " is not Pliant's");
   }
   return problems;
