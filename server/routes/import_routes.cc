@@ -8,7 +8,7 @@
 #include "server/jobs/bulk_import.h"
 #include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

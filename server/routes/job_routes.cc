@@ -4,7 +4,8 @@
 #include <chrono>
 
 #include "server/jobs/bulk_items.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
+#include "server/routes/lists.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -12,6 +13,19 @@ namespace pliant::server {
 namespace {
 
 constexpr double kLongestWaitS = 60;
+
+// Backups and imports of folders are begun by admins, and their records name files of the server:
+// to others they are not there.
+bool MaySee(const Caller& caller, const JobStatus& job) {
+  return caller.scope >= Scope::kAdmin || (job.kind != "backup" && job.kind != "import");
+}
+
+// The job that the {id} of the path names. Throws ProblemError "job_not_found".
+JobStatus JobOf(const JobQueue& jobs, const Request& request) {
+  JobStatus job = jobs.Get(request.captures.at("id"));
+  if (!MaySee(request.caller, job)) ThrowJobNotFound();
+  return job;
+}
 
 // The job as it is, or, when that was asked for, as soon as it has ended.
 Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& parameters) {

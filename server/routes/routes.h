@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "server/http/parameters.h"
 #include "server/http/router.h"
 #include "server/routes/service.h"
 

@@ -7,8 +7,9 @@
 
 #include "descriptor/base/parallel.h"
 #include "index/json/result_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 #include "server/routes/search_drawing.h"
 #include "server/routes/search_options.h"

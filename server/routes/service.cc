@@ -87,4 +87,8 @@ void Service::Open() {
   ready_ = true;
 }
 
+std::string CollectionOf(Service& service, const Request& request) {
+  return service.engine().CollectionName(request.captures.at("c"));
+}
+
 }  // namespace pliant::server

@@ -12,6 +12,7 @@
 #include "index/store/service_store.h"
 #include "server/decoder/decoder_pool.h"
 #include "server/fetch/fetcher.h"
+#include "server/http/message.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/bulk_files.h"
@@ -75,5 +76,9 @@ class Service {
   std::atomic<bool> ready_{false};
   std::atomic<double> loaded_{0};
 };
+
+// The collection that the {c} of the path names, by its name or by an alias: its name. Ask once a
+// request, since aliases can be moved meanwhile. kNotFound "collection_not_found".
+std::string CollectionOf(Service& service, const Request& request);
 
 }  // namespace pliant::server
