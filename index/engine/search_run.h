@@ -8,7 +8,7 @@
 
 #include "index/engine/candidate_verifier.h"
 #include "index/engine/picture_shelf.h"
-#include "index/rank/ranker.h"
+#include "index/rank/memory_ranker.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
 #include "index/verify/rerank.h"
@@ -22,8 +22,8 @@ class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary. Ranks by `query`, and verifies with
   // `closer`: the same, or what a closer look has added to it.
-  SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view, const Features& query,
-            const Features& closer, const SearchOptions& options);
+  SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
+            const Features& query, const Features& closer, const SearchOptions& options);
 
   SearchResult Run();
 
@@ -36,7 +36,7 @@ class SearchRun {
   void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
-  Ranker& ranker_;
+  MemoryRanker& ranker_;
   Catalogue& source_;
   const CollectionView& view_;
   const Features& query_;
