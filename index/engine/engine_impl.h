@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "index/engine/engine.h"
-#include "index/rank/ranker.h"
+#include "index/rank/memory_ranker.h"
 #include "index/store/store.h"
 
 namespace pliant {
@@ -115,9 +115,9 @@ class Engine::Impl {
   std::unique_ptr<const Extractors> extractors_;
   bool limits_settled_ = false;  // guarded by it, too, once the constructor is done
   std::unique_ptr<Store> store_;
-  std::unique_ptr<Ranker> ranker_;  // follows store_, and goes first
-  std::mutex training_mutex_;       // one training at a time
-  std::jthread follower_;           // last: it uses the ranker
+  std::unique_ptr<MemoryRanker> ranker_;  // follows store_, and goes first
+  std::mutex training_mutex_;             // one training at a time
+  std::jthread follower_;                 // last: it uses the ranker
 };
 
 }  // namespace pliant

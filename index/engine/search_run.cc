@@ -41,7 +41,7 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 
 }  // namespace
 
-SearchRun::SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view,
+SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
                      const Features& query, const SearchOptions& options)
     : ranker_(*ranker),
       source_(*source),

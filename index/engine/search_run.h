@@ -9,7 +9,7 @@
 
 #include "index/engine/candidate_verifier.h"
 #include "index/engine/picture_shelf.h"
-#include "index/rank/ranker.h"
+#include "index/rank/memory_ranker.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
 #include "index/verify/rerank.h"
@@ -22,8 +22,8 @@ void Validate(const SearchOptions& options);
 class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary. Ranks by `query`.
-  SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view, const Features& query,
-            const SearchOptions& options);
+  SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
+            const Features& query, const SearchOptions& options);
 
   // Verifies with `features`: the query, or, in a second pass, what that has added to it. Timings
   // are those of all passes so far.
@@ -42,7 +42,7 @@ class SearchRun {
   void Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
-  Ranker& ranker_;
+  MemoryRanker& ranker_;
   Catalogue& source_;
   const CollectionView& view_;
   const Features& query_;

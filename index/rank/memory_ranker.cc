@@ -14,14 +14,7 @@
 namespace pliant {
 namespace {
 
-struct MemoryState : RankerState {
-  explicit MemoryState(std::shared_ptr<const IndexSnapshot> s) : snapshot(std::move(s)) {}
-  std::shared_ptr<const IndexSnapshot> snapshot;
-};
-
-const IndexSnapshot& SnapshotOf(const CollectionView& view) {
-  return *static_cast<const MemoryState&>(*view.state).snapshot;
-}
+const IndexSnapshot& SnapshotOf(const CollectionView& view) { return *view.snapshot; }
 
 }  // namespace
 
@@ -50,11 +43,11 @@ CollectionView MemoryRanker::View(const std::string& collection) {
 CollectionView MemoryRanker::ViewOf(const Entry& entry) {
   const Loaded& shown = *entry.shown;
   return {shown.collection, shown.vocabulary, shown.quantizer,
-          shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
+          shown.index ? shown.index->snapshot() : nullptr};
 }
 
 std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.state ? SnapshotOf(view).pictures : 0;
+  return view.snapshot ? SnapshotOf(view).pictures : 0;
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,

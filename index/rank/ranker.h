@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which pictures of a collection are most like a query? The interface of everything that answers
-// that: the inverted index in memory (memory_ranker.h), or an index in another process. All that
-// goes in and comes out is data.
+// What MemoryRanker is asked, and what it answers.
 #pragma once
 
 #include <cstddef>
@@ -19,19 +17,15 @@
 
 namespace pliant {
 
-// What a ranker has of a collection at a moment; each ranker has its own kind.
-class RankerState {
- public:
-  virtual ~RankerState() = default;
-};
+struct IndexSnapshot;
 
 // One collection as a search sees it, from its beginning to its end. Immutable; everything in it
 // belongs together.
 struct CollectionView {
   Key collection = 0;
-  Key vocabulary = 0;                          // 0 = none is active
-  std::shared_ptr<const Quantizer> quantizer;  // nullptr = none is active
-  std::shared_ptr<const RankerState> state;    // of the ranker that made the view; nullptr as above
+  Key vocabulary = 0;                             // 0 = none is active
+  std::shared_ptr<const Quantizer> quantizer;     // nullptr = none is active
+  std::shared_ptr<const IndexSnapshot> snapshot;  // nullptr as above
 
   bool has_vocabulary() const { return quantizer != nullptr; }
 };
@@ -69,35 +63,6 @@ struct Ranking {
   // objects that a candidate shows are left out.
   std::vector<RankedPicture> best;
   std::size_t total = 0;  // of these hits, before `keep` cut them off
-};
-
-// Thread-safe. Throws what a database throws.
-class Ranker {
- public:
-  virtual ~Ranker() = default;
-
-  // The present state: with everything that this process has written and, unless a collection is
-  // just being loaded anew, with what others have. kNotFound "collection_not_found".
-  virtual CollectionView View(const std::string& collection) = 0;
-  virtual std::size_t Size(const CollectionView& view) const = 0;  // pictures; 0 without vocabulary
-  // The view must have a vocabulary.
-  virtual Ranking Rank(const CollectionView& view, const RankQuery& query,
-                       const RankOptions& options) const = 0;
-
-  // Makes ready what a first search would wait for.
-  virtual void Load() = 0;
-  // To be called after each commit of this process, before its writer returns: views that are made
-  // from then on show it. Does nothing before the first load.
-  virtual void Follow() = 0;
-  // Loads what a switch to this vocabulary will need, so that the switch itself takes no time. Kept
-  // as long as the result is.
-  [[nodiscard]] virtual std::shared_ptr<const void> Prepare(Key collection, Key vocabulary) = 0;
-
-  virtual std::size_t memory_bytes() const = 0;
-  // ChangeFeed::Version when it last caught up with the store; 0 = never. Waits for nobody.
-  virtual std::int64_t followed() const = 0;
-  // Differences between the ranker and the store, as sentences.
-  virtual std::vector<std::string> Check() = 0;
 };
 
 }  // namespace pliant

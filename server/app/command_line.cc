@@ -40,9 +40,6 @@ constexpr NumberFlag kNumbers[] = {
     {"--queue-timeout", &ServerOptions::queue_timeout_s, 1, 3600,
      "Longest wait for a core in seconds; then 503"},
     {"--max-body-mb", &ServerOptions::max_body_mb, 1, 1024, "Largest body of a request in MiB"},
-    {"--max-backup-mb", &ServerOptions::max_backup_mb, 0, 1'000'000'000,
-     "Largest backup that may be uploaded in MiB; 0 = what the disk has room for beside "
-     "--reserve-mb"},
     {"--max-import-mb", &ServerOptions::max_import_mb, 0, 1'000'000'000,
      "Largest body of an import (images:import) in MiB; 0 = what the disk has room for beside "
      "--reserve-mb"},

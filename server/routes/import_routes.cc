@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures in one body, added in the background, and what became of each.
+// Many pictures in one body, or in a folder on the server, added in the background.
 #include <filesystem>
 
 #include "index/store/database_url.h"
 #include "server/http/problem.h"
 #include "server/jobs/bulk_import.h"
+#include "server/jobs/import_job.h"
 #include "server/routes/adding.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -52,31 +53,18 @@ std::shared_ptr<BodySink> ReceiveImport(Service& service, const Request& request
   return service.bulk_files.Receive(bytes);
 }
 
-Response Items(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string id = JobOf(*service.jobs, request).id;
-  const std::string identity = ToText(Json::array({"job_items", id}));
-  const std::string after = AfterFromCursor(parameters, identity);
-  const int limit = PageLimit(parameters);
-  std::uint64_t first = 0;
-  for (const char digit : after) {
-    if (digit < '0' || digit > '9' || first > kMostBulkItems) ThrowInvalidCursor();
-    first = first * 10 + static_cast<std::uint64_t>(digit - '0');
-  }
-  const auto texts = service.jobs->store().JobItems(id, first, limit + 1);
-  Json items = Json::array();
-  for (std::size_t i = 0; i < texts.size() && i < static_cast<std::size_t>(limit); ++i) {
-    Json item = Json::parse(texts[i], nullptr, /*allow_exceptions=*/false);
-    if (item.is_object()) items.push_back(std::move(item));
-  }
-  const bool more = texts.size() > static_cast<std::size_t>(limit);
-  const std::string next = std::to_string(first + static_cast<std::uint64_t>(limit));
-  return JsonResponse({{"items", std::move(items)},
-                       {"next", more ? Json(MakeCursor(identity, next)) : Json(nullptr)}});
+Response ImportFolder(Service& service, const Request& request, const Parameters& parameters) {
+  const CollectionRecord collection =
+      service.engine().GetCollection(CollectionOf(service, request));
+  const std::string folder = parameters.Text("folder").value_or("");
+  ResolveImportFolder(service.options.import_dir, folder);  // says now what is wrong with it
+  return JobResponse(AddImportJob(*service.jobs, collection, folder,
+                                  parameters.Text("object_from").value_or("auto")));
 }
 
 }  // namespace
 
-void AddBulkRoutes(Service& service, std::vector<Route>& routes) {
+void AddImportRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back(
       {.name = "images.import",
        .method = "POST",
@@ -103,17 +91,27 @@ void AddBulkRoutes(Service& service, std::vector<Route>& routes) {
        .receive = [&service](
                       const Request& request,
                       std::uint64_t bytes) { return ReceiveImport(service, request, bytes); }});
-  routes.push_back({.name = "jobs.items",
-                    .method = "GET",
-                    .pattern = "/v1/jobs/{id}/items",
-                    .summary = "What became of each item of a job, page by page",
-                    .parameters = {CursorParameter(), LimitParameter()},
-                    .answers = {{200, "a page; empty for jobs without items", "JobItems"}},
-                    .codes = {"job_not_found"},
-                    .example = R"(curl "$PLIANT/v1/jobs/$JOB/items")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Items(service, request, parameters);
-                    }});
+  routes.push_back(
+      {.name = "imports.create",
+       .method = "POST",
+       .pattern = "/v1/collections/{c}/imports",
+       .summary = "Add the pictures of a folder on the server, in the background",
+       .scope = Scope::kAdmin,
+       .body = BodyKind::kJson,
+       .parameters =
+           {Parameter("folder", "path inside --import-dir; \".\" is all of it").Required(),
+            Parameter("object_from",
+                      "what names a picture's object; auto: stem for a folder without "
+                      "folders, else folder")
+                .Choice({"auto", "folder", "stem", "none"})
+                .Default("auto")},
+       .answers = {{202, "the job; Location has its address", "Job"}},
+       .codes = {"imports_off"},
+       .example = R"(curl -H "Content-Type: application/json" -d '{"folder": "shelf"}' )"
+                  R"("$PLIANT/v1/collections/default/imports")",
+       .handler = [&service](const Request& request, const Parameters& parameters) {
+         return ImportFolder(service, request, parameters);
+       }});
 }
 
 }  // namespace pliant::server

@@ -1,14 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Backups from elsewhere: what their schema may be, and that looking at them ends.
-#include "index/store/incoming_backup.h"
+// What the schema of a database may be.
+#include "index/store/sqlite/schema_check.h"
 
 #include <array>
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 
 #include "index/store/open_store.h"
 #include "index/store/sqlite/database.h"
@@ -20,7 +19,6 @@ namespace pliant {
 namespace {
 
 using testing::ExpectError;
-using testing::ReadBytes;
 using testing::TemporaryFolder;
 
 const DescriptorInfo kModel{"fake", DescriptorKind::kFloat, 8, "fake:1"};
@@ -50,7 +48,7 @@ const std::array<std::string, 4> kAdded = {
     "CREATE VIRTUAL TABLE other USING fts5(x)",
 };
 
-class IncomingBackupTest : public ::testing::Test {
+class SchemaCheckTest : public ::testing::Test {
  protected:
   std::filesystem::path Make(const std::string& sql) {
     const std::filesystem::path file = folder_ / "made.db";
@@ -60,60 +58,32 @@ class IncomingBackupTest : public ::testing::Test {
         .exec("PRAGMA journal_mode = DELETE;" + sql);
     return file;
   }
-  void Receive(const std::filesystem::path& file, bool stop = false) {
-    const std::vector<std::uint8_t> bytes = ReadBytes(file);
-    const auto backup =
-        ReceiveBackup(folder_ / "received.db", bytes.size(), 0, [=] { return stop; });
-    backup->Append({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-    backup->Publish();
-    EXPECT_EQ(ReadBytes(folder_ / "received.db"), bytes);
-    std::filesystem::remove(folder_ / "received.db");
-  }
-
   TemporaryFolder folder_;
 };
 
-TEST_F(IncomingBackupTest, OnlyThoseOfThisSchemaAreTaken) {
-  EXPECT_NO_THROW(Receive(Make("")));
-  EXPECT_NO_THROW(Receive(Make("ANALYZE")));
-  EXPECT_NO_THROW(Receive(Make("PRAGMA optimize; VACUUM")));
-  const auto file = Make("PRAGMA user_version = 10");
-  ExpectError(ErrorCode::kCorrupt, "other_schema", [&] { Receive(file); });
+TEST_F(SchemaCheckTest, OwnSchemaPasses) {
+  for (const char* sql : {"", "ANALYZE", "PRAGMA optimize; VACUUM"}) {
+    EXPECT_NO_THROW(CheckDatabaseFile(Make(sql)));
+  }
 }
 
-TEST_F(IncomingBackupTest, ForeignSchemasAreRefused) {
+TEST_F(SchemaCheckTest, ForeignSchemasAreRefused) {
   for (const std::string& sql : kForeign) {
     SCOPED_TRACE(sql);
     const auto file = Make(sql);
-    ExpectError(ErrorCode::kCorrupt, "foreign_schema", [&] { Receive(file); });
     ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
     ExpectError(ErrorCode::kCorrupt, "backup_damaged",
                 [&] { RestoreDatabase(file, folder_ / "restored.db", false); });
   }
 }
 
-TEST_F(IncomingBackupTest, WhatAnOperatorAddedIsLeftAndRestoredButNotTakenFromElsewhere) {
+TEST_F(SchemaCheckTest, WhatAnOperatorAddedIsLeftAndRestored) {
   int restored = 0;
   for (const std::string& sql : kAdded) {
     SCOPED_TRACE(sql);
     const auto file = Make(sql);
-    ExpectError(ErrorCode::kCorrupt, "foreign_schema", [&] { Receive(file); });
     EXPECT_NO_THROW(CheckDatabaseFile(file));
     EXPECT_NO_THROW(RestoreDatabase(file, folder_ / (std::to_string(++restored) + ".db"), false));
-  }
-}
-
-TEST_F(IncomingBackupTest, ACheckCanBeStopped) {
-  const auto file = Make("");
-  ExpectError(ErrorCode::kCancelled, "check_stopped", [&] { Receive(file, true); });
-  SqliteConnection db(file, SqliteConnection::Mode::kReadOnly, 0);
-  int looks = 0;
-  db.StopWhen([&] { return ++looks == 100; });
-  try {
-    db.Scalar(std::string(kEndless) + "SELECT count(*) FROM n");
-    FAIL() << "it is endless";
-  } catch (const SQLite::Exception& error) {
-    EXPECT_EQ(error.getErrorCode(), SQLITE_INTERRUPT);
   }
 }
 
