@@ -1,23 +1,22 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of kinds that the server does not read (GIF, AVIF, HEIC, ...), converted by the browser where it can show
-// them; where it cannot, why it does not work. Kinds are told by the first bytes, not by names.
+// Images of kinds that the server does not read, converted by the browser if it can show them. The first bytes tell the
+// kind, not the name.
 
 const kQuality = 0.95;
-const kLongestSide = 8192;  // of a converted picture, in pixels; canvases have an end
+const kLongestSide = 8192;  // of a converted image, in pixels; canvases have an end
 
 const kServerReads = ["JPEG", "PNG", "WebP", "BMP", "TIFF"];
-const kSaveAs = "Save it as JPEG or PNG first.";
 const kAdvice = {
-  HEIC: "On an iPhone, Settings > Camera > Formats > Most Compatible takes JPEG; on a computer, export the picture as JPEG.",
-  SVG: "An SVG is a drawing, not a photograph. Save it as PNG first.",
-  PDF: "A PDF is a document, not a picture. Save the page as PNG first.",
-  video: "A video is no picture. Take a still of it, or a photograph.",
+  HEIC: "On an iPhone, choose Settings > Camera > Formats > Most Compatible. On a computer, export the photo as JPEG.",
+  SVG: "An SVG is a drawing, not a photo. Save it as PNG first.",
+  PDF: "A PDF is a document, not a photo. Save the page as PNG first.",
+  video: "A video is not a photo. Save a frame as JPEG first.",
 };
 
 const text = (bytes, from, to) => String.fromCharCode(...bytes.slice(from, to));
 
-// "JPEG", "HEIC", ...; null for what is not known here.
+// "JPEG", "HEIC", ...; null if unknown.
 export function kindOf(bytes) {
   const starts = (...values) => values.every((value, i) => bytes[i] === value);
   if (starts(0xff, 0xd8, 0xff)) return "JPEG";
@@ -36,26 +35,25 @@ export function kindOf(bytes) {
     return "video";
   }
   if (starts(0x1a, 0x45, 0xdf, 0xa3)) return "video";
-  if (/^\s*(<\?xml[^]*)?<svg/i.test(text(bytes, 0, 256))) return "SVG";
-  return null;
+  return /^\s*(<\?xml[^]*)?<svg/i.test(text(bytes, 0, 256)) ? "SVG" : null;
 }
 
-// A file that the server reads: the same one, or a converted one. Throws an Error in words.
+// The same file, or a converted one. Throws an Error with a sentence.
 export async function readable(file) {
   const kind = kindOf(new Uint8Array(await file.slice(0, 256).arrayBuffer()));
   if (kind === null || kServerReads.includes(kind)) return file;
-  const picture = kind === "SVG" ? null : await createImageBitmap(file).catch(() => null);
-  if (!picture) {
-    throw new Error(kAdvice[kind] && kind !== "HEIC" ? kAdvice[kind] :
-      `This is a picture of the kind ${kind}, which neither this browser nor the server can read. ${kAdvice[kind] ?? kSaveAs}`);
+  const bitmap = kind === "SVG" ? null : await createImageBitmap(file).catch(() => null);
+  if (!bitmap) {
+    const advice = kAdvice[kind] ?? "Save it as JPEG or PNG first.";
+    throw new Error(["SVG", "PDF", "video"].includes(kind) ? advice : `${kind} images cannot be read here. ${advice}`);
   }
-  const scale = Math.min(1, kLongestSide / Math.max(picture.width, picture.height));
-  const canvas = new OffscreenCanvas(Math.round(picture.width * scale), Math.round(picture.height * scale));
+  const scale = Math.min(1, kLongestSide / Math.max(bitmap.width, bitmap.height));
+  const canvas = new OffscreenCanvas(Math.round(bitmap.width * scale), Math.round(bitmap.height * scale));
   const context = canvas.getContext("2d");
-  context.fillStyle = "#fff";  // what is seen through a picture
+  context.fillStyle = "#fff";  // below transparent pixels
   context.fillRect(0, 0, canvas.width, canvas.height);
-  context.drawImage(picture, 0, 0, canvas.width, canvas.height);
-  picture.close();
+  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  bitmap.close();
   const [type, ending] = kind === "GIF" ? ["image/png", "png"] : ["image/jpeg", "jpg"];
   const blob = await canvas.convertToBlob({ type, quality: kQuality });
   return new File([blob], `${file.name.replace(/\.[^.]{1,5}$/, "")}.${ending}`, { type, lastModified: file.lastModified });

@@ -1,107 +1,90 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A reader of /v1/openapi.json: every operation with its parameters, bodies and answers, and a form to try it.
+// A reader of /v1/openapi.json: every operation with its parameters, bodies and responses, and a form to try it.
 import { ask, getKey, setKey } from "./api.js";
-import { schemaView, shortType } from "./docs_schema.js";
+import { requiredMark, schemaView, shortType } from "./docs_schema.js";
 import { tryForm } from "./docs_try.js";
 import { byId, count, make, say } from "./dom.js";
 
 const kMethods = ["get", "post", "put", "patch", "delete"];
-const kTags = { images: "Pictures", objects: "Objects", search: "Search", collections: "Collections",
-                vocabularies: "Vocabularies", jobs: "Background work", backups: "Backups", keys: "Keys", imports: "Imports",
-                demo: "Demonstration", health: "Health", page: "The page and this document" };
+const kTags = { jobs: "Background jobs", demo: "Demonstration", page: "The page and this document" };  // the others are words already
+const titleOf = (tag) => kTags[tag] ?? tag[0].toUpperCase() + tag.slice(1);
 
 // Code between ` becomes code; nothing becomes markup.
-function prose(text) {
-  const parts = String(text ?? "").split("`");
-  return make("span", {}, ...parts.map((part, i) => (i % 2 ? make("code", { text: part }) : part)));
-}
-
+const prose = (text) => make("span", {}, ...String(text ?? "").split("`").map((part, i) => (i % 2 ? make("code", { text: part }) : part)));
 const heading = (text) => make("h3", { text });
 
 function parameterTable(parameters, schemas) {
-  const rows = parameters.map((one) => {
-    const schema = one.schema ?? one.content?.["application/json"]?.schema ?? {};
-    return make("tr", {},
-      make("th", { scope: "row" }, make("code", { text: one.name }), one.required ? make("span", { class: "needed", text: " needed" }) : ""),
-      make("td", { text: one.in }), make("td", { text: shortType(schema, schemas) }), make("td", {}, prose(one.description)));
-  });
-  return make("div", { class: "scroll wrap", role: "region", "aria-label": "Parameters", tabindex: "0" }, make("table", {},
-    make("thead", {}, make("tr", {}, ...["Name", "In", "Kind", "Meaning"].map((text) => make("th", { scope: "col", text })))),
-    make("tbody", {}, ...rows)));
+  const rows = parameters.map((one) => make("tr", {},
+    make("th", { scope: "row" }, make("code", { text: one.name }), requiredMark(one.required)), make("td", { text: one.in }),
+    make("td", { text: shortType(one.schema ?? one.content?.["application/json"]?.schema ?? {}, schemas) }), make("td", {}, prose(one.description))));
+  const titles = ["Name", "In", "Type", "Meaning"].map((text) => make("th", { scope: "col", text }));
+  return make("div", { class: "scroll wrap", role: "region", "aria-label": "Parameters", tabindex: "0" },
+    make("table", {}, make("thead", {}, make("tr", {}, ...titles)), make("tbody", {}, ...rows)));
 }
 
-function bodyView(body, schemas) {
-  const list = make("ul", { class: "plain" });
-  for (const [type, { schema }] of Object.entries(body.content)) {
-    list.append(make("li", {}, make("code", { text: type }), schema ? schemaView(schema, schemas) : " the bytes of a picture"));
-  }
-  return list;
-}
+const bodyView = (body, schemas) => make("ul", { class: "plain" }, ...Object.entries(body.content).map(([type, { schema }]) =>
+  make("li", {}, make("code", { text: type }), schema ? schemaView(schema, schemas) : " the bytes of an image")));
 
-function answersView(responses, schemas) {
-  return make("ul", { class: "plain answers" }, ...Object.entries(responses).map(([status, answer]) => {
-    const content = Object.entries(answer.content ?? {})[0];
-    const good = status < "400";
-    return make("li", {}, make("strong", { class: good ? "good" : "bad", text: status }), " ", prose(answer.description),
-                content && good ? make("span", { class: "quiet", text: ` ${content[0]}` }) : "",
-                content && good && content[1].schema ? schemaView(content[1].schema, schemas) : "");
-  }));
+const responsesView = (responses, schemas) => make("ul", { class: "plain answers" }, ...Object.entries(responses).map(([status, answer]) => {
+  const good = status < "400";
+  const [type, content] = (good && Object.entries(answer.content ?? {})[0]) || [];
+  return make("li", {}, make("strong", { class: good ? "good" : "bad", text: status }), " ", prose(answer.description),
+              type ? make("span", { class: "quiet", text: ` ${type}` }) : "", content?.schema ? schemaView(content.schema, schemas) : "");
+}));
+
+// A box that is opened by hand, and found by its words.
+function boxOf(id, words, ...summary) {
+  const box = make("details", { class: "operation", id }, make("summary", {}, ...summary));
+  box.words = words.toLowerCase();
+  return box;
 }
 
 function operationView(method, path, operation, schemas) {
-  const box = make("details", { class: "operation", id: operation.operationId });
-  box.append(make("summary", {}, make("span", { class: `method ${method}`, text: method.toUpperCase() }), " ",
-                  make("code", { text: path }), make("span", { class: "says" }, prose(operation.summary))));
+  const box = boxOf(operation.operationId, `${method} ${path} ${JSON.stringify(operation)}`,
+    make("span", { class: `method ${method}`, text: method.toUpperCase() }), " ", make("code", { text: path }),
+    make("span", { class: "says" }, prose(operation.summary)));
   const fill = () => {
-    if (box.children.length > 1) return;
-    const parameters = operation.parameters ?? [];
+    const { description, parameters = [], requestBody, responses, "x-scope": scope, "x-codeSamples": samples } = operation;
     const inside = make("div", { class: "inside" });
-    const scope = operation["x-scope"];
-    if (operation.description) inside.append(make("p", {}, prose(operation.description)));
-    if (scope) inside.append(make("p", { class: "quiet", text: scope === "public" ? "For everyone." : `Needs a key with scope ${scope}, where the server has keys.` }));
+    if (description) inside.append(make("p", {}, prose(description)));
+    const needs = scope === "public" ? "Needs no key." : `Needs a key with scope ${scope} if the server has keys.`;
+    if (scope) inside.append(make("p", { class: "quiet", text: needs }));
     if (parameters.length) inside.append(heading("Parameters"), parameterTable(parameters, schemas));
-    if (operation.requestBody) inside.append(heading("Body"), bodyView(operation.requestBody, schemas));
-    inside.append(heading("Answers"), answersView(operation.responses, schemas));
-    const sample = operation["x-codeSamples"]?.[0];
-    if (sample) inside.append(heading("Example"), make("pre", { tabindex: "0", text: sample.source }));
-    inside.append(tryForm(method, path, operation, schemas));
+    if (requestBody) inside.append(heading("Body"), bodyView(requestBody, schemas));
+    inside.append(heading("Responses"), responsesView(responses, schemas));
+    if (samples?.[0]) inside.append(heading("Example"), make("pre", { tabindex: "0", text: samples[0].source }));
+    inside.append(tryForm(method, path, operation));
     box.append(inside);
   };
   box.addEventListener("toggle", () => {
     if (!box.open) return;
-    fill();
+    if (box.children.length === 1) fill();
     history.replaceState(null, "", `#${operation.operationId}`);
   });
-  box.words = `${method} ${path} ${JSON.stringify(operation)}`.toLowerCase();
   return box;
 }
 
-function show(document) {
-  const { schemas } = document.components;
-  const meanings = new Map((document.tags ?? []).map(({ name, description }) => [name, description]));
+function show({ components: { schemas }, tags = [], paths, info }) {
+  const meanings = new Map(tags.map(({ name, description }) => [name, description]));
   const groups = new Map();
-  for (const [path, item] of Object.entries(document.paths)) {
+  for (const [path, item] of Object.entries(paths)) {
     for (const method of kMethods.filter((one) => item[one])) {
       const operation = item[method];
       const tag = operation.tags?.[0] ?? operation.operationId.split(".")[0];
-      if (!groups.has(tag)) groups.set(tag, []);
-      groups.get(tag).push(operationView(method, path, operation, schemas));
+      groups.set(tag, [...(groups.get(tag) ?? []), operationView(method, path, operation, schemas)]);
     }
   }
-  byId("docs-title").textContent = `HTTP interface of ${document.info.title} ${document.info.version}`;
+  const section = (title, ...inside) => make("section", { class: "panel", "aria-label": title }, make("h2", { text: title }), ...inside);
+  byId("docs-title").textContent = `HTTP API of ${info.title} ${info.version}`;
   byId("docs").replaceChildren(
-    ...(document.info.description ? [make("p", {}, prose(document.info.description))] : []),
-    ...[...groups].map(([tag, list]) => make("section", { class: "panel", "aria-label": kTags[tag] ?? tag },
-      make("h2", { text: kTags[tag] ?? tag[0].toUpperCase() + tag.slice(1) }),
-      make("p", { class: "quiet", text: meanings.get(tag) ?? "" }), ...list)),
-    make("section", { class: "panel", "aria-label": "Schemas" }, make("h2", { text: "Schemas" }),
-         ...Object.entries(schemas).map(([name, schema]) => {
-           const box = make("details", { class: "operation", id: `schema-${name}` }, make("summary", {}, make("code", { text: name })));
-           box.append(schemaView(schema, schemas));
-           box.words = `${name} ${JSON.stringify(schema)}`.toLowerCase();
-           return box;
-         })));
+    ...(info.description ? [make("p", {}, prose(info.description))] : []),
+    ...[...groups].map(([tag, list]) => section(titleOf(tag), make("p", { class: "quiet", text: meanings.get(tag) ?? "" }), ...list)),
+    section("Schemas", ...Object.entries(schemas).map(([name, schema]) => {
+      const box = boxOf(`schema-${name}`, `${name} ${JSON.stringify(schema)}`, make("code", { text: name }));
+      box.append(schemaView(schema, schemas));
+      return box;
+    })));
 }
 
 function openFromAddress() {
@@ -116,13 +99,11 @@ byId("docs-find").addEventListener("input", () => {
   let left = 0;
   for (const section of byId("docs").querySelectorAll("section")) {
     const boxes = [...section.querySelectorAll("details.operation")];
-    for (const box of boxes) {
-      box.hidden = !wanted.every((word) => box.words.includes(word));
-      left += box.hidden ? 0 : 1;
-    }
+    for (const box of boxes) box.hidden = !wanted.every((word) => box.words.includes(word));
+    left += boxes.filter((box) => !box.hidden).length;
     section.hidden = boxes.every((box) => box.hidden);
   }
-  say(byId("docs-status"), wanted[0] ? `${count(left, "entry", "entries")} left.` : "");
+  say(byId("docs-status"), wanted[0] ? `${count(left, "entry", "entries")} found.` : "");
 });
 byId("docs-tools").addEventListener("submit", (event) => event.preventDefault());
 byId("docs-key").value = getKey();

@@ -3,46 +3,43 @@
 // JSON schemas for readers.
 import { make } from "./dom.js";
 
-const kDeepest = 3;  // levels that stand open at once; deeper ones are opened by hand
+const kDeepest = 3;  // open levels; deeper ones are opened by hand
 
 const nameOf = (ref) => ref.split("/").at(-1);
 const resolved = (schema, schemas) => (schema?.$ref ? schemas[nameOf(schema.$ref)] : schema) ?? {};
 
-// A few words: "integer 1 to 500, 50 unless told", "list of Image".
+// A few words: "integer 1 to 500, default 50", "list of Image".
 export function shortType(schema, schemas) {
   if (schema.$ref) return nameOf(schema.$ref);
-  const parts = [];
+  const joined = (list, word) => list.map((one) => shortType(one, schemas)).join(word);
   const choices = schema.anyOf ?? schema.oneOf;
-  if (choices) parts.push(choices.map((one) => shortType(one, schemas)).join(" or "));
-  else if (schema.allOf) parts.push(schema.allOf.map((one) => shortType(one, schemas)).join(" and "));
-  else if (schema.const !== undefined) parts.push(JSON.stringify(schema.const));
-  else if (schema.enum) parts.push(schema.enum.map((one) => JSON.stringify(one)).join(" or "));
-  else if (schema.type === "array") parts.push(`list of ${shortType(schema.items ?? {}, schemas)}`);
-  else if (Array.isArray(schema.type)) parts.push(schema.type.join(" or "));
-  else parts.push(schema.type ?? "anything");
+  const { minimum, maximum } = schema;
+  const parts = [
+    choices ? joined(choices, " or ") : schema.allOf ? joined(schema.allOf, " and ") :
+      schema.const !== undefined ? JSON.stringify(schema.const) : schema.enum ? schema.enum.map((one) => JSON.stringify(one)).join(" or ") :
+      schema.type === "array" ? `list of ${shortType(schema.items ?? {}, schemas)}` : [schema.type ?? "anything"].flat().join(" or ")];
   if (schema.format) parts.push(`(${schema.format})`);
-  if (schema.minimum !== undefined && schema.maximum !== undefined) parts.push(`${schema.minimum} to ${schema.maximum}`);
-  else if (schema.minimum !== undefined) parts.push(`${schema.minimum} or more`);
-  else if (schema.maximum !== undefined) parts.push(`up to ${schema.maximum}`);
-  const text = parts.join(" ");
-  return schema.default === undefined ? text : `${text}; ${JSON.stringify(schema.default)} unless told`;
+  if (minimum !== undefined && maximum !== undefined) parts.push(`${minimum} to ${maximum}`);
+  else if (minimum !== undefined) parts.push(`at least ${minimum}`);
+  else if (maximum !== undefined) parts.push(`up to ${maximum}`);
+  return parts.join(" ") + (schema.default === undefined ? "" : `, default ${JSON.stringify(schema.default)}`);
 }
 
-function propertyList(properties, required, schemas, depth) {
-  return make("ul", { class: "schema" }, ...Object.entries(properties).map(([name, one]) => make("li", {},
-    make("code", { text: name }), required.includes(name) ? make("span", { class: "needed", text: " needed" }) : "", " ",
-    make("span", { class: "quiet", text: shortType(one, schemas) }),
+export const requiredMark = (isRequired) => (isRequired ? make("span", { class: "needed", text: " required" }) : "");
+const quiet = (text) => make("span", { class: "quiet", text });
+
+const propertyList = (properties, required, schemas, depth) => make("ul", { class: "schema" }, ...Object.entries(properties).map(([name, one]) =>
+  make("li", {}, make("code", { text: name }), requiredMark(required.includes(name)), " ", quiet(shortType(one, schemas)),
     one.description ? ` – ${one.description}` : "", inner(one, schemas, depth + 1))));
-}
 
-// What a property holds, where it is more than a value.
+// The contents of a property, if it is more than a value.
 function inner(schema, schemas, depth) {
   const target = resolved(schema, schemas);
   const held = target.type === "array" ? target.items ?? {} : schema;
   const object = resolved(held, schemas);
   if (!object.properties && !object.allOf && !object.anyOf && !object.oneOf) return "";
   if (depth < kDeepest && !held.$ref) return schemaView(held, schemas, depth);
-  const box = make("details", { class: "inner" }, make("summary", { text: held.$ref ? nameOf(held.$ref) : "its keys" }));
+  const box = make("details", { class: "inner" }, make("summary", { text: held.$ref ? nameOf(held.$ref) : "properties" }));
   box.addEventListener("toggle", () => {
     if (box.open && box.children.length === 1) box.append(schemaView(object, schemas, 0));
   });
@@ -51,13 +48,11 @@ function inner(schema, schemas, depth) {
 
 export function schemaView(schema, schemas, depth = 0) {
   const target = resolved(schema, schemas);
-  const name = schema.$ref ? make("span", { class: "quiet", text: ` ${nameOf(schema.$ref)}` }) : "";
   const parts = target.allOf ?? target.anyOf ?? target.oneOf;
-  const view = make("div", { class: "schema-view" }, name);
+  const view = make("div", { class: "schema-view" }, schema.$ref ? quiet(` ${nameOf(schema.$ref)}`) : "");
   if (target.description && depth === 0) view.append(make("p", { class: "quiet", text: target.description }));
   if (target.properties) view.append(propertyList(target.properties, target.required ?? [], schemas, depth));
-  else if (parts) for (const one of parts) view.append(schemaView(one, schemas, depth + 1));
-  else if (target.type === "array") view.append(make("span", { class: "quiet", text: ` ${shortType(target, schemas)}` }), inner(target, schemas, depth));
-  else view.append(make("span", { class: "quiet", text: ` ${shortType(target, schemas)}` }));
+  else if (parts) view.append(...parts.map((one) => schemaView(one, schemas, depth + 1)));
+  else view.append(quiet(` ${shortType(target, schemas)}`), target.type === "array" ? inner(target, schemas, depth) : "");
   return view;
 }

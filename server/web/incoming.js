@@ -1,15 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is dropped or pasted: files, folders, pictures dragged from another page, or only their addresses, which
-// the server fetches where its operator lets it.
-import { mayFetch } from "./me.js";
+// Files that are chosen, dropped or pasted, images dragged from a page, and addresses that the server fetches.
+import { mayFetch } from "./api.js";
 
-const kAddressOnly = "The browser handed over the picture's address only, and this page fetches nothing from elsewhere. " +
-  "Copy the picture itself and paste it here, or save it and drop the file.";
-const kNoPicture = "There is no picture in what was dropped.";
-const kNothingPasted = "There is no picture in what was pasted.";
+const kAddressOnly = "The browser gave only the address of this image, and this server fetches no images. " +
+  "Copy the image itself and paste it here, or save it and drop the file.";
 
-// A picture of this server's that is dragged from the page: { collection, id }, or null.
+// An image of this server: { collection, id }, or null.
 function storedAt(address) {
   let url = null;
   try {
@@ -20,19 +17,18 @@ function storedAt(address) {
   if (url.origin !== location.origin) return null;
   const part = /^\/v1\/collections\/([^/]+)\/images\/([^/]+)(?:\/(?:content|thumbnail))?$/.exec(url.pathname);
   if (part) return { collection: decodeURIComponent(part[1]), id: decodeURIComponent(part[2]) };
-  const view = /^#\/(?:picture|search)\?(.*)$/.exec(url.hash);
+  const view = /^#\/(?:image|search)\?(.*)$/.exec(url.hash);
   const query = new URLSearchParams(view?.[1] ?? "");
   const id = query.get("id") ?? query.get("image");
   return id ? { collection: query.get("in") ?? "default", id } : null;
 }
 
-// data:image/png;base64,… as a file; null for what is none.
+// data:image/png;base64,… as a file, or null.
 export function fileOfData(address) {
   const part = /^data:(image\/[a-z0-9.+-]+)((?:;[^;,]*)*),(.*)$/is.exec(address);
   if (!part) return null;
   try {
-    const text = part[2].toLowerCase().endsWith(";base64") ? atob(part[3]) :
-      decodeURIComponent(part[3].replace(/%(?![0-9a-f]{2})/gi, "%25"));
+    const text = part[2].toLowerCase().endsWith(";base64") ? atob(part[3]) : decodeURIComponent(part[3].replace(/%(?![0-9a-f]{2})/gi, "%25"));
     const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
     return new File([bytes], `image.${part[1].split("/")[1].replace(/\+.*/, "")}`, { type: part[1] });
   } catch {
@@ -40,86 +36,84 @@ export function fileOfData(address) {
   }
 }
 
-// The addresses that a drag or a paste brings along, the picture's own first.
+// The addresses in a drag or a paste, first the image's own.
 function addressesIn(transfer) {
   const page = new DOMParser().parseFromString(transfer.getData("text/html") || "", "text/html");  // an inert document
   const listed = (transfer.getData("text/uri-list") || "").split(/\r?\n/).filter((line) => line && !line.startsWith("#"));
-  const text = (transfer.getData("text/plain") || "").trim();
-  return [page.querySelector("img")?.getAttribute("src"), ...listed, text].filter(Boolean);
+  return [page.querySelector("img")?.getAttribute("src"), ...listed, (transfer.getData("text/plain") || "").trim()].filter(Boolean);
 }
 
-// A picture elsewhere as if it were a file, with its address in place of its bytes.
+// An image elsewhere as if it were a file: an address instead of bytes.
 export function fileAt(address) {
   const { pathname, host } = new URL(address);
   let name = pathname.split("/").at(-1) || host;
   try {
     name = decodeURIComponent(name);
-  } catch {  // it stays as it is
+  } catch {
+    // it stays encoded
   }
   return { name, address, size: 0, type: "", lastModified: Date.now() };
 }
 
-// { files: [{ file, folder }], stored: { collection, id } or null, address of a picture elsewhere or "",
-//   problem: words or "" }
-export async function received(transfer, isPaste = false) {
+// One of: files: [{ file, folder }], stored: { collection, id }, address, problem (a sentence).
+async function received(transfer, how) {
   const addresses = addressesIn(transfer);  // now: nothing can be read later
   const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
-  const plain = [...transfer.files].map((file) => ({ file, folder: "" }));
-  const stored = addresses.map(storedAt).find(Boolean) ?? null;
-  const nothing = { files: [], stored: null, address: "", problem: "" };
-  if (stored) return { ...nothing, stored };
-  let files = plain;
+  let files = [...transfer.files].map((file) => ({ file, folder: "" }));
+  const stored = addresses.map(storedAt).find(Boolean);
+  if (stored) return { stored };
   if (entries.some((entry) => entry?.isDirectory)) {
     files = [];
     for (const entry of entries) if (entry) await walk(entry, [], files);
   }
-  if (files.length) return { ...nothing, files };
-  const data = addresses.map(fileOfData).find(Boolean);
-  if (data) return { ...nothing, files: [{ file: data, folder: "" }] };
-  const elsewhere = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
-  if (elsewhere && await mayFetch()) return { ...nothing, address: elsewhere };
+  if (files.length) return { files };
+  const file = addresses.map(fileOfData).find(Boolean);
+  if (file) return { files: [{ file, folder: "" }] };
+  const address = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
+  if (address && await mayFetch()) return { address };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
-  return { ...nothing, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
+  return { problem: isAddress ? kAddressOnly : `There is no image in what you ${how}.` };
 }
 
-// way: the folders that the entry lies in, from the one that was dropped.
-async function walk(entry, way, found) {
+// path: the folders around the entry, from the one that was dropped.
+async function walk(entry, path, found) {
   if (entry.isFile) {
     const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder: way.slice(1).join("/") || way[0] || "" });
+    if (!file.name.startsWith(".")) found.push({ file, folder: path.slice(1).join("/") || path[0] || "" });
     return;
   }
   const reader = entry.createReader();
   for (;;) {  // a reader gives at most 100 at once
     const some = await new Promise((done, fail) => reader.readEntries(done, fail));
     if (!some.length) return;
-    for (const inner of some) await walk(inner, [...way, entry.name], found);
+    for (const inner of some) await walk(inner, [...path, entry.name], found);
   }
 }
 
-// Lets files be dropped on `place`; use({ files, stored, address, problem }).
-export function acceptDrops(place, use) {
+// Calls use() with what is dropped on the view, pasted while it is shown, or chosen by the inputs; text for a field is
+// left alone.
+export function accept(view, inputs, use) {
   let depth = 0;  // dragenter and dragleave come for every child
   const mark = (change) => {
     depth = Math.max(0, depth + change);
-    place.classList.toggle("over", depth > 0);
+    view.classList.toggle("over", depth > 0);
   };
-  place.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
-  place.addEventListener("dragover", (event) => event.preventDefault());
-  place.addEventListener("dragleave", () => mark(-1));
-  place.addEventListener("drop", async (event) => {
+  view.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
+  view.addEventListener("dragleave", () => mark(-1));
+  view.addEventListener("drop", async (event) => {
     event.preventDefault();
     mark(-depth);
-    use(await received(event.dataTransfer));
+    use(await received(event.dataTransfer, "dropped"));
   });
-}
-
-// Calls use() with what is pasted while `view` is shown; text for a field is left alone.
-export function acceptPastes(view, use) {
   document.addEventListener("paste", async (event) => {
     if (view.hidden || event.target.closest?.("input, textarea, dialog")) return;
     const { clipboardData } = event;
-    if (!clipboardData.files.length && !clipboardData.types.length) return;
-    use(await received(clipboardData, true));
+    if (clipboardData.files.length || clipboardData.types.length) use(await received(clipboardData, "pasted"));
   });
+  for (const id of inputs) {
+    document.getElementById(id).addEventListener("change", ({ target }) => {
+      if (target.files.length) use({ files: [...target.files].map((file) => ({ file, folder: "" })) });
+      target.value = "";  // so that the same file can be chosen again
+    });
+  }
 }

@@ -1,29 +1,25 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lists without an end: what comes next is fetched when the end of the list is near, or asked for.
+// Lists without an end: the next page is fetched when the end of the list is near, or on request.
 import { byId, say } from "./dom.js";
 
 const kPage = 24;
-const kMost = 500;      // that the server gives at once
-const kNear = "600px";  // how far below the window's edge the end is near
+const kMost = 500;      // items in one answer of the server
+const kNear = "600px";  // distance of the list's end from the window's edge
 
-// place: the lists' elements are PLACE-list, PLACE-status and PLACE-more (a button). fetchPage(parameters, cursor,
-// limit) gives { items, next }; card(item) an element, or null for what is on its way out; none(parameters)
-// says that there is nothing: words, or an element.
+// The elements are PLACE-list, PLACE-status and PLACE-more (a button). fetchPage(parameters, cursor, limit) gives
+// { items, next }; card(item) an element, or null for an item that is being deleted; none(parameters) gives words or an
+// element for an empty list.
 export function makeList({ place, fetchPage, card, none }) {
-  const list = byId(`${place}-list`);
-  const status = byId(`${place}-status`);
-  const more = byId(`${place}-more`);
+  const [list, status, more] = ["list", "status", "more"].map((name) => byId(`${place}-${name}`));
   let parameters = {};
   let next = null;    // cursor of the server
   let fetched = 0;    // items so far
-  let latest = 0;     // an answer that is no longer wanted is dropped
-
-  const isShown = () => !list.closest(".view").hidden;
+  let latest = 0;     // drops an answer that comes too late
 
   async function fetch(cursor, limit) {
     const number = ++latest;
-    observer.unobserve(more);  // what failed is not tried again until somebody asks
+    observer.unobserve(more);  // a failed page is fetched again on request only
     list.setAttribute("aria-busy", "true");
     more.hidden = true;
     try {
@@ -36,7 +32,7 @@ export function makeList({ place, fetchPage, card, none }) {
       if (number !== latest) return null;
       if (!cursor) list.replaceChildren();
       say(status, error.message, true);
-      next = cursor || null;  // it can be asked for once more
+      next = cursor || null;
       return null;
     } finally {
       if (number === latest) {
@@ -47,7 +43,7 @@ export function makeList({ place, fetchPage, card, none }) {
   }
 
   async function extend() {
-    if (more.hidden || !isShown()) return;
+    if (more.hidden || list.closest(".view").hidden) return;
     const hadFocus = document.activeElement === more;
     const cards = await fetch(next, kPage);
     if (!cards) return;
@@ -57,33 +53,23 @@ export function makeList({ place, fetchPage, card, none }) {
     watchEnd();
   }
 
-  // An observer tells of a change only: it is asked anew after every page.
-  const observer = new IntersectionObserver((seen) => { if (seen.some((one) => one.isIntersecting)) extend(); },
-                                            { rootMargin: kNear });
-  function watchEnd() {
-    if (!more.hidden) observer.observe(more);
-  }
+  // An observer reports changes only, so it starts again after every page.
+  const observer = new IntersectionObserver((seen) => { if (seen.some((one) => one.isIntersecting)) extend(); }, { rootMargin: kNear });
+  const watchEnd = () => { if (!more.hidden) observer.observe(more); };
   more.addEventListener("click", extend);
 
   return {
     list,
-    // Whoever comes back finds as many as were there.
+    // On return, shows as many items as before.
     async show(wanted, { isReturn = false } = {}) {
       const same = JSON.stringify(wanted) === JSON.stringify(parameters);
-      const limit = same && isReturn ? Math.min(kMost, Math.max(kPage, fetched)) : kPage;
       parameters = wanted;
-      const cards = await fetch("", limit);
+      const cards = await fetch("", same && isReturn ? Math.min(kMost, Math.max(kPage, fetched)) : kPage);
       if (!cards) return;
       list.replaceChildren(...cards);
-      showNone();
+      say(status, "");
+      if (!cards.length && !next) status.append(none(parameters));
       watchEnd();
     },
-    showNone,
   };
-
-  // Also when the last one was taken off.
-  function showNone() {
-    say(status, "");
-    if (!list.children.length && !next) status.append(none(parameters));
-  }
 }

@@ -1,54 +1,35 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// An object's page: all its pictures, its name, and what can be done with it.
+// The page of an object: all its images, and what can be done with the object.
 import * as api from "./api.js";
-import { picturesPage } from "./browse.js";
-import { pictureCard } from "./cards.js";
+import { imagesPage } from "./browse.js";
+import { deleteHereButton, imageCard } from "./cards.js";
 import { byId, count, make, say } from "./dom.js";
 import { renameButton } from "./edit.js";
-import { refreshHeader } from "./header.js";
 import { makeList } from "./list.js";
-import { go, link, makeBackLink, setTitle, showCurrent, showing } from "./router.js";
+import { link, makeBackLink, setTitle, showCurrent, showing } from "./router.js";
 import { makeSelection } from "./select.js";
-import { deleteLater, isLeaving, notify } from "./undo.js";
+import { isLeaving } from "./undo.js";
 
-const pictures = makeList({
-  place: "object",
-  fetchPage: (wanted, cursor, limit) => picturesPage(wanted, cursor, limit),
-  card: pictureCard,
-  none: () => "No picture of it is left.",
-});
-const selection = makeSelection({
-  list: pictures.list, bar: byId("object-bar"), word: "picture", refresh: showCurrent });
+const images = makeList({
+  place: "object", card: imageCard, none: () => "This object has no images.",
+  fetchPage: (wanted, cursor, limit) => imagesPage(wanted, cursor, limit) });
+const selection = makeSelection({ list: images.list, bar: byId("object-bar"), word: "image", refresh: showCurrent });
 makeBackLink(byId("object-back"));
 
 let latest = 0;
 
-function remove({ object, images }) {
-  const collection = api.collectionName();
-  deleteLater({
-    paths: [api.objectPath(object)], text: `Deleted: ${object}, ${count(images, "picture")}.`, done: refreshHeader,
-    restore(error) {
-      if (collection === api.collectionName()) go("object", { name: object });
-      if (error) notify(error.message, true);
-    },
-  });
-  if (history.state?.inside) history.back();
-  else go("objects");
-}
-
-function showActions(record) {
-  const { object, image_id: cover } = record;
-  const actions = byId("object-actions");
-  actions.replaceChildren(
+function showActions({ object, image_id: cover, images: number }) {
+  const card = byId("object-edit");
+  byId("object-actions").replaceChildren(
     make("a", { class: "button primary", href: link("search", { image: cover }), text: "Find similar" }),
-    make("a", { class: "button", href: link("add", { object }), text: "Add pictures of it", "data-needs": "write" }),
-    renameButton({ card: byId("object-edit"), object, large: true, onRenamed: (name) => {
-      byId("object-edit").replaceChildren();
+    make("a", { class: "button", href: link("add", { object }), text: "Add images", "data-needs": "write", "aria-label": `Add images of ${object}` }),
+    renameButton({ card, object, large: true, onRenamed: (name) => {
+      card.replaceChildren();
       location.replace(link("object", { name }));
     } }),
-    make("button", { type: "button", text: "Delete", "data-needs": "write", "aria-label": `Delete ${object} with its pictures`,
-                     onclick: () => remove(record) }));
+    deleteHereButton({ path: api.objectPath(object), label: `Delete ${object} with its images`, text: `Deleted: ${object}, ${count(number, "image")}.`,
+                       here: ["object", { name: object }], next: ["objects"] }));
 }
 
 export const objectView = {
@@ -58,24 +39,21 @@ export const objectView = {
     const name = parameters.get("name") ?? "";
     byId("object-back").href = link("objects");
     byId("object-title").textContent = name;
-    byId("object-edit").replaceChildren();
+    for (const id of ["object-edit", "object-actions", "object-count"]) byId(id).replaceChildren();  // of another object
     byId("object-edit").classList.remove("editing");
-    byId("object-actions").replaceChildren();  // those of another object
-    byId("object-count").textContent = "";
     byId("object-bar").hidden = false;
     setTitle(name);
-    const listed = pictures.show({ object: name, in: api.collectionName() }, how);
+    const listed = images.show({ object: name, in: api.collectionName() }, how);
     try {
       const record = await api.ask(api.objectPath(name));
       if (number !== latest || showing() !== "object") return;
-      byId("object-count").textContent = isLeaving(api.objectPath(name)) ? "It is being deleted." :
-                                                                            count(record.images, "picture");
+      byId("object-count").textContent = isLeaving(api.objectPath(name)) ? "This object is being deleted." : count(record.images, "image");
       showActions(record);
     } catch (error) {
       if (number !== latest) return;
       await listed;
       byId("object-bar").hidden = error.status === 404;
-      say(byId("object-status"), error.status === 404 ? `There is no object called ${name}.` : error.message, true);
+      say(byId("object-status"), error.status === 404 ? `There is no object named ${name}.` : error.message, true);
     }
     await listed;
   },
