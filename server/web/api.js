@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Requests to the server. Every failure becomes a Problem whose message is a sentence for people.
-import { make, say, wait } from "./dom.js";
+import { attempt, make, say, wait } from "./dom.js";
 import { problemWords } from "./words.js";
 
 const kKeyName = "pliant-key";
@@ -114,18 +114,16 @@ export const patch = (path, changes, etag = null) => ask(path, {
   method: "PATCH", body: JSON.stringify(changes), headers: { "Content-Type": "application/merge-patch+json", ...(etag && { "If-Match": etag }) } });
 
 // A link that saves a file. A link sends no key, so with a key the page fetches the file; `status` says how that goes.
-export const downloadLink = (path, name, status, properties) => make("a", { href: path, download: name, text: "Download", async onclick(event) {
+export const downloadLink = (path, name, status, properties) => make("a", { href: path, download: name, text: "Download", onclick(event) {
   if (!getKey()) return;
   event.preventDefault();
   say(status, "Downloading…");
-  try {
+  attempt(status, async () => {
     const href = URL.createObjectURL(await blobOf(path));
     make("a", { href, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(href), 60_000);
     say(status, "Downloaded.");
-  } catch (error) {
-    say(status, error.message, true);
-  }
+  });
 }, ...properties });
 
 // Shows a stored image in an <img>. With a key the page fetches it, because an <img> sends no key.

@@ -3,7 +3,7 @@
 // The page put together.
 import { addView as add } from "./add.js";
 import { refreshScope } from "./api.js";
-import { imagesView, objectsView } from "./browse.js";
+import { imagesView, objectView, objectsView } from "./browse.js";
 import { collectionView } from "./collection.js";
 import { byId } from "./dom.js";
 import { refreshHeader } from "./header.js";
@@ -34,8 +34,8 @@ addView("search", searchView);
 addView("add", add);
 addView("objects", objectsView);
 addView("images", imagesView);
+addView("object", objectView);
 addView("collection", collectionView);
-addLater("object", "Object", async () => (await import("./object.js")).objectView);
 addLater("image", "Image", async () => (await import("./image.js")).imageView);
 addLater("camera", "Camera", async () => (await import("./camera.js")).cameraView);
 addLater("keys", "Keys", async () => (await import("./keys.js")).keysView);

@@ -2,21 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Backups of the database, for admins: created, downloaded, deleted.
 import * as api from "./api.js";
-import { askFirst, byId, fileSize, make, say, shortTime, smallButton } from "./dom.js";
+import { askFirst, attempt, byId, fileSize, make, say, shortTime, smallButton } from "./dom.js";
 
 const pathOf = ({ name }, what = "") => `/v1/backups/${encodeURIComponent(name)}${what}`;
-const tell = (...what) => say(byId("backups-said"), ...what);
+const tell = (text) => say(byId("backups-said"), text);
 
 let shown = "";       // what is listed; buttons keep the focus while nothing changes
 let awaited = false;  // a backup has started here and is not listed yet
 
 async function remove(backup) {
-  try {
+  await attempt(byId("backups-said"), async () => {
     await api.deletePath(pathOf(backup));
     tell(`Backup ${backup.name} deleted.`);
-  } catch (error) {
-    tell(error.message, true);
-  }
+  });
   shown = "";
   byId("backups").replaceChildren();
   await refreshBackups();
@@ -61,12 +59,10 @@ export function forgetBackups() {
 
 // onStart() is called when a backup has started.
 export const whenBackupStarts = (onStart) => byId("backup-make").addEventListener("click", async () => {
-  try {
+  await attempt(byId("backups-said"), async () => {
     await api.askJson("/v1/backups", "POST", {});
     awaited = true;
     tell("The backup has started. It is listed here when it is complete.");
-  } catch (error) {
-    tell(error.message, true);
-  }
+  });
   onStart();
 });

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a collection: size, vocabularies, background jobs, and the other collections.
 import * as api from "./api.js";
-import { askFirst, byId, count, fact, figure, make, say, shortTime, smallButton } from "./dom.js";
+import { askFirst, attempt, byId, count, fact, figure, make, say, shortTime, smallButton } from "./dom.js";
 import { refreshHeader } from "./header.js";
 import { isActive, makeJobList } from "./jobs.js";
 import { collectionNameFor, shownName } from "./names.js";
@@ -15,11 +15,7 @@ let timer = 0;
 
 // Runs the action and says its words, or what went wrong.
 async function tell(id, action) {
-  try {
-    say(byId(id), await action());
-  } catch (error) {
-    say(byId(id), error.message, true);
-  }
+  await attempt(byId(id), async () => say(byId(id), await action()));
   refresh();
 }
 
@@ -44,9 +40,8 @@ export function recommendation({ images, descriptors, vocabulary }) {
     return { due: true, text: `Retraining is recommended. The vocabulary was trained on ${count(vocabulary.sampled, "keypoint")}; ` +
       `the collection now has ${growth.toFixed(1)} times as many.` };
   }
-  if (growth >= 5 * kGrowth) return { due: true, text: `Retraining may help. The collection is ${growth.toFixed(0)} times as large as at the last training.` };
-  if (growth <= 1 / kGrowth) return { due: true, text: "Retraining may help. Most images of the last training are deleted." };
-  return { text: "The vocabulary fits this collection. Nothing to do.", due: false };
+  const due = growth >= 5 * kGrowth || growth <= 1 / kGrowth;
+  return { due, text: due ? "Retraining may help. The collection has changed much since the last training." : "The vocabulary fits this collection. Nothing to do." };
 }
 
 function vocabularyRow({ id, active, words, sampled, available, created_at: created }) {
@@ -137,7 +132,7 @@ const showJobs = makeJobList("jobs", refresh);
 async function refresh() {
   clearTimeout(timer);
   if (byId("view-collection").hidden) return;
-  try {
+  await attempt(byId("collection-status"), async () => {
     const [record, { vocabularies }, { jobs }] = await Promise.all([
       api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("/v1/jobs")]);
     showFacts(record);
@@ -152,9 +147,7 @@ async function refresh() {
     showJobs(mine);
     say(byId("collection-status"), "");
     if (mine.some(isActive)) timer = setTimeout(refresh, kPollMs);
-  } catch (error) {
-    say(byId("collection-status"), error.message, true);
-  }
+  });
 }
 
 export const collectionView = {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The first visit: what to do, and demonstration objects.
 import * as api from "./api.js";
-import { byId, count, make, makeButton, say } from "./dom.js";
+import { attempt, byId, count, make, makeButton, say } from "./dom.js";
 import { refreshHeader } from "./header.js";
 import { follow } from "./jobs.js";
 import { link } from "./router.js";
@@ -16,17 +16,14 @@ export const whenExampleIsChosen = (call) => { choose = call; };
 export async function refreshDemonstration() {
   if (loading) return;
   byId("welcome-add").href = link("add");
-  try {
+  await attempt(byId("search-status"), async () => {
     const [{ images, objects }, demo] = await Promise.all([api.ask(api.address()), api.ask(api.address("/demo"))]);
     byId("welcome").hidden = images > 0;
     byId("filters").hidden = images === 0;
     showExamples(demo);
-    if (!byId("view-search").classList.contains("has-query")) {
-      say(byId("search-status"), images ? `${count(images, "image")} of ${count(objects, "object")} in this collection.` : "");
-    }
-  } catch (error) {
-    say(byId("search-status"), error.message, true);
-  }
+    if (byId("view-search").classList.contains("has-query")) return;
+    say(byId("search-status"), images ? `${count(images, "image")} of ${count(objects, "object")} in this collection.` : "");
+  });
 }
 
 function showExamples(demo) {
@@ -35,18 +32,11 @@ function showExamples(demo) {
   byId("examples-list").replaceChildren(...demo.objects.map(({ object, crumpled }) => {
     const image = make("img", { alt: "", loading: "lazy", width: 160, height: 120 });
     api.showImage(image, crumpled);
-    const button = makeButton("", () => useExample(crumpled, object), { "aria-label": `Search with the crumpled photo of ${object}` });
+    const search = async () => choose(new File([await api.blobOf(crumpled)], `${object}.jpg`, { type: "image/jpeg" }));
+    const button = makeButton("", () => attempt(byId("search-status"), search), { "aria-label": `Search with the crumpled photo of ${object}` });
     button.append(image);
     return make("li", {}, button);
   }));
-}
-
-async function useExample(path, object) {
-  try {
-    choose(new File([await api.blobOf(path)], `${object}.jpg`, { type: "image/jpeg" }));
-  } catch (error) {
-    say(byId("search-status"), error.message, true);
-  }
 }
 
 byId("demo-load").addEventListener("click", async () => {
@@ -55,16 +45,13 @@ byId("demo-load").addEventListener("click", async () => {
   byId("demo-progress").hidden = false;
   bar.removeAttribute("value");
   say(byId("demo-status"), "");
-  try {
+  await attempt(byId("demo-status"), async () => {
     const job = await api.askJson(api.address("/demo"), "POST", {});
     await follow(job.id, ({ done, total }) => { [bar.max, bar.value] = [total || 1, done]; });
     loading = false;
     await Promise.all([refreshDemonstration(), refreshHeader()]);
     byId("examples-list").querySelector("button")?.focus();
-  } catch (error) {
-    say(byId("demo-status"), error.message, true);
-  } finally {
-    loading = byId("demo-load").disabled = false;
-    byId("demo-progress").hidden = true;
-  }
+  });
+  loading = byId("demo-load").disabled = false;
+  byId("demo-progress").hidden = true;
 });

@@ -2,12 +2,69 @@
 // SPDX-License-Identifier: Apache-2.0
 // A reader of /v1/openapi.json: every operation with its parameters, bodies and responses, and a form to try it.
 import { ask, getKey, setKey } from "./api.js";
-import { requiredMark, schemaView, shortType } from "./docs_schema.js";
 import { tryForm } from "./docs_try.js";
-import { byId, count, make, say } from "./dom.js";
+import { attempt, byId, count, make, say } from "./dom.js";
 
+const kDeepest = 3;  // open levels of a schema; deeper ones are opened by hand
 const kMethods = ["get", "post", "put", "patch", "delete"];
 const kTags = { jobs: "Background jobs", demo: "Demonstration", page: "The page and this document" };  // the others are words already
+
+// --- schemas
+
+const nameOf = (ref) => ref.split("/").at(-1);
+const resolved = (schema, schemas) => (schema?.$ref ? schemas[nameOf(schema.$ref)] : schema) ?? {};
+
+// A few words: "integer 1 to 500, default 50", "list of Image".
+function shortType(schema, schemas) {
+  if (schema.$ref) return nameOf(schema.$ref);
+  const joined = (list, word) => list.map((one) => shortType(one, schemas)).join(word);
+  const choices = schema.anyOf ?? schema.oneOf;
+  const { minimum, maximum } = schema;
+  const parts = [
+    choices ? joined(choices, " or ") : schema.allOf ? joined(schema.allOf, " and ") :
+      schema.const !== undefined ? JSON.stringify(schema.const) : schema.enum ? schema.enum.map((one) => JSON.stringify(one)).join(" or ") :
+      schema.type === "array" ? `list of ${shortType(schema.items ?? {}, schemas)}` : [schema.type ?? "anything"].flat().join(" or ")];
+  if (schema.format) parts.push(`(${schema.format})`);
+  if (minimum !== undefined && maximum !== undefined) parts.push(`${minimum} to ${maximum}`);
+  else if (minimum !== undefined) parts.push(`at least ${minimum}`);
+  else if (maximum !== undefined) parts.push(`up to ${maximum}`);
+  return parts.join(" ") + (schema.default === undefined ? "" : `, default ${JSON.stringify(schema.default)}`);
+}
+
+const requiredMark = (isRequired) => (isRequired ? make("span", { class: "needed", text: " required" }) : "");
+const quiet = (text) => make("span", { class: "quiet", text });
+
+const propertyList = (properties, required, schemas, depth) => make("ul", { class: "schema" }, ...Object.entries(properties).map(([name, one]) =>
+  make("li", {}, make("code", { text: name }), requiredMark(required.includes(name)), " ", quiet(shortType(one, schemas)),
+    one.description ? ` – ${one.description}` : "", inner(one, schemas, depth + 1))));
+
+// The contents of a property, if it is more than a value.
+function inner(schema, schemas, depth) {
+  const target = resolved(schema, schemas);
+  const held = target.type === "array" ? target.items ?? {} : schema;
+  const object = resolved(held, schemas);
+  if (!object.properties && !object.allOf && !object.anyOf && !object.oneOf) return "";
+  if (depth < kDeepest && !held.$ref) return schemaView(held, schemas, depth);
+  const box = make("details", { class: "inner" }, make("summary", { text: held.$ref ? nameOf(held.$ref) : "properties" }));
+  box.addEventListener("toggle", () => {
+    if (box.open && box.children.length === 1) box.append(schemaView(object, schemas, 0));
+  });
+  return box;
+}
+
+function schemaView(schema, schemas, depth = 0) {
+  const target = resolved(schema, schemas);
+  const parts = target.allOf ?? target.anyOf ?? target.oneOf;
+  const view = make("div", { class: "schema-view" }, schema.$ref ? quiet(` ${nameOf(schema.$ref)}`) : "");
+  if (target.description && depth === 0) view.append(make("p", { class: "quiet", text: target.description }));
+  if (target.properties) view.append(propertyList(target.properties, target.required ?? [], schemas, depth));
+  else if (parts) view.append(...parts.map((one) => schemaView(one, schemas, depth + 1)));
+  else view.append(quiet(` ${shortType(target, schemas)}`), target.type === "array" ? inner(target, schemas, depth) : "");
+  return view;
+}
+
+// --- operations
+
 const titleOf = (tag) => kTags[tag] ?? tag[0].toUpperCase() + tag.slice(1);
 
 // Code between ` becomes code; nothing becomes markup.
@@ -109,10 +166,8 @@ byId("docs-tools").addEventListener("submit", (event) => event.preventDefault())
 byId("docs-key").value = getKey();
 byId("docs-key").addEventListener("change", () => setKey(byId("docs-key").value.trim()));
 
-try {
+attempt(byId("docs-status"), async () => {
   show(await ask("/v1/openapi.json"));
   openFromAddress();
   addEventListener("hashchange", openFromAddress);
-} catch (error) {
-  say(byId("docs-status"), error.message, true);
-}
+});

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A form that sends one request exactly as typed, and shows the whole response.
 import { getKey, keyHeaders } from "./api.js";
-import { figure, fileSize, make, say } from "./dom.js";
+import { figure, fileSize, make, resultOr, say } from "./dom.js";
 
 const kLongestText = 200_000;  // characters of a response that are shown
 const kShownHeaders = ["content-type", "etag", "location", "cache-control", "retry-after", "x-request-id"];
@@ -87,11 +87,8 @@ async function bodyView(blob, type) {
   if (!/json|text/.test(type)) return [make("p", { text: `${fileSize(blob.size)} of ${type || "an unknown type"}` })];
   let text = await blob.text();
   if (/json$|json;/.test(type) && text.length < 10 * kLongestText) {
-    try {
-      text = JSON.stringify(JSON.parse(text), null, 2);
-    } catch {
-      // not one document: lines of JSON, for example
-    }
+    const lines = text;
+    text = resultOr(lines, () => JSON.stringify(JSON.parse(lines), null, 2));
   }
   const view = [make("pre", { class: "answer-text", tabindex: "0", text: text.slice(0, kLongestText) })];
   if (text.length > kLongestText) view.push(make("p", { class: "quiet", text: `The first ${figure(kLongestText)} of ${figure(text.length)} characters.` }));

@@ -30,6 +30,21 @@ export function say(place, text, isError = false) {
   place.classList.toggle("error", isError);
 }
 
+// Runs the action, and says what went wrong. Returns whether nothing did.
+export const attempt = (place, action) => Promise.resolve().then(action).then(() => true, (error) => {
+  say(place, error.message, true);
+  return false;
+});
+
+// The result of an action, or another value if it throws.
+export function resultOr(other, action) {
+  try {
+    return action();
+  } catch {
+    return other;
+  }
+}
+
 // Replaces `button` by a question, for what cannot be undone. act() runs after "yes".
 export function askFirst(button, { label, question, yes, act }) {
   const keep = () => { group.replaceWith(button); button.focus(); };

@@ -3,7 +3,7 @@
 // The page of an image: large, with its record, its copies, and what can be done with it.
 import * as api from "./api.js";
 import { deleteButton, deleteHereButton, fileOf, imageLink } from "./cards.js";
-import { byId, count, fact, fileSize, make, say, shortTime } from "./dom.js";
+import { attempt, byId, count, fact, fileSize, make, say, shortTime } from "./dom.js";
 import { editButton } from "./edit.js";
 import { objectName } from "./names.js";
 import { labelList } from "./results.js";
@@ -111,20 +111,18 @@ async function copyCard(hit, image) {
 
 byId("copies-find").addEventListener("click", async () => {
   const [number, image] = [latest, shownImage];
-  const tell = (...what) => { if (number === latest) say(byId("copies-status"), ...what); };
   byId("copies-find").disabled = true;
-  tell("Searching…");
-  try {
-    const { hits } = await api.search({ id: image.id }, { group_by: "image", limit: kCandidates, explain: true });
+  say(byId("copies-status"), "Searching…");
+  await attempt(byId("copies-status"), async () => {
+    const { hits } = await api.search({ id: image.id }, { group_by: "image", limit: kCandidates, explain: true })
+      .catch((error) => { if (number === latest) throw error; return { hits: [] }; });
     const others = hits.filter((hit) => hit.inliers > 0 || hit.score > 0.9);
     const cards = (await Promise.all(others.map((hit) => copyCard(hit, image)))).filter(Boolean);
-    if (number === latest) byId("copies-list").replaceChildren(...cards);
-    tell(cards.length ? `${count(cards.length, "copy", "copies")} found.` : "No copies found.");
-  } catch (error) {
-    tell(error.message, true);
-  } finally {
-    byId("copies-find").disabled = false;
-  }
+    if (number !== latest) return;
+    byId("copies-list").replaceChildren(...cards);
+    say(byId("copies-status"), cards.length ? `${count(cards.length, "copy", "copies")} found.` : "No copies found.");
+  });
+  byId("copies-find").disabled = false;
 });
 
 export const imageView = {
@@ -137,15 +135,13 @@ export const imageView = {
     byId("copies-list").replaceChildren();
     say(byId("copies-status"), "");
     say(byId("image-status"), "");
-    try {
-      const image = await api.ask(api.imagePath(parameters.get("id") ?? ""));
+    await attempt(byId("image-status"), async () => {
+      const image = await api.ask(api.imagePath(parameters.get("id") ?? "")).catch((error) => { if (number === latest) throw error; });
       if (number !== latest || showing() !== "image") return;
       shownImage = image;
       byId("image-body").hidden = false;
       showRecord(image);
       showLarge(image);
-    } catch (error) {
-      if (number === latest) say(byId("image-status"), error.status === 404 ? "This image no longer exists." : error.message, true);
-    }
+    });
   },
 };

@@ -1,20 +1,17 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that are chosen, dropped or pasted, images dragged from a page, and addresses that the server fetches.
+// Files that are chosen, dropped or pasted, images dragged from a page, addresses that the server fetches, and images of
+// kinds that only the browser reads.
 import { mayFetch } from "./api.js";
+import { byId, resultOr } from "./dom.js";
 
 const kAddressOnly = "The browser gave only the address of this image, and this server fetches no images. " +
   "Copy the image itself and paste it here, or save it and drop the file.";
 
 // An image of this server: { collection, id }, or null.
 function storedAt(address) {
-  let url = null;
-  try {
-    url = new URL(address);
-  } catch {
-    return null;
-  }
-  if (url.origin !== location.origin) return null;
+  const url = resultOr(null, () => new URL(address));
+  if (url?.origin !== location.origin) return null;
   const part = /^\/v1\/collections\/([^/]+)\/images\/([^/]+)(?:\/(?:content|thumbnail))?$/.exec(url.pathname);
   if (part) return { collection: decodeURIComponent(part[1]), id: decodeURIComponent(part[2]) };
   const view = /^#\/(?:image|search)\?(.*)$/.exec(url.hash);
@@ -26,14 +23,11 @@ function storedAt(address) {
 // data:image/png;base64,… as a file, or null.
 export function fileOfData(address) {
   const part = /^data:(image\/[a-z0-9.+-]+)((?:;[^;,]*)*),(.*)$/is.exec(address);
-  if (!part) return null;
-  try {
+  return part && resultOr(null, () => {
     const text = part[2].toLowerCase().endsWith(";base64") ? atob(part[3]) : decodeURIComponent(part[3].replace(/%(?![0-9a-f]{2})/gi, "%25"));
     const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
     return new File([bytes], `image.${part[1].split("/")[1].replace(/\+.*/, "")}`, { type: part[1] });
-  } catch {
-    return null;
-  }
+  });
 }
 
 // The addresses in a drag or a paste, first the image's own.
@@ -46,13 +40,8 @@ function addressesIn(transfer) {
 // An image elsewhere as if it were a file: an address instead of bytes.
 export function fileAt(address) {
   const { pathname, host } = new URL(address);
-  let name = pathname.split("/").at(-1) || host;
-  try {
-    name = decodeURIComponent(name);
-  } catch {
-    // it stays encoded
-  }
-  return { name, address, size: 0, type: "", lastModified: Date.now() };
+  const last = pathname.split("/").at(-1) || host;
+  return { name: resultOr(last, () => decodeURIComponent(last)), address, size: 0, type: "", lastModified: Date.now() };
 }
 
 // One of: files: [{ file, folder }], stored: { collection, id }, address, problem (a sentence).
@@ -111,9 +100,67 @@ export function accept(view, inputs, use) {
     if (clipboardData.files.length || clipboardData.types.length) use(await received(clipboardData, "pasted"));
   });
   for (const id of inputs) {
-    document.getElementById(id).addEventListener("change", ({ target }) => {
+    byId(id).addEventListener("change", ({ target }) => {
       if (target.files.length) use({ files: [...target.files].map((file) => ({ file, folder: "" })) });
       target.value = "";  // so that the same file can be chosen again
     });
   }
+}
+
+// --- kinds of files: the first bytes tell the kind, not the name. The browser converts images that the server does not read.
+
+const kQuality = 0.95;
+const kLongestSide = 8192;  // of a converted image, in pixels; canvases have an end
+
+const kServerReads = ["JPEG", "PNG", "WebP", "BMP", "TIFF"];
+const kAdvice = {
+  HEIC: "On an iPhone, choose Settings > Camera > Formats > Most Compatible. On a computer, export the photo as JPEG.",
+  SVG: "An SVG is a drawing, not a photo. Save it as PNG first.",
+  PDF: "A PDF is a document, not a photo. Save the page as PNG first.",
+  video: "A video is not a photo. Save a frame as JPEG first.",
+};
+
+const text = (bytes, from, to) => String.fromCharCode(...bytes.slice(from, to));
+
+// "JPEG", "HEIC", ...; null if unknown.
+export function kindOf(bytes) {
+  const starts = (...values) => values.every((value, i) => bytes[i] === value);
+  if (starts(0xff, 0xd8, 0xff)) return "JPEG";
+  if (starts(0x89, 0x50, 0x4e, 0x47)) return "PNG";
+  if (text(bytes, 0, 4) === "RIFF" && text(bytes, 8, 12) === "WEBP") return "WebP";
+  if (starts(0x42, 0x4d)) return "BMP";
+  if (["II*\0", "MM\0*"].includes(text(bytes, 0, 4))) return "TIFF";
+  if (text(bytes, 0, 4) === "GIF8") return "GIF";
+  if (text(bytes, 0, 4) === "%PDF") return "PDF";
+  if (starts(0, 0, 1, 0)) return "ICO";
+  if (starts(0xff, 0x0a) || text(bytes, 4, 8) === "JXL ") return "JPEG XL";
+  if (text(bytes, 4, 8) === "ftyp") {
+    const brands = text(bytes, 8, 64);
+    if (/^avi[fs]/.test(brands)) return "AVIF";
+    if (/^(hei|hev|mif1|msf1)/.test(brands)) return /avif/.test(brands) ? "AVIF" : "HEIC";
+    return "video";
+  }
+  if (starts(0x1a, 0x45, 0xdf, 0xa3)) return "video";
+  return /^\s*(<\?xml[^]*)?<svg/i.test(text(bytes, 0, 256)) ? "SVG" : null;
+}
+
+// The same file, or a converted one. Throws an Error with a sentence.
+export async function readable(file) {
+  const kind = kindOf(new Uint8Array(await file.slice(0, 256).arrayBuffer()));
+  if (kind === null || kServerReads.includes(kind)) return file;
+  const bitmap = kind === "SVG" ? null : await createImageBitmap(file).catch(() => null);
+  if (!bitmap) {
+    const advice = kAdvice[kind] ?? "Save it as JPEG or PNG first.";
+    throw new Error(["SVG", "PDF", "video"].includes(kind) ? advice : `${kind} images cannot be read here. ${advice}`);
+  }
+  const scale = Math.min(1, kLongestSide / Math.max(bitmap.width, bitmap.height));
+  const canvas = new OffscreenCanvas(Math.round(bitmap.width * scale), Math.round(bitmap.height * scale));
+  const context = canvas.getContext("2d");
+  context.fillStyle = "#fff";  // below transparent pixels
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  bitmap.close();
+  const [type, ending] = kind === "GIF" ? ["image/png", "png"] : ["image/jpeg", "jpg"];
+  const blob = await canvas.convertToBlob({ type, quality: kQuality });
+  return new File([blob], `${file.name.replace(/\.[^.]{1,5}$/, "")}.${ending}`, { type, lastModified: file.lastModified });
 }

@@ -7,7 +7,7 @@ import { problemWords } from "./words.js";
 
 const kPollMs = 1000;
 const kShown = 12;
-const kKinds = { train: "Training a vocabulary", demo: "Loading demonstration objects", import: "Importing images", bulk_import: "Importing uploaded images",
+const kKinds = { train: "Preparing search", demo: "Loading demonstration objects", import: "Importing images", bulk_import: "Importing uploaded images",
                  activate: "Switching the vocabulary", backup: "Creating a backup" };
 const kStates = { queued: "waiting", cancelled: "stopped" };  // the others are words already
 
@@ -48,6 +48,6 @@ export function makeJobList(id, onChange) {
     if (JSON.stringify(some) === shown) return;
     shown = JSON.stringify(some);
     byId(id).replaceChildren(...some.map((job) => jobItem(job, onChange)));
-    if (!some.length) byId(id).append(make("li", { class: "quiet", text: "None." }));
+    if (!some.length) byId(id).append(make("li", { class: "quiet", text: "No background jobs." }));
   };
 }

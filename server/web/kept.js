@@ -37,28 +37,19 @@ async function purge(queries) {
 export const purgeQueries = async () => purge(await store("readwrite"));
 
 // The photo's key; null if the browser keeps nothing, as in some private windows.
-export async function keepQuery(file) {
-  try {
-    const queries = await store("readwrite");
-    const now = Date.now();
-    const key = `${now.toString(36)}-${Math.floor(Math.random() * 36 ** 4).toString(36)}`;
-    await done(queries.put({ key, file, name: file.name, at: now, tab: getKey() ? nameTab() : null }));
-    await purge(queries);
-    return key;
-  } catch {
-    return null;
-  }
-}
+export const keepQuery = (file) => store("readwrite").then(async (queries) => {
+  const now = Date.now();
+  const key = `${now.toString(36)}-${Math.floor(Math.random() * 36 ** 4).toString(36)}`;
+  await done(queries.put({ key, file, name: file.name, at: now, tab: getKey() ? nameTab() : null }));
+  await purge(queries);
+  return key;
+}).catch(() => null);
 
 // The file; null if it is deleted, too old or another tab's.
-export async function keptQuery(key) {
-  try {
-    const entry = await done((await store("readonly")).get(key));
-    return entry && !isOld(entry) && (!entry.tab || entry.tab === thisTab()) ? entry.file : null;
-  } catch {
-    return null;
-  }
-}
+export const keptQuery = (key) => store("readonly").then(async (queries) => {
+  const entry = await done(queries.get(key));
+  return entry && !isOld(entry) && (!entry.tab || entry.tab === thisTab()) ? entry.file : null;
+}).catch(() => null);
 
 export async function forgetQueries() {
   sessionStorage.removeItem(kTabName);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys, for admins: created, shown once, revoked.
 import * as api from "./api.js";
-import { askFirst, byId, copyText, make, makeButton, say, shortTime, smallButton } from "./dom.js";
+import { askFirst, attempt, byId, copyText, make, makeButton, say, shortTime, smallButton } from "./dom.js";
 import { showKeyState } from "./header.js";
 
 const tell = (...what) => say(byId("keys-status"), ...what);
@@ -33,7 +33,7 @@ byId("keys-form").addEventListener("submit", async (event) => {
     byId("keys-name").focus();
     return;
   }
-  try {
+  await attempt(byId("keys-status"), async () => {
     const made = await api.askJson("/v1/keys", "POST", { name, scope: byId("keys-scope").value });
     tell("");
     byId("keys-name").value = "";
@@ -43,9 +43,7 @@ byId("keys-form").addEventListener("submit", async (event) => {
       await api.refreshScope();
     }
     showNew(made);
-  } catch (error) {
-    tell(error.message, true);
-  }
+  });
   refresh();
 });
 
@@ -66,7 +64,7 @@ function row(key, mine) {
 }
 
 async function refresh() {
-  try {
+  const done = await attempt(byId("keys-status"), async () => {
     const [{ keys }, me] = await Promise.all([api.ask("/v1/keys"), api.ask("/v1/me")]);
     isFirst = !me.keys_required;
     if (isFirst) byId("keys-scope").value = "admin";
@@ -74,10 +72,8 @@ async function refresh() {
     byId("keys-none").hidden = !isFirst;
     byId("keys-table").hidden = !keys.length;
     byId("keys-list").replaceChildren(...keys.map((key) => row(key, me.key?.id)));
-  } catch (error) {
-    byId("keys-list").replaceChildren();
-    tell(error.message, true);
-  }
+  });
+  if (!done) byId("keys-list").replaceChildren();
 }
 
 export const keysView = {

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Default names of objects: the folder's or the file's.
+import { resultOr } from "./dom.js";
 
 export const kLongestName = 200;  // characters
 const kMostBytes = 512;           // in UTF-8, on the server
@@ -54,11 +55,7 @@ export function defaultName(file, folder = "", taken = []) {
 function fileNameOf(source) {
   if (!/^https?:\/\//.test(source)) return source;
   const last = source.split("/").at(-1);
-  try {
-    return decodeURIComponent(last) || source;
-  } catch {
-    return last;
-  }
+  return resultOr(last, () => decodeURIComponent(last)) || source;
 }
 
 // For a stored image or a hit: its object's name, else its file's.

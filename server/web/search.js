@@ -3,12 +3,11 @@
 // The search view: from a photo to hits.
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
-import { readable } from "./convert.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
 import { byId, copyText, count, make, say } from "./dom.js";
 import { decode, storedImage } from "./draw.js";
 import { filterParameters, filterSettings, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
-import { accept, fileOfData } from "./incoming.js";
+import { accept, fileOfData, readable } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";

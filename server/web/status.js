@@ -69,7 +69,7 @@ async function showJobs() {
   const { jobs } = await api.ask("/v1/jobs");
   listJobs(jobs);
   const running = jobs.filter(isActive).length;
-  byId("status-running").textContent = running ? `${count(running, "job")} running` : "No background jobs";
+  byId("status-running").textContent = running ? `${count(running, "job")} running` : "";
 }
 
 async function refresh() {

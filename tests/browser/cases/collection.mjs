@@ -16,7 +16,7 @@ test("what to do is said in words, training is followed, a vocabulary can be cho
   await house.eventually(async () => assert.match(await house.text(page, "#collection-facts"), /Images\s+6\s+Objects\s+6/));
   await page.getByRole("button", { name: "Train", exact: true }).click();
   await house.waitForText(page, "#recommendation", /Nothing to do/);
-  await house.eventually(async () => assert.match(await house.text(page, "#jobs"), /Training a vocabulary\s*done/));
+  await house.eventually(async () => assert.match(await house.text(page, "#jobs"), /Preparing search\s*done/));
   await page.getByRole("button", { name: "Retrain" }).click();
   await page.locator("#vocabularies tr").nth(1).waitFor();
   await page.getByRole("button", { name: "Use vocabulary 1" }).click();

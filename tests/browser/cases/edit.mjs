@@ -80,7 +80,7 @@ test("what takes the name of something that is being deleted is not deleted with
   await page.getByRole("button", { name: "Delete mug with its images" }).click();
   await page.locator("#objects-list a", { hasText: "pot" }).click();
   await page.getByRole("button", { name: "Edit the image d of pot" }).click();
-  await page.getByLabel("Object", { exact: true }).fill("mug");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("mug");
   await page.getByRole("button", { name: "Save" }).click();
   await page.waitForFunction(() => !document.querySelector("form.edit"));
   await gone();
@@ -132,7 +132,7 @@ test("a picture moves to another object and gets other labels; what was not touc
   await page.getByRole("button", { name: "Edit the image a of mug" }).click();
   const labels = page.getByLabel("Labels, one per line");
   await house.eventually(async () => assert.equal(await labels.inputValue(), "code=007\ncolour=red\nshelf=4"));
-  await page.getByLabel("Object", { exact: true }).fill("cup");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("cup");
   await labels.fill("code=007\nshelf=5\nnew=true, and more");
   await house.checkAccessibility(page, "editing");
   await house.shoot(page, "editing");
@@ -170,7 +170,7 @@ test("two clicks open one form, also behind a proxy that makes ETags weak", asyn
   await page.locator("form.edit").first().waitFor();
   await page.waitForLoadState("networkidle");
   await house.eventually(async () => assert.deepEqual([reads, await page.locator("form.edit").count()], [2, 1]));
-  await page.getByLabel("Object", { exact: true }).fill("beaker");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("beaker");
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "#images-list", /beaker/);
   assert.equal((await read("/images/a")).object, "beaker");
@@ -181,7 +181,7 @@ test("a picture that moves into an object on its way out does not come back", as
   await prepare();
   const page = await house.openPage(`${server.address}/#/images`);
   await page.getByRole("button", { name: "Edit the image c of cup" }).click();
-  await page.getByLabel("Object", { exact: true }).fill("mug");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("mug");
   await page.evaluate(async () => {  // deleted while the answer was on its way
     const { deleteLater } = await import("/assets/undo.js");
     const { objectPath } = await import("/assets/api.js");
@@ -202,14 +202,14 @@ test("what somebody else has changed meanwhile is not overwritten", async () => 
   await prepare();
   const page = await house.openPage(`${server.address}/#/images`);
   await page.getByRole("button", { name: "Edit the image a of mug" }).click();
-  await page.getByLabel("Object", { exact: true }).fill("mine");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("mine");
   await put("a", "theirs", {}, 200);
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "form.edit .error", /Someone else changed this image/);
   assert.equal((await read("/images/a")).object, "theirs");
   await page.getByRole("button", { name: "Cancel" }).click();
   await page.getByRole("button", { name: "Edit the image a of mug" }).click();
-  await house.eventually(async () => assert.equal(await page.getByLabel("Object", { exact: true }).inputValue(), "theirs"));
+  await house.eventually(async () => assert.equal(await page.locator("form.edit").getByLabel("Object", { exact: true }).inputValue(), "theirs"));
   await house.closePage(page);
 });
 

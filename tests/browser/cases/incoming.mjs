@@ -162,7 +162,7 @@ test("who goes to another view while a picture is read stays there", async () =>
   const page = await house.openPage(server.address);
   await house.waitForText(page, "#search-status", /in this collection/);
   await page.evaluate(async (text) => {
-    const { readable } = await import("/assets/convert.js");
+    const { readable } = await import("/assets/incoming.js");
     const { keepQuery } = await import("/assets/kept.js");
     const file = () => new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], "slow.gif", { type: "image/gif" });
     const transfer = new DataTransfer();
@@ -226,7 +226,7 @@ test("GIF and AVIF are converted by the browser; what nobody can read is said wi
 test("kinds are told by their first bytes", async () => {
   const page = await house.openPage(server.address);
   const kinds = await page.evaluate(async () => {
-    const { kindOf } = await import("/assets/convert.js");
+    const { kindOf } = await import("/assets/incoming.js");
     const bytes = (text) => Uint8Array.from(text, (c) => c.charCodeAt(0));
     return ["\xff\xd8\xff\xe0", "\x89PNG\r\n\x1a\n", "RIFF1234WEBPVP8 ", "BM12", "II*\0", "MM\0*", "GIF89a", "%PDF-1", "\0\0\0\x20ftypavif\0\0\0\0avifmif1miaf",
             "\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "\0\0\0\x18ftypmif1\0\0\0\0mif1avif", "\0\0\0\x14ftypqt  ", "\xff\x0a", "\0\0\0\x0cJXL \r\n", "\x1aE\xdf\xa3", "<svg>", "words", ""]

@@ -46,7 +46,7 @@ test("pictures are moved and labelled together; what fails is said and stays sel
   await house.waitForText(page, "#images-bar + .selection", /3 images selected/);
 
   await page.getByRole("button", { name: "Name…" }).click();
-  await page.getByLabel("Object", { exact: true }).fill("crate");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("crate");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#notices", /3 images moved to crate/);
   assert.deepEqual((await images("&object=crate")).map(({ id }) => id).sort(), ["p0", "p1", "p2"]);
