@@ -11,7 +11,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
-#include "vocab/distinct_rows.h"
 #include "vocab/medoid_tree.h"
 #include "vocab/residual_codes.h"
 #include "vocab/signature.h"

@@ -10,7 +10,6 @@
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/faint_keypoints.h"
-#include "descriptor/features/part_view.h"
 
 namespace pliant {
 namespace {

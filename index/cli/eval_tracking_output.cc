@@ -59,7 +59,7 @@ Json ResultsJson(const std::vector<TrackingResult>& results) {
 // One figure of all descriptors, a point a step that has frames.
 plot::LineChart OverTime(const TrackingReport& report,
                          const std::vector<std::vector<TrackingResult>>& steps,
-                         const std::string& label, double top, double TrackingResult::*figure) {
+                         const std::string& label, double top, double TrackingResult::* figure) {
   plot::LineChart chart;
   chart.x_label = "position in the sequence";
   chart.y_label = label;

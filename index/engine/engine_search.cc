@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/part_view.h"
+#include "descriptor/features/closer_keypoints.h"
 #include "index/engine/engine_impl.h"
 #include "index/engine/search_run.h"
 #include "index/store/feature_codec.h"

@@ -9,7 +9,7 @@ namespace pliant {
 namespace {
 
 // With so many words, half of the lists find the same pictures in little more than half of the time
-// (index/README.md).
+// (index/RANKING.md).
 constexpr std::size_t kManyWords = 32'768;
 constexpr int kCellsOfManyWords = 8;
 

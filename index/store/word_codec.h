@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The compact, checked byte forms of bags of words and codebooks, as kept in the database. The
-// formats are described byte by byte in index/README.md, section FORMAT.
+// formats are described byte by byte in index/FORMAT.md.
 #pragma once
 
 #include <cstddef>

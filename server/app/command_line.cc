@@ -25,7 +25,7 @@ namespace {
 
 struct NumberFlag {
   const char* flag;
-  int ServerOptions::*value;
+  int ServerOptions::* value;
   int lowest, highest;
   const char* help;
 };

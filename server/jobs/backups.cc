@@ -73,7 +73,7 @@ void WithProblems(Work&& work) {
 }
 
 bool Stat(const fs::path& path, BackupFile* file) {
-  struct stat info {};
+  struct stat info{};
   if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return false;
   file->name = path.filename().string();
   file->bytes = static_cast<std::uint64_t>(info.st_size);

@@ -67,7 +67,7 @@ std::set<std::string> IdsInUse(JobQueue& jobs) {
 }  // namespace
 
 MappedFile::MappedFile(int fd) {
-  struct stat info {};
+  struct stat info{};
   if (::fstat(fd, &info) != 0) ThrowFileError("fstat", errno);
   size_ = static_cast<std::size_t>(info.st_size);
   if (size_ == 0) return;

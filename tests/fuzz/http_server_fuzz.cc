@@ -67,8 +67,7 @@ HttpServer& TestServer() {
                                MakeRoute("form", "POST", "/form", BodyKind::kImage),
                                MakeRoute("batch", "PUT", "/form", BodyKind::kImages),
                                MakeRoute("delete", "DELETE", "/x/{id}", BodyKind::kNone)});
-  static HttpServer server(
-      kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
+  static HttpServer server(kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
   static const bool kStarted = (server.Start(), server.SetReady(true), true);
   static_cast<void>(kStarted);
   return server;

@@ -17,7 +17,9 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST_F(EngineTest, AnotherModelIsAConflict) {
-  { Engine engine(Options()); }
+  {
+    Engine engine(Options());
+  }
   EngineOptions options = Options();
   options.custom_descriptor = nullptr;
   options.descriptor = "orb";
@@ -38,7 +40,9 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   options.create = false;
   ExpectError(ErrorCode::kNotFound, "database_not_found", [&] { Engine engine(options); });
   EXPECT_FALSE(std::filesystem::exists(options.database));
-  { Engine engine(Options()); }
+  {
+    Engine engine(Options());
+  }
   options.read_only = true;
   Engine engine(options);
   ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });

@@ -11,7 +11,6 @@
 #include "descriptor/base/error.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/random_descriptors.h"
-#include "vocab/distinct_rows.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {

@@ -1,7 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sql/write_queue.h"
-
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -13,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "index/store/sql/access.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/index_test_pictures.h"
 

@@ -2,12 +2,61 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sql/access.h"
 
+#include <algorithm>
 #include <system_error>
+#include <utility>
 
 #include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 
 namespace pliant {
+
+void WriteQueue::Run(Work work, const WriteOptions& options) {
+  Job job;
+  job.alone = options.alone;
+  job.work = std::move(work);
+  job.options = options;
+  queue_.Run(job, [this](std::span<GroupQueue::Job* const> batch) { Execute(batch); });
+}
+
+void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
+  try {
+    connection_->Rollback();  // of what a failed commit left
+    connection_->BeginWrite();
+    for (GroupQueue::Job* job : batch) RunInSavepoint(static_cast<Job&>(*job));
+    connection_->Commit();
+  } catch (...) {
+    for (GroupQueue::Job* job : batch) {
+      if (!job->failure) job->failure = std::current_exception();
+    }
+    connection_->Rollback();
+    return;
+  }
+  try {
+    if (reclaim_ && std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
+          return static_cast<const Job*>(job)->options.reclaim && !job->failure;
+        })) {
+      reclaim_(*connection_);
+    }
+    after_commit_();
+  } catch (...) {
+    // What was written is durable and must be reported so. The index in memory stays marked as out
+    // of date: the next search brings it up to date or throws what is wrong.
+  }
+}
+
+void WriteQueue::RunInSavepoint(Job& job) {
+  connection_->Exec("SAVEPOINT job");
+  try {
+    job.work(*connection_);
+  } catch (...) {
+    // A full disk, a failing one or a lost connection may have rolled back everything already.
+    if (!connection_->InTransaction()) throw;
+    job.failure = std::current_exception();
+    connection_->Exec("ROLLBACK TO job");
+  }
+  connection_->Exec("RELEASE job");
+}
 
 void Access::BeginWriting(std::function<void()> after_commit) {
   Guarded([&] {

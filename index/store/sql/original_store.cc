@@ -75,7 +75,7 @@ IncomingOriginal::IncomingOriginal(const fs::path& directory, std::string sha256
 
 // Until the file is locked it looks as if its writer were dead, and may be removed.
 void IncomingOriginal::OpenLocked() {
-  struct stat info {};
+  struct stat info{};
   do {
     if (fd_ >= 0) ::close(fd_);
     fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

@@ -51,7 +51,7 @@ Error Exists(const fs::path& target) {
 }
 
 void RequireSpace(const fs::path& directory, std::uint64_t bytes, std::uint64_t reserve) {
-  struct statvfs disk {};
+  struct statvfs disk{};
   if (::statvfs(directory.c_str(), &disk) != 0) ThrowErrno("cannot look at the disk of", directory);
   const std::uint64_t available = std::uint64_t{disk.f_bavail} * disk.f_frsize;
   if (available >= reserve && available - reserve >= bytes) return;  // a sum could overflow

@@ -53,7 +53,7 @@ class ExclusiveHold {
   explicit ExclusiveHold(const fs::path& database)
       : database_(database), file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
     if (file_ < 0) ThrowErrno("cannot open", database);
-    struct flock lock {};
+    struct flock lock{};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;
     lock.l_start = 0x40000000;
@@ -76,9 +76,9 @@ class ExclusiveHold {
 
   // The new file belongs to whom the old one belongs, who may read it as before.
   void GiveOwnerAndModeTo(const fs::path& path) const {
-    struct stat old {};
+    struct stat old{};
     if (::fstat(file_, &old) != 0) ThrowErrno("cannot read the owner for", path);
-    struct stat made {};
+    struct stat made{};
     if (::stat(path.c_str(), &made) != 0) ThrowErrno("cannot read the owner of", path);
     if ((made.st_uid != old.st_uid || made.st_gid != old.st_gid) &&
         ::chown(path.c_str(), old.st_uid, old.st_gid) != 0) {
@@ -92,8 +92,8 @@ class ExclusiveHold {
  private:
   bool IsInPlace() const {
     errno = 0;
-    struct stat held {};
-    struct stat named {};
+    struct stat held{};
+    struct stat named{};
     return ::fstat(file_, &held) == 0 && ::stat(database_.c_str(), &named) == 0 &&
            held.st_dev == named.st_dev && held.st_ino == named.st_ino;
   }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The database schema and its migrations. Private to index/. Tables are described in
-// index/README.md, section FORMAT.
+// index/FORMAT.md.
 #pragma once
 
 #include <cstdint>

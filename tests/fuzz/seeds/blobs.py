@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files and blobs of our own formats (index/README.md, section FORMAT; descriptor/base/safetensors.h)."""
+"""Files and blobs of our own formats (index/FORMAT.md; descriptor/base/safetensors.h)."""
 import json
 import math
 import pathlib
