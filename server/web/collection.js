@@ -41,13 +41,13 @@ export function recommendation({ images, descriptors, vocabulary }) {
       `the collection now has ${growth.toFixed(1)} times as many.` };
   }
   const due = growth >= 5 * kGrowth || growth <= 1 / kGrowth;
-  return { due, text: due ? "Retraining may help. The collection has changed much since the last training." : "The vocabulary fits this collection. Nothing to do." };
+  return { due, text: due ? "Retraining may help. The collection has changed much since the last training." : "The vocabulary fits this collection." };
 }
 
 function vocabularyRow({ id, active, words, sampled, available, created_at: created }) {
   const use = () => tell("retrain-status", async () => {
     const { state } = await api.ask(api.address(`/vocabularies/${id}/active`), { method: "PUT" });
-    return state ? "The switch has started. The images are quantised again first." : `Vocabulary ${id} is in use.`;
+    return state ? "The switch has started. Searches use the old vocabulary until it ends." : `Vocabulary ${id} is in use.`;
   });
   return make("tr", {}, make("th", { scope: "row", text: id }), make("td", { text: figure(words) }),
     make("td", { text: `${figure(sampled)} of ${figure(available)} keypoints` }), make("td", { text: shortTime(created) }),

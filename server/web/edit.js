@@ -63,7 +63,7 @@ const editOpener = (label, large, open) => makeButton("Edit", ({ currentTarget }
   class: large ? "" : "small", "data-needs": "write", "aria-label": label });
 
 // onRenamed(name) is called when the object has another name.
-export const renameButton = ({ card, object, large = false, onRenamed }) => editOpener(`Rename ${object}`, large, (opener) => {
+export const renameButton = ({ card, object, large = false, onRenamed }) => editOpener(`Edit ${object}`, large, (opener) => {
   const [field, input] = nameField("Name", object);
   const rename = async (merge, name = input.value.trim()) => {
     if (!name) throw noName();

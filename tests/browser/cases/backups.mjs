@@ -72,7 +72,7 @@ test("with a key, the page fetches the file; who may not do everything sees no b
   const listed = await (await fetch(`${server.address}/v1/backups`, { headers })).text();
   await page.route("**/v1/backups", (route) => route.fulfill({ body: listed, contentType: "application/json" }));
   assert.equal((await fetch(`${server.address}/v1/backups/${name}`, { method: "DELETE", headers })).status, 204);
-  await page.getByRole("button", { name: `Download the backup ${name}` }).click();
+  await page.getByRole("link", { name: `Download the backup ${name}` }).click();
   await house.waitForText(page, "#backups .error", /This backup no longer exists/);
   await page.unroute("**/v1/backups");
   await house.waitForText(page, "#backups", /None yet/);

@@ -15,7 +15,7 @@ test("what to do is said in words, training is followed, a vocabulary can be cho
   await house.waitForText(page, "#recommendation", /no vocabulary yet[^]*Train one now/);
   await house.eventually(async () => assert.match(await house.text(page, "#collection-facts"), /Images\s+6\s+Objects\s+6/));
   await page.getByRole("button", { name: "Train", exact: true }).click();
-  await house.waitForText(page, "#recommendation", /Nothing to do/);
+  await house.waitForText(page, "#recommendation", /The vocabulary fits/);
   await house.eventually(async () => assert.match(await house.text(page, "#jobs"), /Preparing search\s*done/));
   await page.getByRole("button", { name: "Retrain" }).click();
   await page.locator("#vocabularies tr").nth(1).waitFor();

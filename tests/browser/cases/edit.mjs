@@ -33,7 +33,7 @@ const card = (page, view, name) => page.locator(`#${view}-list .card`, { hasText
 test("an object is renamed in place, with all its pictures", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/objects`);
-  await page.getByRole("button", { name: "Rename mug" }).click();
+  await page.getByRole("button", { name: "Edit mug", exact: true }).click();
   await house.checkAccessibility(page, "renaming");
   await house.shoot(page, "renaming");
   await page.getByLabel("Name", { exact: true }).fill("tea mug");
@@ -44,13 +44,13 @@ test("an object is renamed in place, with all its pictures", async () => {
   await page.waitForFunction(() => document.activeElement.textContent.includes("tea mug"));
 
   // Escape closes the form, and nothing has changed.
-  await page.getByRole("button", { name: "Rename cup" }).click();
+  await page.getByRole("button", { name: "Edit cup", exact: true }).click();
   await page.keyboard.press("Escape");
   await house.eventually(async () => assert.equal(await page.locator("form.edit").count(), 0));
-  assert.match(await page.evaluate(() => document.activeElement.ariaLabel), /Rename cup/);
+  assert.match(await page.evaluate(() => document.activeElement.ariaLabel), /^Edit cup/);
 
   // A name that is taken: nothing happens unless somebody says so.
-  await page.getByRole("button", { name: "Rename cup" }).click();
+  await page.getByRole("button", { name: "Edit cup", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("tea mug");
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "form.edit .error", /named tea mug already exists/);
@@ -67,7 +67,7 @@ test("what takes the name of something that is being deleted is not deleted with
   const page = await house.openPage(`${server.address}/#/objects`);
   const gone = () => page.waitForFunction(() => !document.querySelector("#notices progress"));
   await page.getByRole("button", { name: "Delete mug with its images" }).click();
-  await page.getByRole("button", { name: "Rename cup" }).click();
+  await page.getByRole("button", { name: "Edit cup", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("mug");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#objects-list", /mug/);
@@ -109,7 +109,7 @@ test("an offer holds for the name that it was made for", async () => {
   await prepare();
   await put("d", "pot", {}, 203);
   const page = await house.openPage(`${server.address}/#/objects`);
-  await page.getByRole("button", { name: "Rename cup" }).click();
+  await page.getByRole("button", { name: "Edit cup", exact: true }).click();
   const offer = page.getByRole("button", { name: "Merge" });
   const field = page.getByLabel("Name", { exact: true });
   await field.fill("mug");

@@ -126,7 +126,7 @@ test("an object's page: its pictures, its name, its end", async () => {
   await house.shoot(page, "object-page");
   await house.checkAccessibility(page, "object");
   await house.checkOverlaps(page, "object");
-  await page.locator("#view-object").getByRole("button", { name: "Rename lamp" }).click();
+  await page.locator("#view-object").getByRole("button", { name: "Edit lamp", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("desk lamp");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#object-title", /^desk lamp$/);
@@ -134,7 +134,7 @@ test("an object's page: its pictures, its name, its end", async () => {
   await page.goBack();
   await house.waitForText(page, "#objects-list", /desk lamp/);
   await page.locator("#objects-list a", { hasText: "desk lamp" }).click();
-  await page.locator("#view-object").getByRole("button", { name: "Rename desk lamp" }).click();
+  await page.locator("#view-object").getByRole("button", { name: "Edit desk lamp", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("lamp");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#object-title", /^lamp$/);

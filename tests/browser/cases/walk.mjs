@@ -30,7 +30,7 @@ async function firstVisit(where, options) {
   await house.waitForText(page, "#search-status", /24 images of 24 objects in this collection/);
 
   await page.getByRole("link", { name: "Browse" }).click();
-  await page.getByRole("button", { name: "Rename thing 03" }).click();
+  await page.getByRole("button", { name: "Edit thing 03", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("green tin");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#objects-list", /green tin/);
