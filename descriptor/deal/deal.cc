@@ -10,6 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/strings.h"
 #include "descriptor/deal/network.h"
 #include "descriptor/features/baselines.h"
 #include "descriptor/features/descriptor.h"
@@ -17,22 +18,11 @@
 namespace pliant {
 namespace {
 
-struct Variant {
-  const char* name;
-  bool warp;
-  std::span<const float> supports;  // of Describe
-};
-
-// In the order of DealVariant.
-constexpr std::array kVariants = {Variant{"deal", true, deal::kOneSupport},
-                                  Variant{"deal-fixed", false, deal::kOneSupport},
-                                  Variant{"deal-pooled", true, deal::kPooledSupports}};
-
 class DealDescriptor final : public Descriptor {
  public:
   DealDescriptor(deal::DealWeights weights, DealVariant variant)
-      : network_(std::move(weights)), variant_(kVariants.at(static_cast<std::size_t>(variant))) {
-    info_.name = variant_.name;
+      : network_(std::move(weights)), warp_(variant == DealVariant::kWarped) {
+    info_.name = warp_ ? "deal" : "deal-fixed";
     info_.kind = DescriptorKind::kFloat;
     info_.dim = deal::kDescriptorDim;
     info_.model_id = info_.name + ":" + network_.weights().sha256.substr(0, 16);
@@ -42,7 +32,7 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                        int threads) const override {
-    return Describe(grey, keypoints, variant_.supports, threads);
+    return Describe(grey, keypoints, deal::kOneSupport, threads);
   }
 
   Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
@@ -57,13 +47,12 @@ class DealDescriptor final : public Descriptor {
     result.kind = DescriptorKind::kFloat;
     result.dim = info_.dim;
     result.rows = keypoints.size();
-    result.floats =
-        network_.Describe(grey, keypoints, variant_.warp, supports, ResolveThreads(threads));
+    result.floats = network_.Describe(grey, keypoints, warp_, supports, ResolveThreads(threads));
     return result;
   }
 
   deal::DealNetwork network_;
-  Variant variant_;
+  bool warp_;
   DescriptorInfo info_;
 };
 
@@ -83,20 +72,12 @@ std::shared_ptr<const Descriptor> MakeDeal(const DescriptorOptions& options) {
 constexpr std::array kDescriptors = {
     NamedDescriptor{"deal", MakeDeal<DealVariant::kWarped>},
     NamedDescriptor{"deal-fixed", MakeDeal<DealVariant::kFixed>},
-    NamedDescriptor{"deal-pooled", MakeDeal<DealVariant::kPooled>},
     NamedDescriptor{"rootsift", [](const DescriptorOptions&) { return MakeRootSift(); }},
     NamedDescriptor{"sift", [](const DescriptorOptions&) { return MakeSift(); }},
     NamedDescriptor{"daisy", [](const DescriptorOptions&) { return MakeDaisy(); }},
     NamedDescriptor{"brisk", [](const DescriptorOptions&) { return MakeBrisk(); }},
     NamedDescriptor{"orb", [](const DescriptorOptions&) { return MakeOrb(); }},
 };
-
-std::string KnownNames() {
-  std::string names;
-  for (const NamedDescriptor& d : kDescriptors)
-    names += (names.empty() ? "" : ", ") + std::string(d.name);
-  return names;
-}
 
 }  // namespace
 
@@ -117,7 +98,8 @@ std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
     if (d.name == name) return d.make(options);
   }
   throw Error(ErrorCode::kInvalidArgument, "unknown_descriptor",
-              "There is no descriptor named '" + name + "'. Known are: " + KnownNames() + ".");
+              "There is no descriptor named '" + name +
+                  "'. Known are: " + Join(DescriptorNames(), ", ") + ".");
 }
 
 std::filesystem::path DefaultModelPath() {

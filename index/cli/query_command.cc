@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant query IMAGE --db FILE
-#include <array>
-#include <chrono>
 #include <memory>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
@@ -88,14 +87,13 @@ ExitStatus Run(Options& options) {
   options.engine.read_only = true;
   options.engine.create = false;
   Engine engine(options.engine);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const bool explain = options.search.explain;
   if (!options.pictures.draw.empty() || !options.pictures.unwarp.empty())
     options.search.explain = true;
   SearchResult result =
       Naming(picture, [&] { return engine.Search(picture.bytes, options.search); });
-  const double took_ms =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  const double took_ms = watch.ms();
   options.pictures.collection = options.search.collection;
   options.pictures.decode = options.engine.extraction.decode;
   const bool drawn = WriteQueryPictures(engine, picture.bytes, result, options.pictures);
@@ -118,7 +116,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   SearchOptions& search = options->search;
   CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
   app->add_option("IMAGE", options->image, "the query picture; - = standard input")->required();
-  AddDatabaseFlags(*app, options->engine, search.collection);
+  AddDatabaseFlag(*app, options->engine);
+  AddCollectionFlag(*app, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
       ->capture_default_str()
       ->check(AtLeast(0));

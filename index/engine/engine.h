@@ -64,6 +64,9 @@ struct EngineOptions {
   // Hears which share of the pictures is in memory while the index loads, 0..1, from the thread
   // that loads.
   std::function<void(double share)> loading;
+  // Hears of failures that no caller is told, from any thread: after them the index in memory is
+  // behind the database. Searches and writes try to catch up first, and throw what is wrong.
+  std::function<void(const std::string& failure)> warn;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
   // Pictures are refused (kNoSpace) when less than this would stay free on the disk of the database
   // or of the originals: removing takes space, too, before it gives some back.
@@ -79,8 +82,8 @@ inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string&
 
 class Engine {
  public:
-  // Opens or makes the database, migrates its schema and loads the index. Throws kNotFound,
-  // kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict, kUnavailable.
+  // Opens or makes the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
+  // database", "other_schema"), kConflict, kUnavailable.
   explicit Engine(EngineOptions options);
   ~Engine();
   Engine(const Engine&) = delete;

@@ -105,6 +105,7 @@ class Engine::Impl {
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
                        const std::stop_token& stop, const std::function<void(double)>& progress);
   void DropUnfinished(Key vocabulary) noexcept;
+  void Follow();  // after a commit; what goes wrong is told to options_.warn and thrown
   VocabularyRecord StoreVocabulary(const CollectionState& collection,
                                    const std::shared_ptr<const Vocabulary>& vocabulary,
                                    const TrainOptions& options);

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: where an object is in a picture.
-#include <chrono>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
@@ -67,7 +67,7 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
   result.query_width = query.width;
   result.query_height = query.height;
 
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   if (refs.size() > static_cast<std::size_t>(kMostCompared)) {
     refs.pop_back();
     refs = MostSimilar(query, collection, object, threads, std::move(refs));
@@ -92,8 +92,7 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
     result.image_id = pictures[i]->record.id;
     result.location = std::move(locations[i]);
   }
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  result.locate_ms = took.count();
+  result.locate_ms = watch.ms();
   return result;
 }
 

@@ -6,7 +6,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "index/engine/stopwatch.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/verify/expansion.h"
 #include "index/verify/places.h"
 #include "index/verify/verification.h"
@@ -50,11 +50,11 @@ SearchRun::SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& vi
       closer_(closer),
       options_(options),
       bow_([&] {
-        const Stopwatch watch(&timings_.quantize_ms);
+        const ScopedStopwatch watch(&timings_.quantize_ms);
         return Quantize(query);
       }()),
       rank_([&] {
-        const Stopwatch watch(&timings_.rank_ms);
+        const ScopedStopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
       shelf_(source, &rank_.admission, query.model_id),
@@ -63,7 +63,7 @@ SearchRun::SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& vi
 SearchResult SearchRun::Run() {
   Ranking ranking;
   {
-    const Stopwatch watch(&timings_.rank_ms);
+    const ScopedStopwatch watch(&timings_.rank_ms);
     ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
   }
   Fetch(ranking);
@@ -141,7 +141,7 @@ RankOptions SearchRun::ToRankOptions() const {
 // The first batch: what is verified, or else the page. Only a page that reaches behind the verified
 // pictures reads once more (PageOf).
 void SearchRun::Fetch(const Ranking& ranking) {
-  const Stopwatch watch(&timings_.database_ms);
+  const ScopedStopwatch watch(&timings_.database_ms);
   const std::span<const RankedPicture> candidates = ranking.candidates;
   if (!candidates.empty()) {
     shelf_.Fetch(verifier_.FirstBatch(candidates), Load::kRecordsAndFeatures);
@@ -157,7 +157,7 @@ void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking)
   if (IsDecided(*hits) || options_.verify_depth != 0 || hits->size() < rank_.candidates) return;
   rank_.candidates *= kDeeper;
   {
-    const Stopwatch watch(&timings_.rank_ms);
+    const ScopedStopwatch watch(&timings_.rank_ms);
     *ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
   }
   std::unordered_set<std::int64_t> looked_at;
@@ -191,7 +191,7 @@ void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
   shelf_.Fetch(sources, Load::kRecordsAndFeatures);
   std::unordered_map<std::int64_t, Support> supports;
   {
-    const Stopwatch watch(&timings_.verify_ms);
+    const ScopedStopwatch watch(&timings_.verify_ms);
     supports = pliant::Expand(*hits, {.sources = most, .threads = options_.threads}, load, nearest);
   }
   std::unordered_set<std::int64_t> looked_at;
@@ -227,7 +227,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
       options_.limit == 0 ? hits.size() : std::min(hits.size(), options_.offset + options_.limit);
   std::vector<RankedPicture> shown;
   for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].picture);
-  const Stopwatch watch(&timings_.database_ms);
+  const ScopedStopwatch watch(&timings_.database_ms);
   shelf_.Fetch(shown, Load::kRecords);
   std::vector<Hit> page;
   for (std::size_t i = begin; i < end; ++i) {

@@ -10,8 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {

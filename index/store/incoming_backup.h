@@ -24,9 +24,9 @@ class IncomingBackup {
   // throws, also when less than the reserve would stay free.
   virtual void Append(std::string_view bytes) = 0;
 
-  // Checks the whole (it is a database of Pliant's, not of a newer one, complete, with no tables,
+  // Checks the whole (it is a database of Pliant's, of this schema, complete, with no tables,
   // views or triggers but Pliant's, and its pages, keys and counts agree), flushes it and gives it
-  // its name. Throws kCorrupt "not_a_database", "newer_schema", "foreign_schema",
+  // its name. Throws kCorrupt "not_a_database", "other_schema", "foreign_schema",
   // "database_truncated", "database_corrupt" and "check_too_long" (a minute, and one per GiB),
   // kConflict "backup_exists", kCancelled "check_stopped".
   virtual void Publish() = 0;

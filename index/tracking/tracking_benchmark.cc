@@ -12,7 +12,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
-#include "descriptor/evaluation/perceptual.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/warp/unwarp.h"
 #include "index/tracking/tracker.h"
@@ -56,7 +55,6 @@ class Benchmark {
     for (const std::string& name : options.descriptors) {
       descriptors_.push_back(MakeDescriptor(name, {options.model}));
     }
-    if (!options.lpips.empty()) lpips_ = std::make_unique<PerceptualDistance>(options.lpips);
   }
 
   TrackingReport Go() {
@@ -176,10 +174,6 @@ class Benchmark {
       tracked.ssim += static_cast<double>(ssim[at]) / count;
     }
     tracked.tracked = tracked.error_px <= options_.tracked_error * truth.size_px;
-    if (lpips_) {
-      const std::lock_guard lock(lpips_mutex_);
-      tracked.lpips = lpips_->Distance(flat.image, reference.picture);
-    }
   }
 
   void Count(int views) {
@@ -195,8 +189,6 @@ class Benchmark {
   const std::vector<TrackingSequence>& sequences_;
   const TrackingBenchmarkOptions& options_;
   std::vector<std::shared_ptr<const Descriptor>> descriptors_;
-  std::mutex lpips_mutex_;  // guards lpips_, which is not thread-safe
-  std::unique_ptr<PerceptualDistance> lpips_;
   std::vector<Part> parts_;    // each written by one thread
   std::mutex progress_mutex_;  // guards done_ and the caller's progress
   std::uint64_t done_ = 0;
@@ -278,8 +270,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
                                            const std::function<bool(const TrackedView&)>& take) {
   std::vector<TrackingResult> results;
   std::vector<int> found(like.size(), 0);
-  std::vector<double> lpips(like.size(), 0);
-  std::vector<int> compared(like.size(), 0);
   for (const TrackingResult& result : like) {
     results.push_back({});
     results.back().descriptor = result.descriptor;
@@ -296,10 +286,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
       ++found[view.descriptor];
       result.error_px += view.error_px;
     }
-    if (view.lpips) {
-      ++compared[view.descriptor];
-      lpips[view.descriptor] += *view.lpips;
-    }
   }
   for (std::size_t d = 0; d < results.size(); ++d) {
     TrackingResult& result = results[d];
@@ -309,7 +295,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
     result.tracked_share /= result.frames;
     result.found_share = static_cast<double>(found[d]) / result.frames;
     if (found[d] > 0) result.error_px /= found[d];
-    if (compared[d] > 0) result.lpips = lpips[d] / compared[d];
   }
   return results;
 }

@@ -18,7 +18,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -70,8 +69,6 @@ struct TrackingBenchmarkOptions {
   double tracked_error = 0.03;  // of the object's size
   int every = 1;                // only every n-th view after the template
   int jobs = 0;                 // threads, one sequence each; 0 = one per core
-  // ONNX file of LPIPS (see descriptor/evaluation/perceptual.h); empty: LPIPS is not measured.
-  std::filesystem::path lpips;
   // Called after each view, from any thread, never concurrently. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
 };
@@ -90,7 +87,6 @@ struct TrackedView {
   double size_px = 0;   // of the object
   bool tracked = false;
   double ssim = 0;
-  std::optional<double> lpips;  // only when found
 };
 
 // Means over views.
@@ -103,7 +99,6 @@ struct TrackingResult {
   double error_px = 0;  // over the views in which it was found
   double tracked_share = 0;
   double found_share = 0;
-  std::optional<double> lpips;  // over the views in which it was found; lower is better
 };
 
 struct TrackingReport {

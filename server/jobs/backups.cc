@@ -60,7 +60,7 @@ void WithProblems(Work&& work) {
     if (error.code() != ErrorCode::kCorrupt) throw;
     std::string detail = "What was sent is damaged.";
     if (error.reason() == "not_a_database") detail = "What was sent is no database of Pliant's.";
-    if (error.reason() == "newer_schema") detail = "What was sent was made by a newer Pliant.";
+    if (error.reason() == "other_schema") detail = "What was sent was made by another Pliant.";
     if (error.reason() == "foreign_schema") {
       detail = "What was sent has tables, views or triggers that are not Pliant's.";
     }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "descriptor/base/strings.h"
 #include "server/http/problem.h"
 #include "server/openapi/parameters.h"
 #include "server/openapi/route_codes.h"
@@ -178,19 +179,13 @@ Json Operation(const Route& route) {
   return operation;
 }
 
-std::string LowerCase(std::string method) {
-  std::transform(method.begin(), method.end(), method.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return method;
-}
-
 }  // namespace
 
 Json OpenApiDocument(const std::vector<Route>& routes) {
   Json paths = Json::object();
   for (const Route& route : routes) {
     if (route.name == "page" && route.pattern != "/") continue;  // parts of the page
-    paths[route.pattern][LowerCase(route.method)] = Operation(route);
+    paths[route.pattern][Lower(route.method)] = Operation(route);
   }
   const Json bearer = {{"type", "http"}, {"scheme", "bearer"}};
   const Json header = {{"type", "apiKey"}, {"in", "header"}, {"name", "X-API-Key"}};

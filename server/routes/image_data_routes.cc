@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What belongs to one picture: its original bytes, a thumbnail, its features.
+#include "descriptor/base/base64.h"
 #include "index/files/features_npz.h"
 #include "server/http/problem.h"
 #include "server/routes/changes.h"

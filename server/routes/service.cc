@@ -57,6 +57,7 @@ void Service::Open() {
   EngineOptions engine_options = options.engine;
   engine_options.extraction.decoder = decode_;
   engine_options.loading = [this](double share) { loaded_ = share; };
+  engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
   engine_ = std::make_unique<Engine>(engine_options);
   if (IsSetAside(engine_options.database)) {
     spdlog::info(

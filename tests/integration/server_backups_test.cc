@@ -142,7 +142,7 @@ TEST_F(BackupsTest, OnlyWhatIsABackupIsTaken) {
   Refused(Put("b.db", other), 422, "backup_invalid", "no database of Pliant's");
   std::string newer = bytes;
   newer[62] = 99;  // of the schema's version
-  Refused(Put("b.db", newer), 422, "backup_invalid", "newer Pliant");
+  Refused(Put("b.db", newer), 422, "backup_invalid", "another Pliant");
   std::string damaged = bytes;
   for (std::size_t at = 8192 + 100; at + 64 < damaged.size(); at += 8192) {
     damaged.replace(at, 64, 64, '\xa5');

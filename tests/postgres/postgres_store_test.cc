@@ -494,7 +494,7 @@ TEST_F(PostgresStoreTest, RefusalsNameTheDatabaseAndNoPassword) {
   EXPECT_EQ(refusal(testing::Database("without tables").string()), "database_not_found");
   EXPECT_EQ(refusal(Url()), "opened");
   Server(Url()).Ask("UPDATE pliant SET version = 2");
-  EXPECT_EQ(refusal(Url()), "newer_schema");
+  EXPECT_EQ(refusal(Url()), "other_schema");
 }
 
 TEST_F(PostgresStoreTest, JobsAndRequestsAreOneProcesss) {

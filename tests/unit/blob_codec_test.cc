@@ -99,7 +99,7 @@ TEST_P(EveryKind, AnyDamageIsNoticed) {
 TEST(BlobCodec, ColoursComeBack) {
   Features features = RandomFeatures(3, Values::kUnit, 8);
   const std::vector<std::uint8_t> without = EncodeFeatures(features);
-  EXPECT_TRUE(DecodeFeatures(without).colours.empty()) << "as of an earlier Pliant";
+  EXPECT_TRUE(DecodeFeatures(without).colours.empty()) << "as of a grey image";
   features.colours = {3, 2, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 255}};
   const std::vector<std::uint8_t> blob = EncodeFeatures(features);
   EXPECT_EQ(blob.size(), without.size() + 4 + 12);

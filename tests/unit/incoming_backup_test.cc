@@ -7,14 +7,11 @@
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
 #include "index/store/open_store.h"
 #include "index/store/sqlite/database.h"
-#include "index/store/sqlite/schema.h"
-#include "index/store/sqlite/schema_check.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
@@ -23,7 +20,6 @@ namespace pliant {
 namespace {
 
 using testing::ExpectError;
-using ::testing::IsEmpty;
 using testing::ReadBytes;
 using testing::TemporaryFolder;
 
@@ -56,17 +52,10 @@ const std::array<std::string, 4> kAdded = {
 
 class IncomingBackupTest : public ::testing::Test {
  protected:
-  // A database of that version; 0 = this program's.
-  std::filesystem::path Make(const std::string& sql, std::size_t version = 0) {
+  std::filesystem::path Make(const std::string& sql) {
     const std::filesystem::path file = folder_ / "made.db";
     std::filesystem::remove(file);
-    if (version == 0) {
-      CreateDatabase(file, kModel);
-    } else {
-      SQLite::Database db(file.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-      db.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
-      Migrate(db, Migrations().first(version));
-    }
+    CreateDatabase(file, kModel);
     SQLite::Database(file.string(), SQLite::OPEN_READWRITE)
         .exec("PRAGMA journal_mode = DELETE;" + sql);
     return file;
@@ -84,33 +73,22 @@ class IncomingBackupTest : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(IncomingBackupTest, ThoseOfEveryVersionAreTaken) {
+TEST_F(IncomingBackupTest, OnlyThoseOfThisSchemaAreTaken) {
   EXPECT_NO_THROW(Receive(Make("")));
   EXPECT_NO_THROW(Receive(Make("ANALYZE")));
   EXPECT_NO_THROW(Receive(Make("PRAGMA optimize; VACUUM")));
-  for (std::size_t version = 1; version <= Migrations().size(); ++version) {
-    SCOPED_TRACE(version);
-    const auto file = Make("", version);
-    if (version < Migrations().size()) {
-      EXPECT_NO_THROW(Receive(file));
-    }
-    SqliteConnection db(file, SqliteConnection::Mode::kReadWrite, 0);
-    EXPECT_THAT(CheckSchema(db, Others::kRefused), IsEmpty());
-    Migrate(db.database(), Migrations());
-    EXPECT_THAT(CheckSchema(db, Others::kRefused), IsEmpty()) << "migrated";
-  }
+  const auto file = Make("PRAGMA user_version = 10");
+  ExpectError(ErrorCode::kCorrupt, "other_schema", [&] { Receive(file); });
 }
 
 TEST_F(IncomingBackupTest, ForeignSchemasAreRefused) {
-  for (const std::size_t version : {0, 5}) {
-    for (const std::string& sql : kForeign) {
-      SCOPED_TRACE(sql);
-      const auto file = Make(sql, version);
-      ExpectError(ErrorCode::kCorrupt, "foreign_schema", [&] { Receive(file); });
-      ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
-      ExpectError(ErrorCode::kCorrupt, "backup_damaged",
-                  [&] { RestoreDatabase(file, folder_ / "restored.db", false); });
-    }
+  for (const std::string& sql : kForeign) {
+    SCOPED_TRACE(sql);
+    const auto file = Make(sql);
+    ExpectError(ErrorCode::kCorrupt, "foreign_schema", [&] { Receive(file); });
+    ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
+    ExpectError(ErrorCode::kCorrupt, "backup_damaged",
+                [&] { RestoreDatabase(file, folder_ / "restored.db", false); });
   }
 }
 

@@ -3,6 +3,7 @@
 #include "index/store/sql/access.h"
 
 #include <algorithm>
+#include <string>
 #include <system_error>
 #include <utility>
 
@@ -21,6 +22,7 @@ void WriteQueue::Run(Work work, const WriteOptions& options) {
 
 void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
   try {
+    if (behind_) CatchUp();
     connection_->Rollback();  // of what a failed commit left
     connection_->BeginWrite();
     for (GroupQueue::Job* job : batch) RunInSavepoint(static_cast<Job&>(*job));
@@ -32,16 +34,38 @@ void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
     connection_->Rollback();
     return;
   }
+  Reclaim(batch);
   try {
-    if (reclaim_ && std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
-          return static_cast<const Job*>(job)->options.reclaim && !job->failure;
-        })) {
-      reclaim_(*connection_);
-    }
     after_commit_();
   } catch (...) {
-    // What was written is durable and must be reported so. The index in memory stays marked as out
-    // of date: the next search brings it up to date or throws what is wrong.
+    behind_ = true;  // what was written is durable and is reported so
+  }
+}
+
+void WriteQueue::CatchUp() {
+  constexpr const char* kStopped =
+      "writing has stopped, as the index cannot follow what was written before";
+  try {
+    after_commit_();
+  } catch (const std::exception& error) {
+    throw Error(ErrorCode::kInternal, "writing_stopped",
+                std::string(kStopped) + ": " + error.what() +
+                    ". Nothing that was acknowledged is lost. Run `pliant db check`.");
+  } catch (...) {
+    throw Error(ErrorCode::kInternal, "writing_stopped", kStopped);
+  }
+  behind_ = false;
+}
+
+// Nothing depends on it: space that is not given back now is given back after a later removal.
+void WriteQueue::Reclaim(std::span<GroupQueue::Job* const> batch) {
+  const bool wanted = std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
+    return static_cast<const Job*>(job)->options.reclaim && !job->failure;
+  });
+  if (!wanted || !reclaim_) return;
+  try {
+    reclaim_(*connection_);
+  } catch (const std::exception&) {
   }
 }
 

@@ -39,7 +39,9 @@ class WriteQueue {
   using Work = std::function<void(Connection& db)>;
 
   // `after_commit` runs after each commit and before the callers return, one thread at a time;
-  // `reclaim` before it, where a work asks for that.
+  // `reclaim` before it, where a work asks for that. When `after_commit` throws, the callers return
+  // all the same, as their work is durable. Then writing stops: the next batch calls it again
+  // first, and while it throws, all work is refused with kInternal "writing_stopped".
   WriteQueue(std::unique_ptr<Connection> connection, std::function<void()> after_commit,
              Work reclaim = {})
       : connection_(std::move(connection)),
@@ -59,12 +61,15 @@ class WriteQueue {
   };
 
   void Execute(std::span<GroupQueue::Job* const> batch) noexcept;
+  void CatchUp();
+  void Reclaim(std::span<GroupQueue::Job* const> batch);
   void RunInSavepoint(Job& job);
 
   GroupQueue queue_;
-  std::unique_ptr<Connection> connection_;  // whoever executes a batch owns it
+  std::unique_ptr<Connection> connection_;  // like behind_: owned by the thread that runs a batch
   std::function<void()> after_commit_;
   Work reclaim_;
+  bool behind_ = false;  // after_commit_ has failed since it last ran to its end
 };
 
 class Access {

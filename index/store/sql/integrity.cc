@@ -161,15 +161,12 @@ void CheckNames(Connection& db, Problems& problems) {
   EachRow(db, select, 3, [&](const Cursor& picture) {
     const std::string whose = "picture \"" + picture.Text(0) + "\"";
     check(whose, CheckImageId, picture.Text(0));
-    check(whose, CheckStoredSource, picture.Text(2));
-    const std::string metadata = picture.Text(1);
-    check(
-        whose, [](const std::string& text) { CanonicalMetadata(text, kAnyNumberOfNames); },
-        metadata);
+    check(whose, CheckSource, picture.Text(2));
+    check(whose, CanonicalMetadata, picture.Text(1));
   });
   Cursor object = db.Prepare("SELECT name FROM objects");
   while (object.Next()) {
-    check("object \"" + object.Text(0) + "\"", CheckStoredObject, object.Text(0));
+    check("object \"" + object.Text(0) + "\"", CheckObject, object.Text(0));
   }
   Cursor collection = db.Prepare("SELECT name FROM collections");
   while (collection.Next()) {

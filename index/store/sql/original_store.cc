@@ -14,10 +14,10 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/durable_file.h"
 #include "index/files/picture_files.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/unix_time.h"
-#include "index/files/merge_patch.h"
+#include "index/files/names.h"
 #include "index/files/text.h"
 #include "index/store/quantize_batch.h"
 #include "index/store/refusals.h"

@@ -17,6 +17,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/store/open_store.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
@@ -125,7 +126,7 @@ class IncomingFile final : public IncomingBackup {
     db.database().exec("PRAGMA cell_size_check = ON");
     const std::int64_t version = db.Scalar("PRAGMA user_version");
     if (version < 1) ThrowForeign(target_);
-    if (version > SchemaVersion()) ThrowBad("newer_schema", "was made by a newer Pliant");
+    if (version != kSchemaVersion) ThrowBad("other_schema", "was made by another Pliant");
     // Before any query: what it would run on may be a view that never ends.
     const std::vector<std::string> foreign = CheckSchema(db, Others::kRefused);
     if (!foreign.empty()) ThrowBad("foreign_schema", "was changed: " + foreign[0]);

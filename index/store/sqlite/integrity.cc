@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/integrity.h"
 
+#include "index/store/refusals.h"
 #include "index/store/sql/integrity.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
@@ -24,7 +25,7 @@ void CheckFile(SqliteConnection& db, Problems& problems) {
   if (db.Scalar("PRAGMA application_id") != static_cast<std::int64_t>(kApplicationId)) {
     problems.emplace_back("the application id is not Pliant's");
   }
-  if (db.Scalar("PRAGMA user_version") != SchemaVersion()) {
+  if (db.Scalar("PRAGMA user_version") != kSchemaVersion) {
     problems.emplace_back("the schema version is not this program's");
   }
 }
@@ -65,7 +66,7 @@ std::vector<std::string> QuickCheck(SqliteConnection& db) {
   const std::string answer = db.Prepare("PRAGMA quick_check(1)").One().Text(0);
   if (answer != "ok") {
     problems.push_back("SQLite: " + answer);
-  } else if (db.Scalar("PRAGMA user_version") == SchemaVersion()) {
+  } else if (db.Scalar("PRAGMA user_version") == kSchemaVersion) {
     CheckCounts(db, problems);
     CheckKeys(db, problems);
   }

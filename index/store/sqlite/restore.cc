@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A backup put in place of a database.
 #include <cerrno>
-#include <ctime>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,10 +12,12 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/files/durable_file.h"
 #include "index/store/database_file.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
@@ -128,7 +129,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   SqliteConnection made(copy, SqliteConnection::Mode::kReadWrite, kBusyTimeoutMs);
   const std::vector<std::string> foreign = CheckSchema(made, Others::kLeft);
   if (!foreign.empty()) ThrowDamaged(backup, foreign);
-  Migrate(made.database(), Migrations());
+  refusals::CheckSchemaVersion(DisplayPath(backup), made.Scalar("PRAGMA user_version"));
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
@@ -137,14 +138,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   ThrowDamaged(backup, problems);
 }
 
-std::string TimeSuffix() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  ::gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &utc);
-  return std::string(kAside) + text;
-}
+std::string TimeSuffix() { return kAside + FormatUtc(NowMs(), "%Y%m%dT%H%M%SZ"); }
 
 // What is there gets a second name, with its log; then the log loses its first one, so that it can
 // never be taken for the new database's. If the power fails between that and the new file's name,

@@ -18,9 +18,8 @@ enum class Others {
   kLeft,     // its operator's own tables, indices and views; but no triggers
 };
 
-// Everything in the schema must be, to the letter, what the migrations up to the database's
-// version make, and all of that must be there. One sentence a problem; empty = sound, or of a
-// version that this program does not know.
+// Everything in the schema must be, to the letter, what MakeTables makes, and all of that must be
+// there. One sentence a problem; empty = sound, or of another version than this program's.
 std::vector<std::string> CheckSchema(SqliteConnection& db, Others others);
 
 }  // namespace pliant

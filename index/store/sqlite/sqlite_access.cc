@@ -11,6 +11,7 @@
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
 #include "index/store/database_file.h"
+#include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
@@ -210,10 +211,10 @@ std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart pa
     } else {
       RequirePliant(file, options.busy_timeout_ms);
     }
-    UpgradeDatabase(
-        file,
-        options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite,
-        options.busy_timeout_ms);
+    const auto mode =
+        options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite;
+    SqliteConnection db(file, mode, options.busy_timeout_ms);
+    refusals::CheckSchemaVersion(DisplayPath(file), db.Scalar("PRAGMA user_version"));
   });
   return std::make_unique<SqliteAccess>(options);
 }
