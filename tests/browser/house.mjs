@@ -221,7 +221,7 @@ export async function eventually(check) {
 
 // Waits until a search is answered; the names of the hits.
 export async function hitNames(page) {
-  await waitForText(page, "#search-status", /result/);
+  await waitForText(page, "#search-status", / in \d+\.\d\d s/);
   return page.locator("#results .name").allInnerTexts();
 }
 
