@@ -24,12 +24,15 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
 
 }  // namespace
 
-void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection) {
+void AddDatabaseFlag(CLI::App& app, EngineOptions& engine) {
   engine.warn = Message;
   app.add_option("--db", engine.database,
                  "the database: a file, or the URL of a PostgreSQL database")
       ->required()
       ->type_name("FILE");
+}
+
+void AddCollectionFlag(CLI::App& app, std::string& collection) {
   app.add_option("--collection", collection, "the collection in the database")
       ->default_val(kDefaultCollection)
       ->type_name("NAME");

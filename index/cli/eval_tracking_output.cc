@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
 
 namespace pliant::cli {
@@ -49,28 +48,6 @@ Json ResultsJson(const std::vector<TrackingResult>& results) {
                     {"model_id", r.model_id}});
   }
   return json;
-}
-
-// One figure of all descriptors, a point a step that has frames.
-plot::LineChart OverTime(const TrackingReport& report,
-                         const std::vector<std::vector<TrackingResult>>& steps,
-                         const std::string& label, double top, double TrackingResult::* figure) {
-  plot::LineChart chart;
-  chart.x_label = "position in the sequence";
-  chart.y_label = label;
-  chart.y_top = top;
-  for (std::size_t d = 0; d < report.results.size(); ++d) {
-    plot::Line line;
-    line.name = report.results[d].descriptor;
-    for (int step = 0; step < kSteps; ++step) {
-      const TrackingResult& result = steps[static_cast<std::size_t>(step)][d];
-      const bool known =
-          figure == &TrackingResult::error_px ? result.found_share > 0 : result.frames > 0;
-      if (known) line.points.push_back({(step + 0.5) / kSteps, result.*figure});
-    }
-    chart.lines.push_back(std::move(line));
-  }
-  return chart;
 }
 
 }  // namespace
@@ -127,26 +104,6 @@ std::string TrackingReportCsv(const TrackingReport& report) {
     csv += "\n";
   }
   return csv;
-}
-
-Image PlotTrackingReport(const TrackingReport& report) {
-  plot::Figure figure;
-  figure.title = "Tracking over the time of the sequences";
-  figure.subtitle = std::to_string(report.sequences.size()) + " sequences, " +
-                    std::to_string(report.frames) +
-                    " frames; tracked: found within 3 % of the object's size";
-  std::vector<std::vector<TrackingResult>> steps;
-  for (int step = 0; step < kSteps; ++step) steps.push_back(AtStep(report, step));
-  figure.line_charts = {
-      OverTime(report, steps, "RANSAC inliers / matches", 1, &TrackingResult::inlier_rate),
-      OverTime(report, steps, "frames tracked", 1, &TrackingResult::tracked_share),
-      OverTime(report, steps, "SSIM of the un-warped frame", 1, &TrackingResult::ssim)};
-  if (std::any_of(report.results.begin(), report.results.end(),
-                  [](const TrackingResult& r) { return r.found_share > 0; })) {
-    figure.line_charts.push_back(
-        OverTime(report, steps, "error where found, pixels", 0, &TrackingResult::error_px));
-  }
-  return plot::DrawFigure(figure);
 }
 
 }  // namespace pliant::cli

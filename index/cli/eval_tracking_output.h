@@ -1,11 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The tracking benchmark's report as text, JSON, CSV and curves.
+// The tracking benchmark's report as text, JSON and CSV.
 #pragma once
 
 #include <string>
 
-#include "descriptor/image/image.h"
 #include "index/json/json.h"
 #include "index/tracking/tracking_benchmark.h"
 
@@ -21,8 +20,5 @@ Json TrackingReportJson(const TrackingReport& report);
 
 // One row per view and descriptor.
 std::string TrackingReportCsv(const TrackingReport& report);
-
-// Inlier rate, tracked share, error and SSIM over the time of the sequences, in ten steps.
-Image PlotTrackingReport(const TrackingReport& report);
 
 }  // namespace pliant::cli

@@ -153,7 +153,8 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("index", "Add the pictures of folders to a database");
   app->add_option("DIR", options->inputs, "folders, searched recursively, or picture files")
       ->required();
-  AddDatabaseFlags(*app, options->engine, options->job.collection);
+  AddDatabaseFlag(*app, options->engine);
+  AddCollectionFlag(*app, options->job.collection);
   AddChoice<ObjectFrom>(
       *app, "--object-from", options->object_from,
       "the name of a picture's object: its folder below DIR (\"coat/front\"), its file name "

@@ -260,12 +260,12 @@ SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptio
 }
 
 SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options,
-                                    const CloserLook& closer) {
-  return impl_->SearchFeatures(features, options, closer);
+                                    const SecondPass& second) {
+  return impl_->SearchFeatures(features, options, second);
 }
 
-std::optional<Features> Engine::DescribeCloser(Bytes encoded, const Features& known, int threads) {
-  return impl_->DescribeCloser(encoded, known, threads);
+std::optional<Features> Engine::DescribeFiner(Bytes encoded, const Features& known, int threads) {
+  return impl_->DescribeFiner(encoded, known, threads);
 }
 
 SearchResult Engine::SearchExamples(const std::vector<std::string>& image_ids,

@@ -173,13 +173,13 @@ class Engine {
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
   // With features that were extracted elsewhere with the database's model (else kConflict
-  // "model_mismatch"): what Search gives for the picture they are of. `closer` is asked for those
-  // of a closer look where Search would take one; none: there is no more to be seen.
-  using CloserLook = std::function<std::optional<Features>(ExtractionTimings*)>;
+  // "model_mismatch"): what Search gives for the picture they are of. `second` gives the features
+  // of a second pass at high resolution, where Search would make one; none: there are no more.
+  using SecondPass = std::function<std::optional<Features>(ExtractionTimings*)>;
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
-                              const CloserLook& closer = {});
+                              const SecondPass& second = {});
   // Such features, of the picture that `known` are of (FeatureExtractor::LookCloser).
-  std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads);
+  std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads);
 
   // Whether two pictures show the same object, and where that of the first is in the second; no
   // picture is stored. Where not, the second is looked at more closely, as Search does. `threads`:

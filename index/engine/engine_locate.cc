@@ -32,22 +32,18 @@ std::vector<PictureRef> Engine::Impl::PicturesOf(const std::string& collection,
   return refs;
 }
 
-// Those of the object's pictures that have most in common with the query by their words; `some`
-// where there is no vocabulary.
+// Those of the object's pictures that rank best for the query; `some` where there is no vocabulary.
 std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
                                                   const std::string& collection,
                                                   const std::string& object, int threads,
                                                   std::vector<PictureRef> some) {
   const CollectionView view = View(collection);
   if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
-  const Descriptors& descriptors = query.descriptors;
-  const Bow bow =
-      view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, threads));
   RankOptions options;
   options.keep = kMostCompared;
   options.threads = threads;
   options.admission = catalogue().Admit(view.collection, object, {}, {});
-  const Ranking ranking = ranker_->Rank(view, {bow, query}, options);
+  const Ranking ranking = ranker_->Rank(view, {query, Bow()}, options);
   if (ranking.best.empty()) return some;
   some.clear();
   for (const RankedPicture& picture : ranking.best) some.push_back(picture.ref);

@@ -130,10 +130,9 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
   return writer().ChangeObject(collection, object, change);
 }
 
-Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
-  const PictureRef ref{catalogue().RequireCollection(collection).key, id};
+Features Engine::Impl::GetFeatures(const PictureRef& ref, const std::string& collection) {
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) throw refusals::NoPicture(collection, id);
+  if (!found) throw refusals::NoPicture(collection, ref.id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;

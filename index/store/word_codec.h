@@ -13,8 +13,7 @@
 
 namespace pliant {
 
-// Throws kInternal for a bag that is not in order or has more or fewer signatures or codes than it
-// needs. One with codes must have signatures, too.
+// Throws kInternal for a bag that is not in order or lacks a code for a descriptor.
 std::vector<std::uint8_t> EncodeBow(const Bow& bow);
 
 // Throws kCorrupt also for a word of `vocabulary_size` or more.

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "index/usage/closest_name.h"
+#include "index/usage/usage_error.h"
 
 namespace pliant::cli {
 namespace {

@@ -200,9 +200,7 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
                    .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
           .auto_train = options.auto_train,
           .import_dir = options.import_dir,
-          .backups = {.directory = options.backup_dir,
-                      .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
-                      .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
+          .backup_dir = options.backup_dir,
           .bulk = {.database = IsDatabaseUrl(options.database)
                                    ? FolderOf(options.database) / "pliant-server"
                                    : std::filesystem::path(options.database),

@@ -34,7 +34,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"object_not_found", 404, "no image shows this object"},
     {"vocabulary_not_found", 404, "no vocabulary has this number"},
     {"job_not_found", 404, "no job has this id, or the server has deleted its record"},
-    {"demo_not_found", 404, "no such demonstration object"},
     {"backup_not_found", 404, "no backup has this name"},
     {"key_not_found", 404, "no valid key has this id"},
     {"method_not_allowed", 405, "the path exists, but not with this method (see Allow)"},
@@ -51,7 +50,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
      "the server stopped during the job, and the job cannot continue (of a job)"},
     {"precondition_failed", 412,
      "the resource does not meet If-Match or If-None-Match; read it again"},
-    {"length_required", 411, "the body needs Content-Length or chunked transfer encoding"},
     {"body_too_large", 413,
      "the body is larger than --max-body-mb, or an import than --max-import-mb"},
     {"uri_too_long", 414, "the address is too long"},
@@ -66,9 +64,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"fetch_host_not_allowed", 422,
      "the server does not fetch from this host, or the host has no public address "
      "(--fetch-hosts, --fetch-private)"},
-    {"backup_invalid", 422,
-     "what was sent is no database of this Pliant or an older one, or is damaged; the detail "
-     "says which"},
     {"fetch_failed", 422, "the server could not fetch the image at image_url; the detail says why"},
     {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
     {"internal", 500, "a defect or damaged data; find the request id in the server's log"},
@@ -153,7 +148,6 @@ std::string StatusTitle(int status) {
       {405, "Method Not Allowed"},
       {408, "Request Timeout"},
       {409, "Conflict"},
-      {411, "Length Required"},
       {412, "Precondition Failed"},
       {413, "Content Too Large"},
       {414, "URI Too Long"},

@@ -125,11 +125,6 @@ void CheckContentType(const Route& route, const Request& request) {
     case BodyKind::kJson:
       if (json) return;
       throw ProblemError("unsupported_content_type", "The body must be application/json.");
-    case BodyKind::kImage:
-      if (image) return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be image/*, application/octet-stream or "
-                         "multipart/form-data.");
     case BodyKind::kImageOrJson:
       if (image || json) return;
       throw ProblemError("unsupported_content_type",
@@ -143,16 +138,10 @@ void CheckContentType(const Route& route, const Request& request) {
       if (IsNdjsonType(type) || type == kTarType) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be application/x-ndjson or application/x-tar.");
-    case BodyKind::kFile:
-      if (type.empty() || type == kFileType) return;
-      throw ProblemError("unsupported_content_type", "The body must be application/octet-stream.");
     case BodyKind::kPair:
       if (type == "multipart/form-data" || json) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be multipart/form-data or application/json.");
-    case BodyKind::kImages:
-      if (type == "multipart/form-data") return;
-      throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");
   }
 }
 

@@ -47,9 +47,7 @@ Json FormContent(const Route& route) {
   Json properties = Properties(route);
   const Json image = {{"type", "string"}, {"format", "binary"}, {"description", kBinaryImage}};
   const bool pair = route.body == BodyKind::kPair;
-  const bool many = route.body == BodyKind::kImages || pair;
-  properties["image"] = many ? Json{{"type", "array"}, {"items", image}} : image;
-  if (pair) properties["image"]["maxItems"] = 2;
+  properties["image"] = pair ? Json{{"type", "array"}, {"items", image}, {"maxItems", 2}} : image;
   Json schema = {{"type", "object"}, {"properties", properties}};
   if (!pair && !MayDoWithoutImage(route)) schema["required"] = {"image"};
   return {{"schema", schema}};
@@ -65,19 +63,13 @@ Json RequestBody(const Route& route) {
     return {{"required", true},
             {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
   }
-  if (route.body == BodyKind::kFile) {
-    return {{"required", true}, {"content", {{kFileType, Json::object()}}}};
-  }
   Json content = Json::object();
-  if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {
+  if (route.body == BodyKind::kImageOrJson) {
     content["image/*"] = Json::object();
     content["application/octet-stream"] = Json::object();
   }
   if (route.body != BodyKind::kJson) content["multipart/form-data"] = FormContent(route);
-  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson ||
-      route.body == BodyKind::kPair) {
-    content["application/json"] = JsonContent(route);
-  }
+  content["application/json"] = JsonContent(route);
   return {{"required", route.body != BodyKind::kJson}, {"content", content}};
 }
 

@@ -7,9 +7,11 @@
 
 #include "descriptor/base/stopwatch.h"
 #include "index/json/result_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 

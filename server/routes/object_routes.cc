@@ -4,13 +4,15 @@
 
 #include "descriptor/base/stopwatch.h"
 #include "index/json/location_json.h"
+#include "index/json/record_json.h"
 #include "index/verify/locate.h"
 #include "server/http/problem.h"
+#include "server/routes/answers.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/lists.h"
 #include "server/routes/objects.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 

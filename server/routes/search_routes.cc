@@ -9,9 +9,9 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/stopwatch.h"
 #include "index/json/result_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
-#include "server/routes/item_result.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 #include "server/routes/search_drawing.h"
 #include "server/routes/search_options.h"
@@ -159,7 +159,7 @@ const Route& SingleSearch() {
 Json ResultOf(Service& service, const Request& batch, const std::string& collection,
               const Json& item) {
   const Stopwatch watch;
-  return ItemResult([&]() -> Json {
+  try {
     if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
     Request request;
     request.id = batch.id;
@@ -171,7 +171,11 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
         SearchQueryOf(request, parameters, collection, service.fetcher, Fetcher::For::kBatch);
     const SearchResult found = SearchOnPool(service, query);
     return {{"status", 200}, {"answer", SearchResultJson(found, watch.ms())}};
-  });
+  } catch (...) {
+    const Problem problem = CurrentProblem();
+    LogProblem(problem);
+    return {{"status", problem.status}, {"problem", ProblemSummary(problem)}};
+  }
 }
 
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {

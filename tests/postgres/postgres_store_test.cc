@@ -52,6 +52,7 @@ class PostgresStoreTest : public ::testing::Test {
     auto vocabulary = std::make_shared<Vocabulary>();
     vocabulary->words = Descriptors::Binary(2, 8);
     vocabulary->words.bytes[15] = 0xFF;
+    vocabulary->codebook.code_bytes = 8;
     vocabulary->model_id = kModel.model_id;
     Writer& writer = store_->writer();
     const CollectionState collection = store_->catalogue().RequireCollection("default");

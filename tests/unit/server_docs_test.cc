@@ -142,7 +142,7 @@ TEST(ServerReference, ListsEveryFlagWithItsDefault) {
     const std::size_t at = help.find("\n  " + flag + " ");
     ASSERT_NE(at, std::string::npos) << flag;
     const std::string in_help = help.substr(at, help.find("\n  -", at + 1) - at);
-    const std::regex with_default("[( ]default: " + value + "[;)]");
+    const std::regex with_default("(=|\\[)" + value + "[ \\]\n]");  // CLI11 2.1, 2.4
     EXPECT_TRUE(std::regex_search(in_help, with_default))
         << in_help << " is documented as " << value;
   }
@@ -243,14 +243,6 @@ TEST(ServerOptions, AnEmptyVariableIsAnEmptyValue) {
   EXPECT_EQ(parsed.options.import_dir, "");
   EXPECT_EQ(parsed.options.model, "");
   EXPECT_FALSE(parsed.options.keep_originals);
-}
-
-TEST(ServerOptions, CompletionNeedsAShellThatIsKnown) {
-  const char* argv[] = {"pliant-server", "--completion", "tcsh"};
-  testing::internal::CaptureStderr();
-  EXPECT_EQ(ParseCommandLine(3, argv).exit_status, 2);
-  EXPECT_EQ(ParseCommandLine(2, argv).exit_status, 2) << "none is named";
-  EXPECT_NE(testing::internal::GetCapturedStderr().find("not for tcsh"), std::string::npos);
 }
 
 TEST(ServerOptions, PrintsWhatIsInForceAndReadsItAgain) {

@@ -43,7 +43,7 @@ void CheckKeys(SqliteConnection& db, Problems& problems) {
 }  // namespace
 
 bool CheckStructure(SqliteConnection& db, Problems* problems) {
-  *problems = CheckSchema(db, Others::kLeft);
+  *problems = CheckSchema(db);
   if (!problems->empty()) return false;
   try {
     CheckFile(db, *problems);
@@ -61,7 +61,7 @@ std::vector<std::string> CheckDatabase(SqliteConnection& db) {
 }
 
 std::vector<std::string> QuickCheck(SqliteConnection& db) {
-  Problems problems = CheckSchema(db, Others::kLeft);
+  Problems problems = CheckSchema(db);
   if (!problems.empty()) return problems;
   const std::string answer = db.Prepare("PRAGMA quick_check(1)").One().Text(0);
   if (answer != "ok") {

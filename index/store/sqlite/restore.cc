@@ -127,7 +127,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
     CopyDatabase(source, copy);
   }
   SqliteConnection made(copy, SqliteConnection::Mode::kReadWrite, kBusyTimeoutMs);
-  const std::vector<std::string> foreign = CheckSchema(made, Others::kLeft);
+  const std::vector<std::string> foreign = CheckSchema(made);
   if (!foreign.empty()) ThrowDamaged(backup, foreign);
   refusals::CheckSchemaVersion(DisplayPath(backup), made.Scalar("PRAGMA user_version"));
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along

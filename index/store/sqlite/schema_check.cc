@@ -55,7 +55,7 @@ std::vector<Item> OwnSchema() {
 
 }  // namespace
 
-std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
+std::vector<std::string> CheckSchema(SqliteConnection& db) {
   if (db.Scalar("PRAGMA user_version") != kSchemaVersion) return {};
   const std::vector<Item> expected = OwnSchema();
   const std::vector<Item> found = SchemaOf(db.database());
@@ -66,7 +66,7 @@ std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
   }
   for (const Item& item : found) {
     if (std::binary_search(expected.begin(), expected.end(), item) || IsStatistics(item)) continue;
-    if (others == Others::kLeft && item.type != "trigger") continue;
+    if (item.type != "trigger") continue;
     problems.push_back(item.Named() + " is not Pliant's");
   }
   return problems;
