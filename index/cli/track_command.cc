@@ -36,6 +36,9 @@ class TrackOutput {
   // `frames_per_second` of the written frames. Throws kNoSpace "file_unwritable".
   TrackOutput(const std::filesystem::path& out, double frames_per_second);
 
+  void Write(const TrackedFrame& tracked, const PixelBox& box);
+  void Close();
+
  private:
   std::filesystem::path out_;
   double frames_per_second_;

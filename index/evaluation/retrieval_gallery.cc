@@ -20,6 +20,8 @@
 #include "index/store/feature_codec.h"
 
 namespace pliant {
+namespace fs = std::filesystem;
+
 namespace {
 
 void Write(const std::vector<std::uint8_t>& bytes, const fs::path& path) {
@@ -74,8 +76,6 @@ void NumberRepeats(std::vector<std::string>* ids) {
 }
 
 }  // namespace
-
-namespace fs = std::filesystem;
 
 CloserLooks::CloserLooks(Engine* engine, fs::path folder)
     : engine_(*engine), folder_(std::move(folder)) {}
