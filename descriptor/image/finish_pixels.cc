@@ -11,23 +11,6 @@
 namespace pliant {
 namespace {
 
-// Transparent pixels become white: what is under them is arbitrary.
-cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
-  cv::Mat bgr(bgra.size(), CV_8UC3);
-  for (int y = 0; y < bgra.rows; ++y) {
-    const auto* source = bgra.ptr<cv::Vec4b>(y);
-    auto* target = bgr.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < bgra.cols; ++x) {
-      const int alpha = source[x][3];
-      for (int c = 0; c < 3; ++c) {
-        target[x][c] =
-            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
-      }
-    }
-  }
-  return bgr;
-}
-
 cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
   switch (orientation) {
     case 2:
@@ -60,10 +43,20 @@ cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
 
 }  // namespace
 
-cv::Mat Simplified(cv::Mat pixels) {
-  if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1.0 / 257);
-  if (pixels.channels() == 4) pixels = ComposeOnWhite(pixels);
-  return pixels;
+cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
+  cv::Mat bgr(bgra.size(), CV_8UC3);
+  for (int y = 0; y < bgra.rows; ++y) {
+    const auto* source = bgra.ptr<cv::Vec4b>(y);
+    auto* target = bgr.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < bgra.cols; ++x) {
+      const int alpha = source[x][3];
+      for (int c = 0; c < 3; ++c) {
+        target[x][c] =
+            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
+      }
+    }
+  }
+  return bgr;
 }
 
 Image Finished(cv::Mat pixels, int orientation, const ScaledSize& size, bool colour) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// From the pixels that a decoder gives to an Image. Internal to the descriptor library; callers use
+// From the pixels of a decoder to an Image. Internal to the descriptor library; callers use
 // DecodeImage of image.h.
 #pragma once
 
@@ -10,11 +10,12 @@
 
 namespace pliant {
 
-// To 8 bits, without transparency (what is under it becomes white): grey, or B, G, R.
-cv::Mat Simplified(cv::Mat pixels);
+// B, G, R of B, G, R, A: transparent pixels become white, because the colour under them is
+// arbitrary.
+cv::Mat ComposeOnWhite(const cv::Mat& bgra);
 
-// From what Simplified gave, which may be changed: with the channels wanted, upright (by the
-// orientation of EXIF 2.3, tag 0x0112), scaled down to `size`.
+// From grey or B, G, R, which may be changed: with the channels wanted, upright (by the orientation
+// of EXIF 2.3, tag 0x0112), scaled down to `size`.
 Image Finished(cv::Mat pixels, int orientation, const ScaledSize& size, bool colour);
 
 }  // namespace pliant
