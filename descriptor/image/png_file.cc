@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // PNG (ISO/IEC 15948): chunks of length, type, data, CRC.
+#include <algorithm>
 #include <array>
 #include <csetjmp>
 #include <cstdio>
@@ -38,6 +39,14 @@ std::int64_t PixelBytes(int colour_type, bool transparent_colour) {
   const bool colour = (colour_type & PNG_COLOR_MASK_COLOR) != 0;
   if ((colour_type & PNG_COLOR_MASK_ALPHA) != 0 || transparent_colour) return 4 + 3;
   return colour ? 3 + 1 : 1;
+}
+
+// What the rows need at most: the samples of a pixel, and some bytes for each row and pass.
+double MostDataBytes(const ImageHeader& header, int bit_depth, int colour_type) {
+  constexpr std::array<int, 7> kSamples = {1, 4, 3, 1, 2, 4, 4};  // by colour type
+  const int samples = kSamples[static_cast<std::size_t>(std::min(colour_type, 6))];
+  return static_cast<double>(header.height) *
+         (static_cast<double>(header.width) * samples * bit_depth / 8 + 16);
 }
 
 // Decodes with libpng's push interface, which unpacks no more data than the rows need. (The other
@@ -143,14 +152,22 @@ ScannedImage ScanPng(Bytes bytes) {
   header.height = reader.U32(20).value_or(0);
   bool exif = false;
   bool transparent_colour = false;
+  double data_bytes = 0;
   scanned.complete = WalkPng(bytes, [&](std::size_t type, Bytes data) {
     if (reader.StartsWith(type, "tRNS")) transparent_colour = true;
+    if (reader.StartsWith(type, "IDAT")) data_bytes += static_cast<double>(data.size());
     if (!exif && reader.StartsWith(type, "eXIf")) {
       header.exif_orientation = ReadOrientation(data);
       exif = true;
     }
   });
-  scanned.pixel_bytes = PixelBytes(reader.U8(25).value_or(0), transparent_colour);
+  const int colour_type = reader.U8(25).value_or(0);
+  scanned.pixel_bytes = PixelBytes(colour_type, transparent_colour);
+  // Compressed data that are larger than what they unpack to are none of this picture's.
+  constexpr double kTolerated = 64 * 1024;
+  if (data_bytes > MostDataBytes(header, reader.U8(24).value_or(0), colour_type) + kTolerated) {
+    scanned.defect = "it holds more data than its rows";
+  }
   return scanned;
 }
 
