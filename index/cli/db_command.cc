@@ -23,7 +23,7 @@ namespace {
 struct Options {
   EngineOptions engine;
   std::string collection;
-  bool collection_named = false;
+  std::string only_collection;  // of `stats`; empty = all
   std::filesystem::path backup;
   std::string place;
   CopyCommandOptions copy;
@@ -48,8 +48,7 @@ ExitStatus Initialize(Options& options) {
 }
 
 ExitStatus Stats(Options& options) {
-  return RunStats(options.engine, {.collection = options.collection_named ? options.collection : "",
-                                   .json = options.json});
+  return RunStats(options.engine, {.collection = options.only_collection, .json = options.json});
 }
 
 ExitStatus Check(Options& options) {
@@ -163,40 +162,31 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("db", "Inspect and maintain a database");
   app->require_subcommand(1);
-  AddDatabaseFlags(*app, options->engine, options->collection);
   app->footer(
       "Example:  pliant db backup my-backup.db --db my.db\n"
       "          pliant db check --db my.db");
-  app->add_option_function<std::string>(
-         "--originals-dir",
-         [options](const std::string& text) {
-           options->engine.originals_dir = ParseOriginalsDir(text);
-         },
-         "directory of the originals (default: the one that the database records)")
-      ->type_name("DIR");
-  app->add_flag("--json", options->json, "print one JSON document");
-  const CLI::Option* collection = app->get_option("--collection");
   const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
-    sub->fallthrough();
+    AddDatabaseFlag(*sub, options->engine);
+    sub->add_option_function<std::string>(
+           "--originals-dir",
+           [options](const std::string& text) {
+             options->engine.originals_dir = ParseOriginalsDir(text);
+           },
+           "directory of the originals (default: the one that the database records)")
+        ->type_name("DIR");
+    sub->add_flag("--json", options->json, "print one JSON document");
     sub->footer("Example:  pliant db " + example);
-    const bool of_one = run == Stats || run == Export || run == Remove;
-    sub->callback([=, &status] {
-      options->collection_named = collection->count() > 0;
-      if (options->collection_named && !of_one) {
-        throw Error(ErrorCode::kInvalidArgument, "whole_database",
-                    std::string("pliant db ") + name +
-                        " is about the whole database; leave out --collection");
-      }
-      status = run(*options);
-    });
+    sub->callback([=, &status] { status = run(*options); });
     return sub;
   };
   add("init", "Make the tables of a database on a PostgreSQL server, if they are missing",
       Initialize, "init --db postgresql://pliant@host/pliant");
   add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
-      "stats --db my.db --collection shirts");
+      "stats --db my.db --collection shirts")
+      ->add_option("--collection", options->only_collection, "only this collection")
+      ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
                  "also remove files from the originals' directory that no picture refers to");
@@ -226,9 +216,10 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   exporting
       ->add_option(
           "FILE", options->exporting.out,
-          "the file to write: features as .npz (NumPy) or .h5 (HDF5, as hloc reads it), or "
-          "records as .ndjson; - = standard output, records")
+          "the file to write: features as .npz (NumPy), or records as .ndjson; - = standard "
+          "output, records")
       ->required();
+  AddCollectionFlag(*exporting, options->collection);
   exporting->add_option("--object", options->exporting.object, "only pictures of this object")
       ->type_name("NAME");
   exporting
@@ -241,6 +232,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->required();
   CLI::App* remove =
       add("rm", "Remove images permanently", Remove, "rm --object 'red shirt' --db my.db");
+  AddCollectionFlag(*remove, options->collection);
   remove->add_option("ID", options->ids, "image ids");
   remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");
 }

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "descriptor/base/format_bytes.h"
-#include "index/cli/hdf5_file.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
 #include "index/engine/collection_npz.h"
@@ -19,27 +18,12 @@ namespace pliant::cli {
 namespace {
 
 constexpr int kRecordsAtOnce = 500;
-constexpr int kFeaturesAtOnce = 50;
 
 std::int64_t ExportNpz(Engine& engine, PictureListing list, const std::filesystem::path& out) {
   NewFile file(out);
   const std::int64_t images = WriteFeaturesNpz(
       engine, std::move(list), [](std::uint64_t) {},
       [&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
-  file.Publish();
-  return images;
-}
-
-std::int64_t ExportHdf5(Engine& engine, PictureListing list, const std::filesystem::path& out) {
-  list.limit = kFeaturesAtOnce;
-  Hdf5File file(out);
-  std::int64_t images = 0;
-  engine.ForEachFeatures(
-      list, [](const PicturePage&) {},
-      [&](const ImageRecord& record, const Features& features) {
-        file.Add(record.id, features);
-        ++images;
-      });
   file.Publish();
   return images;
 }
@@ -64,14 +48,12 @@ std::int64_t ExportRecords(Engine& engine, PictureListing list, const std::files
 }  // namespace
 
 void CheckExportName(const std::filesystem::path& out) {
-  if (out == kStandardOutput) return;
-  for (const char* known : {".npz", ".h5", ".hdf5", ".ndjson"}) {
-    if (out.extension() == known) return;
-  }
-  throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
-              ToDisplayText(out.string()) +
-                  ": features are exported as .npz (NumPy) or .h5 (HDF5), records as .ndjson; the "
-                  "name must say which (- is standard output, records)");
+  if (out == kStandardOutput || out.extension() == ".npz" || out.extension() == ".ndjson") return;
+  throw Error(
+      ErrorCode::kInvalidArgument, "bad_export_name",
+      ToDisplayText(out.string()) +
+          ": features are exported as .npz (NumPy), records as .ndjson; end the name in one "
+          "of them, or give - for records on standard output");
 }
 
 ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
@@ -79,10 +61,7 @@ ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
   list.which.collection = options.collection;
   list.which.object = options.object;
   if (!options.filter.empty()) list.which.filter = ParseFilter(options.filter);
-  const auto write = options.out.extension() == ".npz" ? ExportNpz
-                     : options.out.extension() == ".ndjson" || options.out == kStandardOutput
-                         ? ExportRecords
-                         : ExportHdf5;
+  const auto write = options.out.extension() == ".npz" ? ExportNpz : ExportRecords;
   if (options.out == kStandardOutput) ClaimStandardOutput("FILE", options.json);
   const std::int64_t images = write(engine, list, options.out);
   if (options.out == kStandardOutput) {

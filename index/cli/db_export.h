@@ -13,8 +13,7 @@
 namespace pliant::cli {
 
 struct ExportOptions {
-  // .npz (engine/collection_npz.h), .h5 or .hdf5 (cli/hdf5_file.h): features, by ids; .ndjson: the
-  // records, a line of JSON each.
+  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
   std::filesystem::path out;
   std::string collection;
   std::optional<std::string> object;  // only its pictures

@@ -13,8 +13,10 @@
 
 namespace pliant::cli {
 
-// --db FILE (required) and --collection NAME.
-void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection);
+// --db FILE, required.
+void AddDatabaseFlag(CLI::App& app, EngineOptions& engine);
+// --collection NAME
+void AddCollectionFlag(CLI::App& app, std::string& collection);
 // --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how pictures are described.
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine);
 // The same with several names, NAME,... (commands that compare descriptors).

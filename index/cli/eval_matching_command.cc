@@ -4,7 +4,6 @@
 #include <memory>
 
 #include "descriptor/evaluation/matching_benchmark.h"
-#include "descriptor/evaluation/report_plot.h"
 #include "index/cli/command.h"
 #include "index/cli/eval_files.h"
 #include "index/cli/eval_matching_output.h"
@@ -12,7 +11,6 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -22,18 +20,12 @@ struct Options {
   std::filesystem::path folder;
   std::string layout = "auto";
   std::vector<std::string> descriptors;
-  EvalFiles files;
+  std::filesystem::path csv;
   bool json = false;
 };
 
-// The last name of the path that is one: "dev" of "data/dev/".
-std::string SetName(const std::filesystem::path& folder) {
-  const std::filesystem::path whole = std::filesystem::absolute(folder).lexically_normal();
-  return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
-}
-
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files, options.json);
+  CheckCsv(options.csv, options.json);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
   const evaluation::Dataset dataset =
@@ -48,11 +40,7 @@ ExitStatus Run(Options& options) {
     };
     report = evaluation::RunMatchingBenchmark(dataset, options.matching);
   }
-  if (!options.files.csv.empty()) WriteFile(options.files.csv, MatchingReportCsv(report));
-  if (!options.files.plot.empty()) {
-    WritePicture(options.files.plot,
-                 evaluation::PlotMatchingReport(report, "Matching: " + SetName(options.folder)));
-  }
+  if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
   if (options.matching.pairs > report.pairs) {
     Message("only " + std::to_string(report.pairs) + " of " +
             std::to_string(options.matching.pairs) + " pairs: the set has no more measurable ones");
@@ -117,8 +105,7 @@ void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
       "matching", "Compare descriptors at the same key points of pictures with ground truth");
   app->add_option("DIR", options->folder, "the data set")->required();
   AddSelectionFlags(*app, *options);
-  AddEvalFileFlags(*app, options->files, "write the tables to this file",
-                   "draw the tables: bars, and curves of a sweep");
+  AddCsvFlag(*app, options->csv, "write the tables to this file");
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer("Example:  pliant eval matching dev --pairs 40");
   app->callback([options, &status] { status = Run(*options); });

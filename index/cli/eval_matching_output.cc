@@ -86,19 +86,11 @@ Json CurveJson(const MatchingReport& report) {
           {"series", std::move(series)}};
 }
 
-// A CSV field; quoted when it must be.
-std::string Field(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + '"';
-}
-
 void AddCsvRows(const std::string& set, const std::string& value,
                 const std::vector<DescriptorResult>& results, std::string& csv) {
   for (const DescriptorResult& r : results) {
-    csv += Field(set) + ',' + value + ',' + Field(r.label) + ',' + Field(r.model_id) + ',' +
-           std::to_string(r.pairs);
+    csv += CsvField(set) + ',' + value + ',' + CsvField(r.label) + ',' + CsvField(r.model_id) +
+           ',' + std::to_string(r.pairs);
     for (const double figure : {r.ms, r.ms_error, r.mma, r.mutual_precision, r.ms_ratio_to_sift})
       csv += ',' + FormatFixed(figure, 6);
     csv += ',' + FormatFixed(r.correct_matches, 1) + ',' + FormatFixed(r.keypoints, 1) + ',' +

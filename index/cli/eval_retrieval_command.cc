@@ -11,7 +11,6 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -25,8 +24,8 @@ struct Options {
   std::vector<fs::path> distractors;
   std::vector<fs::path> absent;
   std::vector<fs::path> peers;
-  EvalFiles files;
-  fs::path answers;  // CSV; empty = none; - = standard output
+  fs::path csv;      // empty = none; - = standard output
+  fs::path answers;  // the same
   bool json = false;
   bool list = false;
 };
@@ -51,7 +50,7 @@ class Steps {
 };
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files, options.json);
+  CheckCsv(options.csv, options.json);
   if (options.answers == kStandardOutput) ClaimStandardOutput("--answers", options.json);
   if (!options.answers.empty()) CheckWritable(options.answers);
   options.retrieval.keep_answers = !options.answers.empty();
@@ -77,9 +76,8 @@ ExitStatus Run(Options& options) {
   for (const SkippedFile& file : report.skipped) {
     Message("skipped " + file.file + ": " + file.reason);
   }
-  if (!options.files.csv.empty()) WriteFile(options.files.csv, RetrievalReportCsv(report));
+  if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
   if (!options.answers.empty()) WriteFile(options.answers, RetrievalAnswersCsv(report));
-  if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotRetrievalReport(report));
   if (options.json) {
     PrintJson(RetrievalReportJson(report));
   } else {
@@ -132,12 +130,11 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->capture_default_str()
       ->check(AtLeast(0));
-  AddChoice<RankMethod>(app, "--rank", retrieval.rank,
-                        "ranking of all protocols but the paper's; histogram has no verification "
-                        "(default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours},
-                         {"tfidf", RankMethod::kTfIdf},
-                         {"histogram", RankMethod::kHistogram}});
+  AddChoice<RankMethod>(
+      app, "--rank", retrieval.rank,
+      "ranking of all protocols but the paper's; histogram has no verification "
+      "(default: neighbours)",
+      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   app.add_option("--verify-depth", retrieval.verify_depth,
                  "pictures verified per query; 0 = as query does")
       ->capture_default_str()
@@ -166,7 +163,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
                   "more than once")
       ->allow_extra_args(false)
       ->type_name("FILE");
-  AddEvalFileFlags(*app, options->files, "write the table to this file", "draw accuracy over K");
+  AddCsvFlag(*app, options->csv, "write the table to this file");
   app->add_option("--answers", options->answers,
                   "write the first ten hits of every query to this CSV file; - = standard output")
       ->type_name("FILE");

@@ -2,11 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/eval_retrieval_output.h"
 
-#include <map>
-#include <set>
-
 #include "descriptor/base/error.h"
-#include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
 #include "index/files/picture_files.h"
 #include "index/files/text.h"
@@ -153,21 +149,6 @@ std::string FileField(const std::filesystem::path& file) {
   return CsvField(ToDisplayText(file.string()));
 }
 
-plot::LineChart& ChartOf(const std::string& protocol, plot::Figure& figure) {
-  const std::string title = "protocol " + protocol;
-  for (plot::LineChart& chart : figure.line_charts) {
-    if (chart.title == title) return chart;
-  }
-  plot::LineChart chart;
-  chart.title = title;
-  chart.x_label = "K, pictures looked at";
-  chart.y_label = "accuracy: share of the object's pictures";
-  chart.x_ticks = {1, 5, 10, 15, 20};
-  chart.y_top = 1;
-  figure.line_charts.push_back(std::move(chart));
-  return figure.line_charts.back();
-}
-
 }  // namespace
 
 std::string RetrievalReportText(const RetrievalReport& report) {
@@ -241,30 +222,6 @@ std::string RetrievalAnswersCsv(const RetrievalReport& report) {
     }
   }
   return csv;
-}
-
-Image PlotRetrievalReport(const RetrievalReport& report) {
-  plot::Figure figure;
-  figure.title = "Retrieval: accuracy over K";
-  figure.subtitle = std::to_string(report.queries) + " queries, " +
-                    std::to_string(report.pictures) + " pictures of " +
-                    std::to_string(report.objects) + " objects, " +
-                    std::to_string(report.distractors) + " distractors; mean and spread of " +
-                    std::to_string(report.seeds) + " seeds";
-  std::map<std::string, std::set<std::size_t>> sizes;  // of the vocabularies of a kind of rows
-  for (const RetrievalResult& row : report.results)
-    sizes[row.descriptor + '/' + row.protocol].insert(row.words);
-  for (const RetrievalResult& row : report.results) {
-    plot::Line line;
-    const bool several = sizes[row.descriptor + '/' + row.protocol].size() > 1;
-    line.name = row.descriptor + (several ? ", " + FormatWords(row) + " words" : "");
-    for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
-      line.points.push_back({static_cast<double>(k + 1), row.mean.accuracy_at[k]});
-      line.spreads.push_back(row.spread.accuracy_at[k]);
-    }
-    ChartOf(row.protocol, figure).lines.push_back(std::move(line));
-  }
-  return plot::DrawFigure(figure);
 }
 
 Json RetrievalSetJson(const RetrievalSet& set) {

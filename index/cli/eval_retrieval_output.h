@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image/image.h"
 #include "index/evaluation/retrieval_evaluation.h"
 #include "index/json/json.h"
 
@@ -29,10 +28,6 @@ std::string RetrievalReportCsv(const RetrievalReport& report);
 // descriptor, protocol, words, query, object, rank, hit, hit_object, right, score, probability,
 // inliers. With the answers that RetrievalOptions::keep_answers keeps.
 std::string RetrievalAnswersCsv(const RetrievalReport& report);
-
-// Accuracy over K, one chart per protocol with a curve for each descriptor (as in the paper's
-// retrieval experiment); whiskers: the spread over seeds.
-Image PlotRetrievalReport(const RetrievalReport& report);
 
 // The set to be measured, for scripts that run other programs on it: {"layout", "counts_itself",
 // "pictures": [{"file", "object" or null, "query", "searched"}]}.

@@ -11,7 +11,6 @@
 #include "index/cli/progress.h"
 #include "index/cli/track_flags.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 namespace {
@@ -19,12 +18,12 @@ namespace {
 struct Options {
   TrackingBenchmarkOptions benchmark;
   std::filesystem::path folder;
-  EvalFiles files;
+  std::filesystem::path csv;
   bool json = false;
 };
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files, options.json);
+  CheckCsv(options.csv, options.json);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
   TrackingReport report;
@@ -36,8 +35,7 @@ ExitStatus Run(Options& options) {
     };
     report = RunTrackingBenchmark(sequences, options.benchmark);
   }
-  if (!options.files.csv.empty()) WriteFile(options.files.csv, TrackingReportCsv(report));
-  if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotTrackingReport(report));
+  if (!options.csv.empty()) WriteFile(options.csv, TrackingReportCsv(report));
   if (options.json) {
     PrintJson(TrackingReportJson(report));
   } else {
@@ -71,14 +69,10 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
       ->capture_default_str()
       ->check(Between(1, 1'000'000));
   AddTrackingFlags(*app, benchmark.locate);
-  app->add_option("--lpips", benchmark.lpips,
-                  "ONNX file of LPIPS, to measure it too (see index/tracking/README.md)")
-      ->type_name("FILE");
   app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
       ->capture_default_str()
       ->check(Between(0, 1024));
-  AddEvalFileFlags(*app, options->files, "write one row per frame and descriptor",
-                   "draw the metrics over time");
+  AddCsvFlag(*app, options->csv, "write one row per frame and descriptor");
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer("Example:  pliant eval tracking scenes");
   app->callback([options, &status] { status = Run(*options); });

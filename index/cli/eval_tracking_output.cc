@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "descriptor/plot/plot.h"
 #include "index/cli/output.h"
 
 namespace pliant::cli {
@@ -25,17 +24,13 @@ std::vector<TrackingResult> AtStep(const TrackingReport& report, int step) {
 }
 
 std::string Table(const std::vector<TrackingResult>& results) {
-  const bool lpips = std::any_of(results.begin(), results.end(),
-                                 [](const TrackingResult& r) { return r.lpips.has_value(); });
-  std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
-                                     "error px",   "tracked",     "found"};
-  if (lpips) header.emplace_back("LPIPS");
+  const std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
+                                           "error px",   "tracked",     "found"};
   std::vector<std::vector<std::string>> rows;
   for (const TrackingResult& r : results) {
     rows.push_back({r.descriptor, FormatFixed(r.inlier_rate, 3), FormatFixed(r.ssim, 3),
                     r.found_share > 0 ? FormatFixed(r.error_px, 2) : "-",
                     FormatFixed(r.tracked_share, 3), FormatFixed(r.found_share, 3)});
-    if (lpips) rows.back().push_back(r.lpips ? FormatFixed(*r.lpips, 3) : "-");
   }
   return FormatTable(header, rows);
 }
@@ -49,33 +44,10 @@ Json ResultsJson(const std::vector<TrackingResult>& results) {
                     {"error_px", r.found_share > 0 ? Json(r.error_px) : Json(nullptr)},
                     {"tracked_share", r.tracked_share},
                     {"found_share", r.found_share},
-                    {"lpips", r.lpips ? Json(*r.lpips) : Json(nullptr)},
                     {"frames", r.frames},
                     {"model_id", r.model_id}});
   }
   return json;
-}
-
-// One figure of all descriptors, a point a step that has frames.
-plot::LineChart OverTime(const TrackingReport& report,
-                         const std::vector<std::vector<TrackingResult>>& steps,
-                         const std::string& label, double top, double TrackingResult::*figure) {
-  plot::LineChart chart;
-  chart.x_label = "position in the sequence";
-  chart.y_label = label;
-  chart.y_top = top;
-  for (std::size_t d = 0; d < report.results.size(); ++d) {
-    plot::Line line;
-    line.name = report.results[d].descriptor;
-    for (int step = 0; step < kSteps; ++step) {
-      const TrackingResult& result = steps[static_cast<std::size_t>(step)][d];
-      const bool known =
-          figure == &TrackingResult::error_px ? result.found_share > 0 : result.frames > 0;
-      if (known) line.points.push_back({(step + 0.5) / kSteps, result.*figure});
-    }
-    chart.lines.push_back(std::move(line));
-  }
-  return chart;
 }
 
 }  // namespace
@@ -114,7 +86,7 @@ Json TrackingReportJson(const TrackingReport& report) {
 std::string TrackingReportCsv(const TrackingReport& report) {
   std::string csv =
       "sequence,view,descriptor,found,reason,matches,inliers,inlier_rate,error_px,size_px,tracked,"
-      "ssim,lpips\n";
+      "ssim\n";
   for (const TrackedView& view : report.views) {
     const std::vector<std::string> cells = {report.sequences[view.sequence],
                                             std::to_string(view.view),
@@ -127,32 +99,11 @@ std::string TrackingReportCsv(const TrackingReport& report) {
                                             view.found ? FormatFixed(view.error_px, 3) : "",
                                             FormatFixed(view.size_px, 1),
                                             view.tracked ? "1" : "0",
-                                            FormatFixed(view.ssim, 4),
-                                            view.lpips ? FormatFixed(*view.lpips, 4) : ""};
+                                            FormatFixed(view.ssim, 4)};
     for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + cells[i];
     csv += "\n";
   }
   return csv;
-}
-
-Image PlotTrackingReport(const TrackingReport& report) {
-  plot::Figure figure;
-  figure.title = "Tracking over the time of the sequences";
-  figure.subtitle = std::to_string(report.sequences.size()) + " sequences, " +
-                    std::to_string(report.frames) +
-                    " frames; tracked: found within 3 % of the object's size";
-  std::vector<std::vector<TrackingResult>> steps;
-  for (int step = 0; step < kSteps; ++step) steps.push_back(AtStep(report, step));
-  figure.line_charts = {
-      OverTime(report, steps, "RANSAC inliers / matches", 1, &TrackingResult::inlier_rate),
-      OverTime(report, steps, "frames tracked", 1, &TrackingResult::tracked_share),
-      OverTime(report, steps, "SSIM of the un-warped frame", 1, &TrackingResult::ssim)};
-  if (std::any_of(report.results.begin(), report.results.end(),
-                  [](const TrackingResult& r) { return r.found_share > 0; })) {
-    figure.line_charts.push_back(
-        OverTime(report, steps, "error where found, pixels", 0, &TrackingResult::error_px));
-  }
-  return plot::DrawFigure(figure);
 }
 
 }  // namespace pliant::cli

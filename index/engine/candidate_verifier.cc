@@ -6,7 +6,7 @@
 #include <iterator>
 #include <utility>
 
-#include "index/engine/stopwatch.h"
+#include "descriptor/base/stopwatch.h"
 
 namespace pliant {
 namespace {
@@ -44,11 +44,11 @@ std::size_t CandidateVerifier::BatchAfter(std::size_t looked_at) const {
 void CandidateVerifier::VerifyBatch(std::vector<RankedPicture> batch,
                                     std::vector<VerifiedPicture>* verified) {
   {
-    const Stopwatch watch(&timings_.database_ms);
+    const ScopedStopwatch watch(&timings_.database_ms);
     if (!verified->empty()) shelf_.DropFeatures();
     shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
   }
-  const Stopwatch watch(&timings_.verify_ms);
+  const ScopedStopwatch watch(&timings_.verify_ms);
   auto hits = Rerank(query_, std::move(batch),
                      {.max_instances = options_.max_instances,
                       .explain = options_.explain,

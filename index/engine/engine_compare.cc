@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: whether two pictures show the same object.
-#include <chrono>
 #include <string>
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/engine/engine_impl.h"
 #include "index/store/feature_codec.h"
 #include "index/verify/explain.h"
@@ -33,10 +33,9 @@ void AddUp(const ExtractionTimings& one, ExtractionTimings* sum) {
 // What the features of both say; adds to verify_ms.
 void Conclude(const Features& query, const Features& reference, int threads,
               Comparison* comparison) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const VerificationResult result = Verifier(query, {.threads = threads}).Verify(reference);
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  comparison->verify_ms += took.count();
+  comparison->verify_ms += watch.ms();
   comparison->explanation = Explain(query, reference, result);
   comparison->explanation.ranking_score = kNoResemblance;
   comparison->outline.clear();

@@ -104,15 +104,16 @@ SearchResult Engine::Impl::SearchExamples(const std::vector<std::string>& image_
   single.offset = 0;
   single.min_score = 0;
   single.without.insert(single.without.end(), image_ids.begin(), image_ids.end());
+  const CollectionView view = View(options.collection);
   std::vector<Features> examples;  // all, before any search
   for (const std::string& id : image_ids) {
-    examples.push_back(GetFeatures(options.collection, id));
+    examples.push_back(GetFeatures({view.collection, id}, options.collection));
   }
   SearchResult result;
   Merger merger(options.group_by, options.min_score);
   for (std::size_t i = 0; i < image_ids.size(); ++i) {
     const std::string& id = image_ids[i];
-    SearchResult one = Answer(std::move(examples[i]), single, {});
+    SearchResult one = Answer(view, std::move(examples[i]), single, {});
     result.examples.push_back({id, one.keypoints, one.query_width, one.query_height});
     AddUp(one.timings, &result.timings);
     result.rank = one.rank;

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: where an object is in a picture.
-#include <chrono>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
@@ -32,22 +32,18 @@ std::vector<PictureRef> Engine::Impl::PicturesOf(const std::string& collection,
   return refs;
 }
 
-// Those of the object's pictures that have most in common with the query by their words; `some`
-// where there is no vocabulary.
+// Those of the object's pictures that rank best for the query; `some` where there is no vocabulary.
 std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
                                                   const std::string& collection,
                                                   const std::string& object, int threads,
                                                   std::vector<PictureRef> some) {
   const CollectionView view = View(collection);
   if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
-  const Descriptors& descriptors = query.descriptors;
-  const Bow bow =
-      view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, threads));
   RankOptions options;
   options.keep = kMostCompared;
   options.threads = threads;
   options.admission = catalogue().Admit(view.collection, object, {}, {});
-  const Ranking ranking = ranker_->Rank(view, {bow, query}, options);
+  const Ranking ranking = ranker_->Rank(view, {query, Bow()}, options);
   if (ranking.best.empty()) return some;
   some.clear();
   for (const RankedPicture& picture : ranking.best) some.push_back(picture.ref);
@@ -67,7 +63,7 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
   result.query_width = query.width;
   result.query_height = query.height;
 
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   if (refs.size() > static_cast<std::size_t>(kMostCompared)) {
     refs.pop_back();
     refs = MostSimilar(query, collection, object, threads, std::move(refs));
@@ -92,8 +88,7 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
     result.image_id = pictures[i]->record.id;
     result.location = std::move(locations[i]);
   }
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  result.locate_ms = took.count();
+  result.locate_ms = watch.ms();
   return result;
 }
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: adding and reading pictures.
-#include <chrono>
 #include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/names.h"
 #include "index/files/text.h"
@@ -15,17 +15,6 @@
 
 namespace pliant {
 namespace {
-
-class Stopwatch {
- public:
-  double Ms() const {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
 
 constexpr std::size_t kGeneratedIdDigits = 32;
 
@@ -70,7 +59,7 @@ std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
   return [this, pending] {
     const Stopwatch writing;
     PutOutcome stored = writer().Put(*pending->put);
-    pending->result.timings.database_ms = writing.Ms();
+    pending->result.timings.database_ms = writing.ms();
     pending->result.outcome = stored.outcome;
     pending->result.image = std::move(stored.image);
     return pending->result;
@@ -89,7 +78,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
     const FeatureExtractor& extract = request.as_query ? query_extractor() : extractor();
     const Stopwatch decoding;
     const DecodedImage decoded = extract.Decode(request.bytes);
-    timings->extraction.decode_ms = decoding.Ms();
+    timings->extraction.decode_ms = decoding.ms();
     Features features = extract.Extract(decoded, request.threads, &timings->extraction);
     CheckEnough(features.keypoints.size());
     put.encoded = EncodeFeatures(features);
@@ -113,7 +102,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
     const Descriptors& descriptors = put.features.descriptors;
     put.bow =
         view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
-    timings->quantize_ms = quantizing.Ms();
+    timings->quantize_ms = quantizing.ms();
   }
   put.keep_content = options_.keep_originals;
   return put;
@@ -141,10 +130,9 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
   return writer().ChangeObject(collection, object, change);
 }
 
-Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
-  const PictureRef ref{catalogue().RequireCollection(collection).key, id};
+Features Engine::Impl::GetFeatures(const PictureRef& ref, const std::string& collection) {
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) throw refusals::NoPicture(collection, id);
+  if (!found) throw refusals::NoPicture(collection, ref.id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;

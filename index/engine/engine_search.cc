@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/part_view.h"
+#include "descriptor/features/closer_keypoints.h"
 #include "index/engine/engine_impl.h"
 #include "index/engine/search_run.h"
 #include "index/store/feature_codec.h"
@@ -42,73 +42,69 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
 
 SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
-  CheckVocabulary(View(options.collection), options);  // before any work
+  const CollectionView view = View(options.collection);
+  CheckVocabulary(view, options);  // before any work
   ExtractionTimings timings;
   const FeatureExtractor& extractor = query_extractor();
   const Features features =
       options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
                      : extractor.Extract(encoded, options.threads, &timings);
-  const Features stored = InStoredPrecision(features);
-  return LookCloser(
-      Answer(stored, options, timings), stored, options, [&](ExtractionTimings* more) {
-        return extractor.LookCloser(encoded, features, options.region, options.threads, more);
-      });
+  return Answer(view, InStoredPrecision(features), options, timings, [&](ExtractionTimings* more) {
+    return extractor.LookCloser(encoded, features, options.region, options.threads, more);
+  });
 }
 
 SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
   Validate(options);
-  return Answer(GetFeatures(options.collection, image_id), options, {});
+  const CollectionView view = View(options.collection);
+  return Answer(view, GetFeatures({view.collection, image_id}, options.collection), options, {});
 }
 
 SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options,
-                                          const CloserLook& closer) {
+                                          const SecondPass& second) {
   Validate(options);
   const std::string& model_id = store_->model().info.model_id;
   if (features.model_id != model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "the features are of " + features.model_id + ", the database holds " + model_id);
   }
-  const Features stored = InStoredPrecision(features);
-  SearchResult first = Answer(stored, options, {});
-  return closer ? LookCloser(std::move(first), stored, options, closer) : first;
+  return Answer(View(options.collection), InStoredPrecision(features), options, {}, second);
 }
 
-SearchResult Engine::Impl::LookCloser(SearchResult first, const Features& query,
-                                      const SearchOptions& options, const CloserLook& closer) {
-  const bool found_nothing = first.found == std::size_t{0} && !first.undecided;
-  if (!options.closer_look || !found_nothing) return first;
-  ExtractionTimings extraction = first.timings.extraction;
-  std::optional<Features> features = closer(&extraction);
-  if (!features) return first;
-  const Features seen = InStoredPrecision(*std::move(features));
-  SearchResult second = Answer(query, options, extraction, &seen);
-  SearchTimings timings = second.timings;
-  timings.quantize_ms += first.timings.quantize_ms;
-  timings.rank_ms += first.timings.rank_ms;
-  timings.verify_ms += first.timings.verify_ms;
-  timings.database_ms += first.timings.database_ms;
-  // Without evidence the first order is the better one: fine key points resemble much by chance.
-  SearchResult& surer = second.evidence > first.evidence ? second : first;
-  surer.timings = timings;
-  surer.looked_closer = true;
-  return std::move(surer);
-}
-
-SearchResult Engine::Impl::Answer(Features features, const SearchOptions& options,
-                                  const ExtractionTimings& timings, const Features* closer) {
-  const CollectionView view = View(options.collection);
+SearchResult Engine::Impl::Answer(const CollectionView& view, Features features,
+                                  const SearchOptions& options, const ExtractionTimings& timings,
+                                  const SecondPass& second) {
   CheckVocabulary(view, options);
-  const auto in_region = [&](const Keypoint& k) { return Contains(*options.region, k.x, k.y); };
-  if (options.region) features = Subset(features, in_region);
+  const auto of_region = [&](Features all) {
+    if (!options.region) return all;
+    return Subset(all, [&](const Keypoint& k) { return Contains(*options.region, k.x, k.y); });
+  };
+  features = of_region(std::move(features));
   CheckQuery(features, options.region);
-  Features verified = closer != nullptr ? *closer : features;
-  if (closer != nullptr && options.region) verified = Subset(verified, in_region);
-  SearchResult result =
-      SearchRun(ranker_.get(), &catalogue(), view, features, verified, options).Run();
-  result.timings.extraction = timings;
+  SearchRun run(ranker_.get(), &catalogue(), view, features, options);
+  SearchResult result = run.Run(features);
+  std::size_t keypoints = features.keypoints.size();
+  ExtractionTimings extraction = timings;
+  const bool found_nothing = result.found == std::size_t{0} && !result.undecided;
+  if (second && options.second_pass && found_nothing) {
+    if (std::optional<Features> finer = second(&extraction)) {
+      const Features verified = of_region(InStoredPrecision(*std::move(finer)));
+      SearchResult again = run.Run(verified);
+      // Without evidence the first order is the better one: fine key points resemble much by
+      // chance.
+      if (again.evidence > result.evidence) {
+        result = std::move(again);
+        keypoints = verified.keypoints.size();
+      } else {
+        result.timings = again.timings;
+      }
+      result.second_pass = true;
+    }
+  }
+  result.timings.extraction = extraction;
   result.vocabulary = view.vocabulary;
   result.words = view.quantizer->vocabulary().size();
-  result.keypoints = static_cast<std::uint32_t>(verified.keypoints.size());
+  result.keypoints = static_cast<std::uint32_t>(keypoints);
   result.query_width = features.width;
   result.query_height = features.height;
   return result;

@@ -21,9 +21,6 @@ void Validate(const SearchOptions& options) {
   }
   if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
   if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
-  if (options.tuning.assignments < 1 || options.tuning.assignments > 16) {
-    ThrowInvalid("tuning.assignments", "must be 1 to 16");
-  }
   if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
     ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
   }

@@ -47,7 +47,7 @@ std::optional<Features> CloserLooks::Of(const std::string& id, const fs::path& f
     return features;
   }
   std::optional<Features> features =
-      engine_.DescribeCloser(ReadFile(file, max_bytes), known, /*threads=*/0);
+      engine_.DescribeFiner(ReadFile(file, max_bytes), known, /*threads=*/0);
   if (features) Write(EncodeFeatures(*features), kept);
   return features;
 }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Closer looks at queries (Engine::DescribeCloser), kept as files: every vocabulary and protocol
+// Closer looks at queries (Engine::DescribeFiner), kept as files: every vocabulary and protocol
 // asks for those of the same pictures.
 #pragma once
 
@@ -19,7 +19,7 @@ class CloserLooks {
   // when first needed.
   CloserLooks(Engine* engine, std::filesystem::path folder);
 
-  // Of the query `id` in `file`, whose first look is `known`. Throws what DescribeCloser throws,
+  // Of the query `id` in `file`, whose first look is `known`. Throws what DescribeFiner throws,
   // kCorrupt for a damaged file of the folder, kNoSpace "folder_unwritable".
   std::optional<Features> Of(const std::string& id, const std::filesystem::path& file,
                              std::int64_t max_bytes, const Features& known);

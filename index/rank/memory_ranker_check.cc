@@ -38,7 +38,7 @@ std::vector<std::string> MemoryRanker::Check() {
       stored += chunk.size();
       for (const IndexedPicture& picture : chunk) {
         const std::optional<Bow> bow = in_memory.Find(picture.key);
-        if (!bow || bow->words != picture.bow.words) {
+        if (!bow || bow->words != picture.bow.words || bow->codes != picture.bow.codes) {
           problems.push_back("picture \"" + picture.id +
                              "\": index and database differ in its words");
         }

@@ -9,7 +9,7 @@ namespace pliant {
 namespace {
 
 // With so many words, half of the lists find the same pictures in little more than half of the time
-// (index/README.md).
+// (index/RANKING.md).
 constexpr std::size_t kManyWords = 32'768;
 constexpr int kCellsOfManyWords = 8;
 
@@ -22,7 +22,7 @@ std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
   std::vector<std::vector<Vote>> found(snapshot.parts.size() * slices);
   ParallelFor(found.size(), threads, [&](std::size_t i) {
     const IndexSnapshot::Part& part = snapshot.parts[i / slices];
-    query.Collect(*part.codes, part.dead.get(), i % slices, slices, &found[i]);
+    query.Collect(part.segment->codes(), part.dead.get(), i % slices, slices, &found[i]);
   });
   std::vector<std::vector<Vote>> votes(snapshot.parts.size());
   ParallelFor(votes.size(), threads, [&](std::size_t i) {

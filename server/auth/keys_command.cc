@@ -14,7 +14,6 @@
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/usage/checks.h"
-#include "index/usage/help_format.h"
 #include "index/usage/usage_error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
@@ -111,7 +110,6 @@ int Purge(const Options& options) {
 
 void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   app.require_subcommand(1);
-  app.formatter(std::make_shared<cli::HelpFormat>());
   app.failure_message(cli::UsageError);
   app.footer("Example:  pliant-server keys create --db my.db --name shop --scope read");
   const auto add = [&](const char* name, const char* help, int (*run)(const Options&),

@@ -4,11 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <climits>
 
 #include <arpa/inet.h>
 #include <unistd.h>
+
+#include "descriptor/base/strings.h"
 
 namespace pliant::server {
 
@@ -22,8 +23,7 @@ bool IsAddress(int family, const std::string& text) {
 
 // DNS names have no case, and a final dot says only that they are complete (RFC 1034, 3.1).
 std::string Normalized(std::string name) {
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  name = Lower(name);
   if (name.ends_with('.')) name.pop_back();
   return name;
 }

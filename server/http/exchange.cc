@@ -114,7 +114,6 @@ void Exchange::CheckFraming(const httplib::Request& raw) {
 }
 
 bool Exchange::ReceivesItself() const {
-  if (route_->body == BodyKind::kFile) return true;
   // Chunks may become any number of bytes.
   return route_->receive && length_.value_or(shared_.max_body_bytes + 1) > shared_.max_body_bytes;
 }
@@ -126,9 +125,6 @@ void Exchange::CheckLength() const {
 
 // All that can be wrong with the head is said before a long body is sent for nothing.
 void Exchange::BeginReceiving() {
-  if (!length_ && route_->body == BodyKind::kFile) {
-    throw ProblemError("length_required", "The body of this request needs Content-Length.");
-  }
   const Parameters parameters(*route_, request_);
   request_.received = route_->receive(request_, length_.value_or(0));
   connection_.ReceiveInto(request_.received);

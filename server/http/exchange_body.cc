@@ -12,16 +12,11 @@ namespace pliant::server {
 namespace {
 
 constexpr std::size_t kMaxParts = 64;
-constexpr std::size_t kMaxBatchParts = 1000;       // of a route that takes many pictures
 constexpr std::size_t kMaxFieldBytes = 64 * 1024;  // of a form field that is not the picture
 
 // The library adds up the lengths of chunks before it reads them (0.18), and leaves its verdict in
 // the answer.
 bool RefusedAsTooLarge(const httplib::Response& answer) { return answer.status == 413; }
-
-std::size_t MaxParts(const Route& route) {
-  return route.body == BodyKind::kImages ? kMaxBatchParts : kMaxParts;
-}
 
 }  // namespace
 
@@ -61,7 +56,7 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
   std::size_t total = 0;
   const bool whole = reader(
       [&](const httplib::MultipartFormData& part) {
-        too_many = request_.parts.size() == MaxParts(*route_);
+        too_many = request_.parts.size() == kMaxParts;
         if (too_many) return false;
         request_.parts.push_back({part.name, part.filename, part.content_type, {}});
         return true;
@@ -88,8 +83,7 @@ void Exchange::ReadMultipart(const httplib::ContentReader& reader,
 
 ProblemError Exchange::BodyProblem(bool too_large, bool too_many_parts) const {
   if (too_many_parts) {
-    return ProblemError("bad_request",
-                        fmt::format("The form has more than {} parts.", MaxParts(*route_)));
+    return ProblemError("bad_request", fmt::format("The form has more than {} parts.", kMaxParts));
   }
   if (too_large || connection_.fault() == Connection::Fault::kBodyTooLarge) {
     return ProblemError("body_too_large", fmt::format("A body may have {}, and a form field {}.",
