@@ -92,10 +92,10 @@ Features FeatureExtractor::ExtractPart(Bytes encoded, const Region& part, int th
   if (timings != nullptr) timings->decode_ms = watch.LapMs();
   if (!view) {
     Features none{.keypoints = {}, .descriptors = {}, .model_id = descriptor_->info().model_id};
-    const ImageHeader header = ReadImageHeader(encoded);
-    const bool turned = header.exif_orientation >= 5;
-    none.width = static_cast<int>(turned ? header.height : header.width);
-    none.height = static_cast<int>(turned ? header.width : header.height);
+    // Not ReadImageHeader: no byte from outside is read where the decoder is not.
+    const DecodedImage whole = options_.decoder(encoded, options_.decode);
+    none.width = whole.original_width;
+    none.height = whole.original_height;
     return none;
   }
   Features features = Extract(view->decoded, view->inside, threads, timings, PictureRole::kQuery);

@@ -4,7 +4,7 @@
 #include <iostream>
 #include <new>
 
-#include "descriptor/image/quiet_decoders.h"
+#include "descriptor/image/prepare_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "descriptor/image/image.h"
-#include "descriptor/image/quiet_decoders.h"
+#include "descriptor/image/prepare_decoders.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
