@@ -13,7 +13,7 @@
 #include "index/engine/engine.h"
 #include "index/store/incoming_backup.h"
 #include "server/http/body_file.h"
-#include "server/http/body_sink.h"
+#include "server/http/message.h"
 #include "server/jobs/jobs.h"
 
 namespace pliant::server {
