@@ -95,6 +95,9 @@ bool Session::expects_continue() const {
 }
 
 bool Session::takes_body_first() const {
+  // A route can receive a body of these types by itself: see BodyKind::kFile.
+  const std::string& type = request_.content_type;
+  if (type.empty() || type == "application/octet-stream") return false;
   return head_.framing == BodyFraming::kLength && head_.length <= context_.max_body_bytes &&
          !expects_continue() && !request_.headers.contains("Content-Encoding") &&
          context_.admitted.Has(request_);
@@ -206,9 +209,7 @@ bool Session::ReceivesItself() const {
 }
 
 void Session::RunHandler() {
-  if (request_.received) {
-    if (!request_.body.empty()) request_.received->Append(std::exchange(request_.body, {}));
-  } else if (request_.has_body && request_.is_multipart()) {
+  if (!request_.received && request_.has_body && request_.is_multipart()) {
     const bool many = route_->body == BodyKind::kImages;
     request_.parts =
         ParseMultipart(request_.header("Content-Type"), std::exchange(request_.body, {}),
