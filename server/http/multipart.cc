@@ -77,6 +77,7 @@ std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view
     part.content = content;
     parts.push_back(std::move(part));
   }
+  if (parts.empty()) ThrowDamaged();
   return parts;
 }
 

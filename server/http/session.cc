@@ -201,9 +201,7 @@ bool Session::ReceivesItself() const {
 }
 
 void Session::RunHandler() {
-  if (request_.received) {
-    if (!request_.body.empty()) request_.received->Append(std::exchange(request_.body, {}));
-  } else if (request_.has_body && request_.is_multipart()) {
+  if (!request_.received && request_.has_body && request_.is_multipart()) {
     request_.parts = ParseMultipart(request_.header("Content-Type"),
                                     std::exchange(request_.body, {}), kMostParts);
   }
