@@ -10,6 +10,7 @@
 
 #include "index/engine/engine.h"
 #include "index/files/picture_files.h"
+#include "index/verify/locate.h"
 
 namespace pliant::cli {
 
@@ -22,5 +23,10 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine);
 // The same with several names, NAME,... (commands that compare descriptors).
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
                             DescriptorOptions& descriptor, ExtractionOptions& extraction);
+
+// Options that `track` and `eval tracking` share.
+
+// --iterations, --max-ratio, --tolerance, --regularization, --min-inliers.
+void AddTrackingFlags(CLI::App& app, LocateOptions& locate);
 
 }  // namespace pliant::cli

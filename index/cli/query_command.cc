@@ -10,7 +10,6 @@
 #include "index/cli/picture_input.h"
 #include "index/cli/query_pictures.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
 

@@ -44,7 +44,7 @@ class Engine::Impl {
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 
-  // Collections (engine_collections.cc)
+  // Collections
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
   void ChangeAliases(const AliasChanges& changes);
@@ -61,7 +61,7 @@ class Engine::Impl {
                               const SearchOptions& options);
   Comparison Compare(Bytes first, Bytes second, int threads);
 
-  // Locating (engine_locate.cc)
+  // Locating
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
                         int threads);
 

@@ -3,16 +3,30 @@
 #include "index/engine/search_run.h"
 
 #include <algorithm>
+#include <iterator>
 #include <unordered_set>
 #include <utility>
 
 #include "descriptor/base/stopwatch.h"
+#include "index/store/feature_codec.h"
 #include "index/verify/expansion.h"
 #include "index/verify/suppression.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
+
+bool IsAdmitted(const Admission& admission, const ImageRecord& record) {
+  const auto& without = admission.without;
+  return std::find(without.begin(), without.end(), record.id) == without.end() &&
+         (!admission.object || *admission.object == record.object) &&
+         Passes(admission.filter, record.metadata);
+}
+
+// Features of so many pictures are in memory at a time.
+constexpr std::size_t kPicturesABatch = 256;
+// So many are looked at before it is asked whether they are enough.
+constexpr std::size_t kFirstPictures = 30;
 
 // An undecided search looks at so many times the pictures.
 constexpr std::size_t kDeeper = 2;
@@ -40,6 +54,99 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 }
 
 }  // namespace
+
+void PictureShelf::Fetch(std::span<const RankedPicture> pictures, Load what) {
+  std::vector<PictureRef> wanted;
+  for (const RankedPicture& picture : pictures) {
+    const auto here = pictures_.find(picture.ref.version);
+    const bool enough = here != pictures_.end() && (what == Load::kRecords || !here->second ||
+                                                    !here->second->features.empty());
+    if (!enough) wanted.push_back(picture.ref);
+  }
+  if (wanted.empty()) return;
+  std::vector<std::optional<StoredPicture>> loaded = source_.LoadPictures(wanted, what);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const bool other = loaded[i] && loaded[i]->version != wanted[i].version;
+    if (other && !IsAdmitted(admission_, loaded[i]->record)) loaded[i].reset();
+    pictures_[wanted[i].version] = std::move(loaded[i]);
+  }
+}
+
+void PictureShelf::DropFeatures() {
+  for (auto& [version, picture] : pictures_) {
+    if (picture) picture->features = {};
+  }
+}
+
+const ImageRecord* PictureShelf::Record(std::int64_t version) const {
+  const auto here = pictures_.find(version);
+  return here != pictures_.end() && here->second ? &here->second->record : nullptr;
+}
+
+std::optional<Features> PictureShelf::LoadFeatures(std::int64_t version) const {
+  const auto here = pictures_.find(version);
+  if (here == pictures_.end() || !here->second) return std::nullopt;
+  Features features = DecodeFeatures(here->second->features);
+  features.model_id = model_id_;
+  return features;
+}
+
+CandidateVerifier::CandidateVerifier(const Features& query, const SearchOptions& options,
+                                     PictureShelf* shelf, SearchTimings* timings)
+    : query_(query), options_(options), shelf_(*shelf), timings_(*timings) {}
+
+std::span<const RankedPicture> CandidateVerifier::FirstBatch(
+    std::span<const RankedPicture> candidates) const {
+  return candidates.first(std::min(candidates.size(), BatchAfter(0)));
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::Verify(std::vector<RankedPicture> candidates) {
+  return Run(std::move(candidates), /*all=*/options_.verify_depth != 0);
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::VerifyAll(std::vector<RankedPicture> candidates) {
+  return Run(std::move(candidates), /*all=*/true);
+}
+
+// How many pictures are looked at next, after so many.
+std::size_t CandidateVerifier::BatchAfter(std::size_t looked_at) const {
+  if (options_.verify_depth != 0) return kPicturesABatch;
+  return std::clamp(looked_at, kFirstPictures, kPicturesABatch);
+}
+
+void CandidateVerifier::VerifyBatch(std::vector<RankedPicture> batch,
+                                    std::vector<VerifiedPicture>* verified) {
+  {
+    const ScopedStopwatch watch(&timings_.database_ms);
+    if (!verified->empty()) shelf_.DropFeatures();
+    shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
+  }
+  const ScopedStopwatch watch(&timings_.verify_ms);
+  auto hits = Rerank(query_, std::move(batch),
+                     {.max_instances = options_.max_instances,
+                      .explain = options_.explain,
+                      .threads = options_.threads},
+                     [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
+  std::move(hits.begin(), hits.end(), std::back_inserter(*verified));
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::Run(std::vector<RankedPicture> candidates,
+                                                    bool all) {
+  std::vector<VerifiedPicture> verified;
+  while (verified.size() < candidates.size()) {
+    const auto begin = candidates.begin() + static_cast<std::ptrdiff_t>(verified.size());
+    const auto left = static_cast<std::size_t>(candidates.end() - begin);
+    const auto end =
+        begin + static_cast<std::ptrdiff_t>(std::min(left, BatchAfter(verified.size())));
+    VerifyBatch({std::make_move_iterator(begin), std::make_move_iterator(end)}, &verified);
+    if (!all && IsEnough(verified)) break;
+  }
+  for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
+    const double score = candidates[i].score;
+    verified.push_back({.picture = std::move(candidates[i]), .ranking_score = score});
+  }
+  return verified;
+}
 
 SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
                      const Features& query, const SearchOptions& options)

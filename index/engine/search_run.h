@@ -4,17 +4,74 @@
 // pass verifies the same ranking with more features of the query. Private to engine/.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <optional>
+#include <span>
+#include <string>
+#include <unordered_map>
 #include <vector>
 
-#include "index/engine/candidate_verifier.h"
-#include "index/engine/picture_shelf.h"
 #include "index/rank/memory_ranker.h"
+#include "index/rank/ranker.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
 #include "index/verify/rerank.h"
 
 namespace pliant {
+
+// The pictures that one search looks at, read from the store in batches. Private to engine/.
+
+// A picture that was replaced since it was ranked stands on the shelf in its new state, under the
+// version that was ranked, so that no search misses it. Fetch: one thread. The rest: any, when no
+// Fetch runs.
+class PictureShelf {
+ public:
+  // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
+  PictureShelf(Catalogue* source, const Admission* admission, std::string model_id)
+      : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
+
+  // Reads those that are not there yet, all at once.
+  void Fetch(std::span<const RankedPicture> pictures, Load what);
+  void DropFeatures();
+
+  // nullptr, nullopt: the picture is gone.
+  const ImageRecord* Record(std::int64_t version) const;
+  std::optional<Features> LoadFeatures(std::int64_t version) const;
+
+ private:
+  Catalogue& source_;
+  const Admission& admission_;
+  std::string model_id_;
+  std::unordered_map<std::int64_t, std::optional<StoredPicture>> pictures_;  // by ranked version
+};
+
+// Verifies what was ranked, a batch of it at a time. Private to engine/.
+class CandidateVerifier {
+ public:
+  // All must outlive it. Times are added to `timings`.
+  CandidateVerifier(const Features& query, const SearchOptions& options, PictureShelf* shelf,
+                    SearchTimings* timings);
+
+  // Of so many candidates those that are surely looked at: worth reading with the first batch.
+  std::span<const RankedPicture> FirstBatch(std::span<const RankedPicture> candidates) const;
+
+  // In their order, the verified ones first: as many as it takes (IsEnough), or all where the
+  // search names its depth. The others as they were ranked.
+  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+
+  std::vector<VerifiedPicture> VerifyAll(std::vector<RankedPicture> candidates);
+
+ private:
+  std::size_t BatchAfter(std::size_t looked_at) const;
+  void VerifyBatch(std::vector<RankedPicture> batch, std::vector<VerifiedPicture>* verified);
+  std::vector<VerifiedPicture> Run(std::vector<RankedPicture> candidates, bool all);
+
+  const Features& query_;
+  const SearchOptions& options_;
+  PictureShelf& shelf_;
+  SearchTimings& timings_;
+};
 
 // Throws kInvalidArgument that names the option.
 void Validate(const SearchOptions& options);

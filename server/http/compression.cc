@@ -110,8 +110,7 @@ bool IsCompressible(std::string_view content_type) {
 std::string Compressed(const std::string& body, Coding coding) {
   if (body.size() > std::numeric_limits<uInt>::max() / 2) return {};
   if (coding == Coding::kGzip) return Gzipped(body);
-  if (coding == Coding::kBrotli) return Brotlied(body);
-  return {};
+  return coding == Coding::kBrotli ? Brotlied(body) : std::string();
 }
 
 void Compressor::Compress(const Request& request, Response& response) {
@@ -119,7 +118,10 @@ void Compressor::Compress(const Request& request, Response& response) {
   // Also for those that are too short now: caches must not mix them up.
   response.headers.emplace_back("Vary", "Accept-Encoding");
   const std::size_t bytes = response.body.size();
-  const Coding coding = ChooseCoding(request.header("Accept-Encoding"));
+  std::string accepted;
+  const auto [begin, end] = request.headers.equal_range("Accept-Encoding");
+  for (auto header = begin; header != end; ++header) accepted += header->second + ",";
+  const Coding coding = ChooseCoding(accepted);
   const bool partial = response.status == 206;
   if (coding == Coding::kIdentity || partial || bytes < kFewestBytes || bytes > kMostBytes) return;
   const bool is_long = bytes >= kLongBytes;

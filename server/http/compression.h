@@ -25,7 +25,7 @@ Coding ChooseCoding(std::string_view accept_encoding);
 // Text and JSON; pictures are compressed already.
 bool IsCompressible(std::string_view content_type);
 
-// Empty where it cannot be done. Throws nothing.
+// Empty where it cannot be done.
 std::string Compressed(const std::string& body, Coding coding);
 
 // Compresses answers on the threads that made them, within limits: short ones, and very long ones,

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "server/http/body_file.h"
-#include "server/http/problem.h"
 
 namespace pliant::server {
 
@@ -132,6 +131,11 @@ void TakePart(const Request& request, const std::string& etag, Response& respons
 }
 
 }  // namespace
+
+RangeOutside::RangeOutside(std::size_t bytes)
+    : ProblemError("range_not_satisfiable", "The range is outside of what there is.") {
+  ContentRange("bytes */" + std::to_string(bytes));
+}
 
 bool IfMatchHolds(const Request& request, const std::string& etag) {
   if (!request.headers.contains("If-Match")) return true;

@@ -4,10 +4,10 @@
 #pragma once
 
 #include <cstddef>
-#include <stdexcept>
 #include <string>
 
 #include "server/http/message.h"
+#include "server/http/problem.h"
 
 namespace pliant::server {
 
@@ -21,15 +21,10 @@ bool IfMatchHolds(const Request& request, const std::string& etag);
 // The first that If-None-Match lists and that means `etag`, or `etag` itself for *; empty = none.
 std::string NamedByIfNoneMatch(const Request& request, const std::string& etag);
 
-// The range is outside of what there is.
-class RangeOutside : public std::runtime_error {
+// "range_not_satisfiable": the range is outside of the `bytes` that there are.
+class RangeOutside : public ProblemError {
  public:
-  explicit RangeOutside(std::size_t bytes)
-      : std::runtime_error("range outside"), content_range_("bytes */" + std::to_string(bytes)) {}
-  const std::string& content_range() const { return content_range_; }
-
- private:
-  std::string content_range_;
+  explicit RangeOutside(std::size_t bytes);
 };
 
 // The answer to a GET under the request's conditions: `whole`, nothing (304), or a part of it (206)

@@ -2,35 +2,46 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/http_server.h"
 
-#include <algorithm>
-#include <array>
-#include <string_view>
+#include <condition_variable>
+#include <future>
+#include <map>
+#include <mutex>
+#include <set>
+#include <thread>
 #include <utility>
 
 #include <httplib.h>
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
-#include "server/http/exchange.h"
-#include "server/http/library.h"
-#include "server/http/library_handlers.h"
-#include "server/http/reception.h"
-#include "server/http/visit_queue.h"
+#include "server/http/connection.h"
 
 namespace pliant::server {
 
 namespace {
 
-constexpr std::size_t kMaxRequestsPerConnection = 1000;
 constexpr int kListenBacklog = 512;
 // Threads of their own for those who ask whether the server lives, so that they are answered when
 // all others are busy.
 constexpr int kHealthThreads = 2;
 constexpr int kHealthQueue = 64;
-// One of so many connections may wait for an event; the others are for who wants an answer now.
+// One of so many connections can wait for an event; the others are for who wants an answer now.
 constexpr int kWaitingShare = 2;
-// Cores that TLS greetings may take from everything else.
-constexpr int kGreetingThreads = 1;
+// Cores that TLS handshakes can take from everything else.
+constexpr int kHandshakeThreads = 1;
+
+// What httplib::TaskQueue::enqueue() returns: nothing, or since 0.13 whether the task was taken.
+using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
+
+// Runs the library's tasks at once: they only pass accepted connections on.
+class PassingQueue final : public httplib::TaskQueue {
+ public:
+  Enqueued enqueue(std::function<void()> task) override {
+    task();
+    return Enqueued(true);
+  }
+  void shutdown() override {}
+};
 
 // Without SO_REUSEPORT, which the library sets: two servers on one port must not go unnoticed.
 void SetListenOptions(socket_t listener) {
@@ -38,55 +49,41 @@ void SetListenOptions(socket_t listener) {
   setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
 }
 
-bool AsksForHealth(const RequestHead& head) {
-  constexpr std::array<std::string_view, 3> kPaths = {"/livez", "/readyz", "/metrics"};
-  const std::string_view path = std::string_view(head.target).substr(0, head.target.find('?'));
-  return head.framing == BodyFraming::kNone &&
-         std::find(kPaths.begin(), kPaths.end(), path) != kPaths.end();
-}
-
 }  // namespace
 
-class HttpServer::Impl final : public LibraryServer, private Reception::Host {
+// The library listens and accepts. process_and_close_socket() is private there:
+// server/CMakeLists.txt refuses versions with which that was not tried.
+class HttpServer::Impl final : public httplib::Server {
  public:
   Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
       : options_(std::move(options)),
-        on_request_(std::move(on_request)),
-        shared_{router,
-                std::move(admit),
-                OriginPolicy(options_.allowed_origins),
-                AllowedHosts(options_.host, options_.allowed_hosts),
-                !options_.tls_certificate.empty(),
-                options_.limits.max_body_bytes,
-                options_.max_connections / kWaitingShare},
+        sessions_{router,
+                  std::move(admit),
+                  std::move(on_request),
+                  OriginPolicy(options_.allowed_origins),
+                  AllowedHosts(options_.host, options_.allowed_hosts),
+                  !options_.tls_certificate.empty(),
+                  options_.limits.max_body_bytes,
+                  std::chrono::ceil<std::chrono::seconds>(options_.limits.idle_timeout),
+                  options_.max_connections / kWaitingShare},
         budget_{options_.max_inflight_bytes},
-        reception_({options_.limits, static_cast<std::size_t>(options_.max_connections),
-                    static_cast<std::size_t>(options_.connections_per_address)},
-                   this),
-        requests_(std::make_unique<VisitQueue>(options_.threads, options_.connection_queue,
-                                               [this](auto visit) { Serve(std::move(visit)); })),
-        health_(std::make_unique<VisitQueue>(kHealthThreads, kHealthQueue,
-                                             [this](auto visit) { Serve(std::move(visit)); })),
-        greetings_(std::make_unique<VisitQueue>(kGreetingThreads, options_.max_connections,
-                                                [this](auto visit) { Greet(std::move(visit)); })) {
+        requests_(options_.threads, options_.connection_queue),
+        health_(kHealthThreads, kHealthQueue),
+        handshakes_(kHandshakeThreads, options_.max_connections) {
+    if (!options_.tls_certificate.empty()) {
+      tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
+    }
+    new_task_queue = [] { return new PassingQueue; };
     set_socket_options([this](socket_t listener) {
       SetListenOptions(listener);
       listener_ = listener;  // of several addresses, the last tried is the one that is bound
     });
     set_tcp_nodelay(true);
-    set_keep_alive_timeout(
-        std::chrono::ceil<std::chrono::seconds>(options_.limits.idle_timeout).count());
-    set_keep_alive_max_count(kMaxRequestsPerConnection);
-    set_payload_max_length(options_.limits.max_body_bytes);
-    if (!options_.tls_certificate.empty()) {
-      tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
-    }
-    SetLibraryHandlers(*this);
     Bind();
   }
 
-  ~Impl() override { Finish(std::chrono::milliseconds(0)); }
+  ~Impl() override { Drain(std::chrono::milliseconds(0)); }
 
   void Start() {
     accepting_ = std::thread([this] { listen_after_bind(); });
@@ -96,21 +93,25 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     }
   }
 
-  std::size_t Finish(std::chrono::milliseconds deadline) {
-    if (!requests_) return 0;
-    shared_.stopping = true;
+  std::size_t Drain(std::chrono::milliseconds deadline) {
+    sessions_.stopping = true;
     if (accepting_.joinable()) {
       stop();
       accepting_.join();
     }
-    const std::size_t cut_off = reception_.Stop(deadline);
-    requests_.reset();  // their threads end
-    health_.reset();
-    greetings_.reset();
+    ForEach([](Connection& connection) { connection.Drain(); });
+    std::unique_lock lock(mutex_);
+    closed_one_.wait_for(lock, deadline, [&] { return open_ == 0; });
+    const std::size_t cut_off = open_;
+    lock.unlock();
+    ForEach([](Connection& connection) { connection.Close(); });
+    requests_.Finish();
+    health_.Finish();
+    handshakes_.Finish();
     return cut_off;
   }
 
-  void SetReady(bool ready) { shared_.ready = ready; }
+  void SetReady(bool ready) { sessions_.ready = ready; }
   int port() const { return port_; }
 
  private:
@@ -127,114 +128,76 @@ class HttpServer::Impl final : public LibraryServer, private Reception::Host {
     ::listen(listener_, kListenBacklog);  // the library's own backlog is 5
   }
 
-  void TakeSocket(socket_t socket_fd) override {
-    std::unique_ptr<TlsSession> tls;
-    if (tls_) tls = std::make_unique<TlsSession>(*tls_, socket_fd);
-    reception_.Admit(
-        std::make_unique<Connection>(socket_fd, options_.limits, &budget_, std::move(tls)));
+  bool process_and_close_socket(socket_t socket_fd) override {
+    const auto connection = std::make_shared<Connection>(context_, socket_fd, tls_.get());
+    loop_.Post([this, connection] { Welcome(connection); });
+    return true;
   }
 
-  void OnArrival(std::unique_ptr<Visit> visit) override {
-    VisitQueue& queue = AsksForHealth(visit->connection->head()) ? *health_ : *requests_;
-    if (queue.Offer(visit, visit->exchange && visit->exchange->waits())) return;
-    visit->connection->SetFault(Connection::Fault::kBusy);
-    OnFault(*visit);
-    visit->exchange.reset();
-    reception_.Return(std::move(visit), Next::kLinger);
-  }
-
-  void OnGreeting(std::unique_ptr<Visit> visit) override {
-    if (greetings_->Offer(visit)) return;
-    visit->greeting = Connection::Step::kOver;
-    reception_.Return(std::move(visit), Next::kGreet);
-  }
-
-  void Greet(std::unique_ptr<Visit> visit) {
-    visit->greeting = visit->connection->Greet();
-    reception_.Return(std::move(visit), Next::kGreet);
-  }
-
-  void OnFault(Visit& visit) override {
-    visit.connection->Rewind();  // its answer counts again
-    if (!visit.exchange) {
-      visit.exchange = std::make_unique<Exchange>(shared_, *visit.connection);
+  void Welcome(const std::shared_ptr<Connection>& connection) {
+    const auto of_address = by_address_.find(connection->address());
+    const std::size_t same = of_address == by_address_.end() ? 0 : of_address->second;
+    const auto most_of_address = static_cast<std::size_t>(options_.connections_per_address);
+    if (connections_.size() >= static_cast<std::size_t>(options_.max_connections) ||
+        (most_of_address > 0 && same >= most_of_address)) {
+      connection->TurnAway(
+          ProblemError("busy", "Too many connections. Try again shortly.").RetryAfter(2).problem());
+      return;
     }
-    AnswerByHand(visit, visit.exchange->FaultProblem());
+    connections_.insert(connection);
+    ++by_address_[connection->address()];
+    Count();
+    connection->Start();
   }
 
-  void OnCrowd(Visit& visit) override {
-    visit.begun = Clock::now();
-    visit.exchange = std::make_unique<Exchange>(shared_, *visit.connection);
-    AnswerByHand(
-        visit,
-        ProblemError("busy", "Too many connections. Try again shortly.").RetryAfter(2).problem());
+  void OnClose(const std::shared_ptr<Connection>& connection) {
+    const auto of_address = by_address_.find(connection->address());
+    if (--of_address->second == 0) by_address_.erase(of_address);
+    connections_.erase(connection);
+    Count();
   }
 
-  void Serve(std::unique_ptr<Visit> visit) {
-    Next next = ServeOne(*visit);
-    if (next != Next::kBody && next != Next::kEvent) {
-      visit->exchange.reset();
-      visit->connection->ForgetRequest();
-      ++visit->served;
-      // Closing with unread bytes would reset the connection, and with it the answer.
-      if (next == Next::kEnd && visit->connection->has_bytes()) next = Next::kLinger;
-    }
-    reception_.Return(std::move(visit), next);
+  void Count() {
+    const std::lock_guard lock(mutex_);
+    open_ = connections_.size();
+    closed_one_.notify_all();
   }
 
-  Next ServeOne(Visit& visit) {
-    Connection& connection = *visit.connection;
-    if (!visit.exchange) visit.exchange = std::make_unique<Exchange>(shared_, connection);
-    Exchange& exchange = *visit.exchange;
-    const bool last = visit.served + 1 >= kMaxRequestsPerConnection || shared_.stopping;
-    bool client_closes = false;
-    connection.Rewind();
-    const ServingExchange serving(exchange);
-    const bool written =
-        ProcessRequest(connection, last, client_closes, [&](httplib::Request& request) {
-          exchange.NoteAcceptedCodings(PrepareForLibrary(request));
-          if (connection.body_received()) request.headers.erase("Expect");  // was answered
-        });
-    if (exchange.awaits_body()) return Next::kBody;
-    if (exchange.waits()) return Next::kEvent;
-    if (exchange.answered()) {
-      const std::chrono::duration<double> seconds = Clock::now() - visit.begun;
-      on_request_(exchange.Record(seconds.count()));
-    }
-    if (exchange.must_close()) return Next::kLinger;
-    return written && !last && !client_closes ? Next::kRequest : Next::kEnd;
+  // Does it on the loop's thread, and waits for that.
+  void ForEach(const std::function<void(Connection&)>& action) {
+    std::promise<void> done;
+    loop_.Post([&] {
+      const auto connections = connections_;  // a copy: those that close leave
+      for (const auto& connection : connections) action(*connection);
+      done.set_value();
+    });
+    done.get_future().wait();
   }
 
-  void AnswerByHand(const Visit& visit, const Problem& problem) {
-    const Exchange& exchange = *visit.exchange;
-    const Response response = ProblemResponse(problem, exchange.request_id());
-    std::string text = "HTTP/1.1 " + std::to_string(problem.status) + " " +
-                       StatusTitle(problem.status) +
-                       "\r\nConnection: close\r\nContent-Type: " + response.content_type +
-                       "\r\nX-Request-Id: " + exchange.request_id() +
-                       "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\n";
-    for (const auto& [name, value] : response.headers) text += name + ": " + value + "\r\n";
-    text += "\r\n" + response.body;
-    visit.connection->write(text.data(), text.size());
-    const std::chrono::duration<double> seconds = Clock::now() - visit.begun;
-    RequestRecord record = exchange.Record(seconds.count());
-    record.status = problem.status;
-    record.code = problem.code;
-    record.bytes_out = response.body.size();
-    on_request_(record);
-  }
-
-  HttpOptions options_;
+  const HttpOptions options_;
   std::unique_ptr<TlsContext> tls_;
-  std::function<void(const RequestRecord&)> on_request_;
-  ExchangeShared shared_;
+  SessionContext sessions_;
   MemoryBudget budget_;
   int port_ = 0;
   socket_t listener_ = INVALID_SOCKET;  // owned by the library
-  Reception reception_;                 // outlives the threads that return visits to it
-  std::unique_ptr<VisitQueue> requests_;
-  std::unique_ptr<VisitQueue> health_;
-  std::unique_ptr<VisitQueue> greetings_;
+
+  // Of the loop's thread.
+  std::set<std::shared_ptr<Connection>> connections_;
+  std::map<std::string, std::size_t> by_address_;
+
+  std::mutex mutex_;  // guards open_
+  std::condition_variable closed_one_;
+  std::size_t open_ = 0;  // connections
+
+  EventLoop loop_;  // outlives the workers, which post to it
+  Workers requests_;
+  Workers health_;
+  Workers handshakes_;
+  ConnectionContext context_{
+      options_.limits, loop_,
+      requests_,       health_,
+      handshakes_,     sessions_,
+      budget_,         [this](const auto& connection) { OnClose(connection); }};
   std::thread accepting_;
 };
 
@@ -248,6 +211,6 @@ HttpServer::~HttpServer() = default;
 int HttpServer::port() const { return impl_->port(); }
 void HttpServer::Start() { impl_->Start(); }
 void HttpServer::SetReady(bool ready) { impl_->SetReady(ready); }
-std::size_t HttpServer::Stop(std::chrono::milliseconds deadline) { return impl_->Finish(deadline); }
+std::size_t HttpServer::Drain(std::chrono::milliseconds deadline) { return impl_->Drain(deadline); }
 
 }  // namespace pliant::server

@@ -4,18 +4,26 @@
 // is none of its business.
 #pragma once
 
-#include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
-#include "server/http/connection.h"
 #include "server/http/router.h"
 
 namespace pliant::server {
+
+struct ConnectionLimits {
+  std::chrono::milliseconds idle_timeout{5'000};      // between requests
+  std::chrono::milliseconds header_timeout{10'000};   // first byte to end of headers
+  std::chrono::milliseconds body_timeout{60'000};     // end of headers to end of body
+  std::chrono::milliseconds write_timeout{10'000};    // for each piece of the answer
+  std::chrono::milliseconds answer_timeout{120'000};  // for the whole answer
+  std::size_t max_header_bytes = 32 * 1024;
+  std::size_t max_body_bytes = 32 * 1024 * 1024;
+};
 
 struct HttpOptions {
   std::string host = "127.0.0.1";
@@ -68,9 +76,9 @@ class HttpServer {
   // While `ready` is false, routes that need the index are answered with "starting".
   void SetReady(bool ready);
 
-  // Accepts no more, lets what runs finish for at most `deadline`, then cuts connections off.
-  // Returns how many were cut off.
-  std::size_t Stop(std::chrono::milliseconds deadline);
+  // Accepts no more, lets running requests finish for at most `deadline`, then cuts connections
+  // off. Returns how many were cut off.
+  std::size_t Drain(std::chrono::milliseconds deadline);
 
  private:
   class Impl;

@@ -11,15 +11,46 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
-
-#include "server/http/caller.h"
 
 namespace pliant::server {
 
 class BodyFile;
-class BodySink;
+
+// What a caller must be allowed to do; each includes those before it.
+enum class Scope { kPublic, kRead, kWrite, kAdmin };
+
+// "public", "read", "write", "admin"
+inline const char* ScopeName(Scope scope) {
+  constexpr const char* kNames[] = {"public", "read", "write", "admin"};
+  return kNames[static_cast<int>(scope)];
+}
+
+// Who sent a request, and what it may do.
+struct Caller {
+  std::string key_id = {};  // of the API key that was shown; empty when none was needed
+  std::string key_name = {};
+  Scope scope = Scope::kPublic;
+};
+
+// Where a long body of a request goes, piece by piece, so that it is never in memory as a whole.
+// Used by one thread at a time. One that is destroyed before the body was complete, because the
+// client went or the body was refused, leaves nothing behind.
+class BodySink {
+ public:
+  BodySink() = default;
+  virtual ~BodySink() = default;
+  BodySink(const BodySink&) = delete;
+  BodySink& operator=(const BodySink&) = delete;
+
+  // Called by the thread that polls all connections: must not take long. What it throws is the
+  // request's answer, and the rest of the body is not read.
+  virtual void Append(std::string_view bytes) = 0;
+  // The complete body, where it can be looked at as a whole; as long as this is there.
+  virtual std::string_view All() { return {}; }
+};
 
 // Orders header names without regard to case (RFC 9110, section 5.1).
 struct HeaderNameLess {
@@ -29,6 +60,7 @@ struct HeaderNameLess {
         [](unsigned char x, unsigned char y) { return std::tolower(x) < std::tolower(y); });
   }
 };
+using HeaderFields = std::multimap<std::string, std::string, HeaderNameLess>;
 
 inline constexpr const char* kNdjsonType = "application/x-ndjson";
 inline constexpr const char* kNpzType = "application/vnd.numpy.npz";
@@ -56,7 +88,7 @@ struct Request {
   std::vector<std::string> segments;            // of the path, percent-decoded
   std::map<std::string, std::string> captures;  // {name} of the route's pattern
   std::multimap<std::string, std::string> query;
-  std::multimap<std::string, std::string, HeaderNameLess> headers;
+  HeaderFields headers;
   std::string remote_address;
   Caller caller;  // of a public route: nobody
 
@@ -75,7 +107,7 @@ struct Request {
   bool is_multipart() const { return content_type == "multipart/form-data"; }
 };
 
-// What a handler returns in place of an answer: it is called again, with Request::waited, when the
+// What a handler returns instead of an answer: it is called again, with Request::waited, when the
 // event has happened, the time is up, the client goes, or the server stops. Meanwhile the request
 // holds no thread.
 struct Wait {
@@ -90,7 +122,7 @@ struct Response {
   std::string content_type = {};
   std::string body = {};
   std::vector<std::pair<std::string, std::string>> headers = {};
-  std::shared_ptr<const BodyFile> file = {};  // the body in place of `body`
+  std::shared_ptr<const BodyFile> file = {};  // the body instead of `body`
   std::optional<Wait> wait = {};  // only of routes that take no body; then the rest means nothing
 };
 

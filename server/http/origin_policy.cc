@@ -3,10 +3,63 @@
 #include "server/http/origin_policy.h"
 
 #include <algorithm>
+#include <array>
+#include <climits>
 
+#include <arpa/inet.h>
+#include <unistd.h>
+
+#include "descriptor/base/strings.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
+
+namespace {
+
+bool IsAddress(int family, const std::string& text) {
+  std::array<unsigned char, sizeof(in6_addr)> address{};
+  const bool whole = text.find('\0') == std::string::npos;  // inet_pton() reads up to a zero
+  return whole && inet_pton(family, text.c_str(), address.data()) == 1;
+}
+
+// DNS names have no case, and a final dot says only that they are complete (RFC 1034, 3.1).
+std::string Normalized(std::string name) {
+  name = Lower(name);
+  if (name.ends_with('.')) name.pop_back();
+  return name;
+}
+
+std::string MachineName() {
+  std::array<char, HOST_NAME_MAX + 1> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+// Without ":PORT"; unchanged where that is malformed.
+std::string WithoutPort(const std::string& host) {
+  constexpr std::size_t kMostDigits = 5;
+  const std::size_t end = host.find_last_not_of("0123456789");
+  const bool is_port =
+      end != std::string::npos && host[end] == ':' && host.size() - end - 1 <= kMostDigits;
+  return is_port ? host.substr(0, end) : host;
+}
+
+}  // namespace
+
+AllowedHosts::AllowedHosts(const std::string& listen_host, const std::vector<std::string>& more)
+    : any_(std::find(more.begin(), more.end(), "*") != more.end()),
+      names_{"localhost", Normalized(listen_host), Normalized(MachineName())} {
+  for (const std::string& name : more) names_.insert(Normalized(name));
+  names_.erase("");
+}
+
+bool AllowedHosts::Allows(const std::string& host) const {
+  if (any_) return true;
+  const std::string name = WithoutPort(host);
+  if (name.starts_with('[')) {
+    return name.ends_with(']') && IsAddress(AF_INET6, name.substr(1, name.size() - 2));
+  }
+  return IsAddress(AF_INET, name) || names_.contains(Normalized(name));
+}
 
 bool OriginPolicy::Allows(const std::string& origin) const {
   return !origin.empty() && std::any_of(allowed_.begin(), allowed_.end(), [&](const auto& one) {

@@ -115,6 +115,11 @@ ProblemError& ProblemError::Allow(std::string methods) {
   return *this;
 }
 
+ProblemError& ProblemError::ContentRange(std::string range) {
+  problem_.content_range = std::move(range);
+  return *this;
+}
+
 Problem CurrentProblem() {
   try {
     throw;
@@ -139,34 +144,6 @@ Problem CurrentProblem() {
             .detail = PublicDetail("internal"),
             .internal = "an exception of an unknown type"};
   }
-}
-
-Problem ProblemForStatus(int status) {
-  switch (status) {
-    case 404:
-      return MakeProblem("route_not_found", "There is nothing at this path.");
-    case 408:
-      return MakeProblem("request_timeout", "The request did not arrive in time.");
-    case 413:
-      return MakeProblem("body_too_large", "The body is too large.");
-    case 414:
-      return MakeProblem("uri_too_long", "The address is too long.");
-    case 416:
-      return MakeProblem("range_not_satisfiable", "The Range header cannot be understood.");
-    case 417:
-      return MakeProblem("expectation_failed", "Only Expect: 100-continue is understood.");
-    case 431:
-      return MakeProblem("headers_too_large", "The headers are too large.");
-    default:
-      break;
-  }
-  if (status >= 500) {
-    return {.status = 500,
-            .code = "internal",
-            .detail = PublicDetail("internal"),
-            .internal = "the HTTP library answered " + std::to_string(status)};
-  }
-  return MakeProblem("bad_request", "The request is not valid HTTP.");
 }
 
 void LogProblem(const Problem& problem) {
@@ -195,6 +172,9 @@ Response ProblemResponse(const Problem& problem, const std::string& request_id) 
     response.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"pliant\"");
   }
   if (!problem.allow.empty()) response.headers.emplace_back("Allow", problem.allow);
+  if (!problem.content_range.empty()) {
+    response.headers.emplace_back("Content-Range", problem.content_range);
+  }
   if (problem.retry_after_s > 0) {
     response.headers.emplace_back("Retry-After", std::to_string(problem.retry_after_s));
   }

@@ -21,13 +21,14 @@ struct StoredPicture {
 
 struct Problem {
   int status = 500;
-  std::string code = {};       // stable, snake_case
-  std::string detail = {};     // for people; says nothing internal when status is 5xx
-  std::string parameter = {};  // the parameter at fault; empty = none
-  std::string allow = {};      // 405: methods that the path has
-  int retry_after_s = 0;       // 429 and 503; 0 = no header
-  double progress = -1;        // "starting": which share of the index is loaded; < 0 = none
-  std::string internal = {};   // for the log only
+  std::string code = {};           // stable, snake_case
+  std::string detail = {};         // for people; says nothing internal when status is 5xx
+  std::string parameter = {};      // the parameter at fault; empty = none
+  std::string allow = {};          // 405: methods that the path has
+  std::string content_range = {};  // 416: how much there is
+  int retry_after_s = 0;           // 429 and 503; 0 = no header
+  double progress = -1;            // "starting": which share of the index is loaded; < 0 = none
+  std::string internal = {};       // for the log only
   std::optional<StoredPicture> stored = {};  // "same_bytes": which has them
 };
 
@@ -55,6 +56,7 @@ class ProblemError : public std::runtime_error {
   ProblemError& Parameter(std::string name);
   ProblemError& RetryAfter(int seconds);
   ProblemError& Allow(std::string methods);
+  ProblemError& ContentRange(std::string range);
 
   const Problem& problem() const { return problem_; }
 
@@ -66,9 +68,6 @@ int StatusOf(ErrorCode code);
 
 // The exception being handled, as a problem: ProblemError, Error, or anything else as "internal".
 Problem CurrentProblem();
-
-// For an answer that the HTTP library made by itself, which has a status and nothing else.
-Problem ProblemForStatus(int status);
 
 // One line for the log, where there is a cause that clients must not see.
 void LogProblem(const Problem& problem);

@@ -141,6 +141,13 @@ int StatusOf(ErrorCode code) {
 std::string StatusTitle(int status) {
   // Not a map: threads may ask until the program's very end.
   constexpr std::pair<int, const char*> kTitles[] = {
+      {200, "OK"},
+      {201, "Created"},
+      {202, "Accepted"},
+      {204, "No Content"},
+      {206, "Partial Content"},
+      {207, "Multi-Status"},
+      {304, "Not Modified"},
       {400, "Bad Request"},
       {401, "Unauthorized"},
       {403, "Forbidden"},

@@ -3,13 +3,19 @@
 #include "server/http/request_head.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
+
+#include "descriptor/base/strings.h"
 
 namespace pliant::server {
 
 namespace {
 
+constexpr std::size_t kMostLineBytes = 8192;
 constexpr std::size_t kMostSizeLineBytes = 1024;
+constexpr std::array<std::string_view, 9> kMethods = {
+    "GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT"};
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
@@ -25,121 +31,99 @@ bool IsToken(std::string_view text) {
 
 bool IsControl(char c) { return (static_cast<unsigned char>(c) < ' ' && c != '\t') || c == 0x7F; }
 
-char Lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-bool IsName(std::string_view text, std::string_view lower_name) {
-  return std::equal(text.begin(), text.end(), lower_name.begin(), lower_name.end(),
-                    [](char a, char b) { return Lower(a) == b; });
-}
-
-std::string_view Trimmed(std::string_view text) {
-  const auto is_space = [](char c) { return c == ' ' || c == '\t'; };
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  return text;
-}
-
 int HexDigit(char c) {
   if (IsDigit(c)) return c - '0';
-  const char lower = Lower(c);
-  return lower >= 'a' && lower <= 'f' ? lower - 'a' + 10 : -1;
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
-class HeadReader {
- public:
-  RequestHead Read(std::string_view head) {
-    bool first = true;
-    while (head_.fault.empty() && !head.empty()) {
-      const std::size_t end = head.find('\n');
-      if (end == std::string_view::npos || end == 0 || head[end - 1] != '\r') {
-        head_.fault = "A line of the head does not end in CR LF.";
-        break;
-      }
-      const std::string_view line = head.substr(0, end - 1);
-      head.remove_prefix(end + 1);
-      if (std::any_of(line.begin(), line.end(), IsControl)) {
-        head_.fault = "The head holds control characters.";
-      } else if (first) {
-        ReadRequestLine(line);
-      } else if (!line.empty()) {
-        ReadField(line);
-      }
-      first = false;
-    }
-    if (lengths_ > 1 || encodings_ > 1 || (lengths_ > 0 && encodings_ > 0) ||
-        (old_ && encodings_ > 0)) {
-      head_.fault = "The length of the body is ambiguous.";
-    }
-    return head_;
-  }
+// Each returns what is wrong; empty = nothing.
 
- private:
-  // METHOD SP target SP HTTP/1.x; what else is wrong with it the library says.
-  void ReadRequestLine(std::string_view line) {
-    const std::size_t first = line.find(' ');
-    const std::size_t last = line.rfind(' ');
-    if (first == std::string_view::npos || first == last) return;
-    head_.target = line.substr(first + 1, last - first - 1);
-    old_ = line.substr(last + 1) != "HTTP/1.1";
-    if (head_.target.find(' ') != std::string::npos || !IsToken(line.substr(0, first))) {
-      head_.fault = "The request line is no \"METHOD target HTTP/1.1\".";
-    }
+std::string ReadRequestLine(std::string_view line, RequestHead& head) {
+  const std::size_t first = line.find(' ');
+  const std::size_t last = line.rfind(' ');
+  const std::string_view method = line.substr(0, first);
+  const std::string_view version = line.substr(last == std::string_view::npos ? 0 : last + 1);
+  head.is_http_1_0 = version == "HTTP/1.0";
+  if (first == last || (version != "HTTP/1.1" && !head.is_http_1_0) ||
+      line.substr(0, last).rfind(' ') != first) {
+    return "The request line is no \"METHOD target HTTP/1.1\".";
   }
-
-  void ReadField(std::string_view line) {
-    if (line.front() == ' ' || line.front() == '\t') {
-      head_.fault = "A header field is folded over several lines.";
-      return;
-    }
-    const std::size_t colon = line.find(':');
-    const std::string_view name = line.substr(0, colon);
-    if (colon == std::string_view::npos || !IsToken(name)) {
-      head_.fault = "A header field has no name, or one with characters that names do not have.";
-      return;
-    }
-    const std::string_view value = Trimmed(line.substr(colon + 1));
-    if (IsName(name, "content-length")) ReadLength(value);
-    if (IsName(name, "transfer-encoding")) {
-      ++encodings_;
-      if (IsName(value, "chunked")) head_.framing = BodyFraming::kChunked;
-    }
+  if (std::find(kMethods.begin(), kMethods.end(), method) == kMethods.end()) {
+    return "The method is unknown.";
   }
+  head.method = method;
+  head.target = line.substr(first + 1, last - first - 1);
+  return {};
+}
 
-  void ReadLength(std::string_view value) {
-    ++lengths_;
-    if (value.empty() || !std::all_of(value.begin(), value.end(), IsDigit)) {
-      head_.fault = "Content-Length is not a number.";
-      return;
-    }
-    constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max() / 16;
-    for (const char digit : value) {
-      head_.length = std::min(kMost, head_.length * 10 + static_cast<std::uint64_t>(digit - '0'));
-    }
-    if (head_.length > 0) head_.framing = BodyFraming::kLength;
+std::string ReadLength(std::string_view value, RequestHead& head) {
+  if (value.empty() || !std::all_of(value.begin(), value.end(), IsDigit)) {
+    return "Content-Length is not a number.";
   }
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max() / 16;
+  for (const char digit : value) {
+    head.length = std::min(kMost, head.length * 10 + static_cast<std::uint64_t>(digit - '0'));
+  }
+  if (head.length > 0) head.framing = BodyFraming::kLength;
+  return {};
+}
 
-  RequestHead head_;
-  bool old_ = false;  // HTTP/1.0, which has no chunks (section 6.1)
-  int lengths_ = 0;
-  int encodings_ = 0;
-};
+std::string ReadField(std::string_view line, RequestHead& head) {
+  if (line.size() > kMostLineBytes) return "A header field is too long.";
+  if (line.front() == ' ' || line.front() == '\t') {
+    return "A header field is folded over several lines.";
+  }
+  const std::size_t colon = line.find(':');
+  const std::string_view name = line.substr(0, colon);
+  if (colon == std::string_view::npos || !IsToken(name)) {
+    return "A header field has no name, or one with characters that names do not have.";
+  }
+  head.fields.emplace(name, Trimmed(line.substr(colon + 1)));
+  return {};
+}
+
+// Sections 6.1 and 6.3: one length, or chunks, never both; HTTP/1.0 has no chunks.
+std::string ReadFraming(RequestHead& head) {
+  const auto length = head.fields.find("Content-Length");
+  const auto encoding = head.fields.find("Transfer-Encoding");
+  const bool has_length = length != head.fields.end();
+  const bool has_encoding = encoding != head.fields.end();
+  if (head.fields.count("Content-Length") > 1 || head.fields.count("Transfer-Encoding") > 1 ||
+      (has_encoding && (has_length || head.is_http_1_0))) {
+    return "The length of the body is ambiguous.";
+  }
+  if (has_encoding) {
+    const bool chunked = EqualsIgnoringCase(encoding->second, "chunked");
+    head.framing = chunked ? BodyFraming::kChunked : BodyFraming::kUnknown;
+  }
+  return has_length ? ReadLength(length->second, head) : "";
+}
 
 }  // namespace
 
-RequestHead ReadRequestHead(std::string_view head) { return HeadReader().Read(head); }
-
-void HideRange(std::span<char> head) {
-  const std::string_view text(head.data(), head.size());
-  constexpr std::string_view kField = "\nrange:";
-  for (auto at = text.find('\n'); at != std::string_view::npos; at = text.find('\n', at + 1)) {
-    const std::string_view line = text.substr(at, kField.size());
-    if (!std::equal(line.begin(), line.end(), kField.begin(), kField.end(),
-                    [](char a, char b) { return Lower(a) == b; })) {
-      continue;
+RequestHead ReadRequestHead(std::string_view text) {
+  RequestHead head;
+  bool first = true;
+  while (head.fault.empty() && !text.empty()) {
+    const std::size_t end = text.find('\n');
+    if (end == std::string_view::npos || end == 0 || text[end - 1] != '\r') {
+      head.fault = "A line of the head does not end in CR LF.";
+      break;
     }
-    std::copy_n(kHiddenRange, kField.size() - 2,
-                head.begin() + static_cast<std::ptrdiff_t>(at) + 1);
+    const std::string_view line = text.substr(0, end - 1);
+    text.remove_prefix(end + 1);
+    if (std::any_of(line.begin(), line.end(), IsControl)) {
+      head.fault = "The head holds control characters.";
+    } else if (first) {
+      head.fault = ReadRequestLine(line, head);
+    } else if (!line.empty()) {
+      head.fault = ReadField(line, head);
+    }
+    first = false;
   }
+  if (head.fault.empty()) head.fault = ReadFraming(head);
+  return head;
 }
 
 std::size_t EndOfHead(std::string_view received, std::size_t from) {
@@ -218,6 +202,25 @@ ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
   }
   *used = at;
   return state;
+}
+
+std::string FieldParameter(std::string_view field, std::string_view name) {
+  std::size_t at = field.find(';');
+  while (at != std::string_view::npos) {
+    const std::size_t equals = field.find('=', at);
+    if (equals == std::string_view::npos) break;
+    const std::string_view found = Trimmed(field.substr(at + 1, equals - at - 1));
+    const bool quoted = field.substr(equals + 1, 1) == "\"";
+    const std::size_t begin = equals + (quoted ? 2 : 1);
+    std::size_t end = field.find(quoted ? '"' : ';', begin);
+    while (quoted && end != std::string_view::npos && field[end - 1] == '\\') {
+      end = field.find('"', end + 1);
+    }
+    const std::string_view value = field.substr(begin, end - begin);
+    if (EqualsIgnoringCase(found, name)) return std::string(quoted ? value : Trimmed(value));
+    at = field.find(';', end);
+  }
+  return {};
 }
 
 }  // namespace pliant::server

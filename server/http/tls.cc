@@ -3,13 +3,10 @@
 #include "server/http/tls.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <climits>
 
-#include <fcntl.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
-#include <poll.h>
 
 #include "descriptor/base/error.h"
 
@@ -24,23 +21,14 @@ namespace {
   throw Error(ErrorCode::kInvalidArgument, "tls_invalid", what + ": " + reason);
 }
 
+int AsInt(std::size_t size) { return static_cast<int>(std::min<std::size_t>(size, INT_MAX)); }
+
 }  // namespace
 
-class TlsContext::Impl {
- public:
-  Impl() : context(SSL_CTX_new(TLS_server_method())) {
-    if (context == nullptr) ThrowTls("TLS cannot be set up");
-  }
-  ~Impl() { SSL_CTX_free(context); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-
-  SSL_CTX* context;
-};
-
 TlsContext::TlsContext(const std::string& certificate_file, const std::string& key_file)
-    : impl_(std::make_unique<Impl>()) {
-  SSL_CTX* context = impl_->context;
+    : context_(SSL_CTX_new(TLS_server_method()), SSL_CTX_free) {
+  SSL_CTX* context = context_.get();
+  if (context == nullptr) ThrowTls("TLS cannot be set up");
   SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
   // Without key exchange by the certificate's own key, which keeps no secret once that is lost.
   if (SSL_CTX_set_cipher_list(context, "HIGH:!kRSA:!aNULL:!eNULL:!PSK:!SRP") != 1) {
@@ -58,83 +46,43 @@ TlsContext::TlsContext(const std::string& certificate_file, const std::string& k
   }
 }
 
-TlsContext::~TlsContext() = default;
-
-class TlsSession::Impl {
- public:
-  Impl(SSL_CTX* context, int fd) : socket_fd(fd), ssl(SSL_new(context)) {
-    if (ssl != nullptr) SSL_set_fd(ssl, fd);
-  }
-  ~Impl() { SSL_free(ssl); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-
-  // Runs `step` until it does something, fails, or the deadline passes.
-  template <typename Step>
-  ssize_t Drive(Step step, Clock::time_point deadline) {
-    if (ssl == nullptr || failed) return -1;
-    while (true) {
-      ERR_clear_error();
-      const int done = step();
-      if (done > 0) return done;
-      const int error = SSL_get_error(ssl, done);
-      if (error == SSL_ERROR_ZERO_RETURN) return 0;
-      if (error != SSL_ERROR_WANT_READ && error != SSL_ERROR_WANT_WRITE) {
-        failed = true;
-        ERR_clear_error();
-        return -1;
-      }
-      wants_output = error == SSL_ERROR_WANT_WRITE;
-      if (!Await(wants_output ? POLLOUT : POLLIN, deadline)) return -2;
-    }
-  }
-
-  bool Await(short events, Clock::time_point deadline) const {
-    while (true) {
-      const auto left =
-          std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
-      if (left <= 0) return false;
-      pollfd fd = {socket_fd, events, 0};
-      const int ready = poll(&fd, 1, static_cast<int>(std::min<long long>(left, INT_MAX)));
-      if (ready > 0) return true;
-      if (ready == 0 || errno != EINTR) return false;
-    }
-  }
-
-  const int socket_fd;
-  SSL* ssl;
-  bool failed = false;  // after which OpenSSL must not be asked to shut down
-  bool greeted = false;
-  bool wants_output = false;
-};
-
 TlsSession::TlsSession(const TlsContext& context, int socket_fd)
-    : impl_(std::make_unique<Impl>(context.impl_->context, socket_fd)) {
-  fcntl(socket_fd, F_SETFL, fcntl(socket_fd, F_GETFL) | O_NONBLOCK);
+    : ssl_(SSL_new(context.context_.get()), SSL_free) {
+  failed_ = ssl_ == nullptr || SSL_set_fd(ssl_.get(), socket_fd) != 1;
 }
 
-TlsSession::~TlsSession() = default;
+ssize_t TlsSession::ResultOf(int done) {
+  if (done > 0) return done;
+  const int error = SSL_get_error(ssl_.get(), done);
+  if (error == SSL_ERROR_ZERO_RETURN) return kEnded;
+  wants_output_ = error == SSL_ERROR_WANT_WRITE;
+  if (wants_output_ || error == SSL_ERROR_WANT_READ) return kWait;
+  failed_ = true;
+  return kFailed;
+}
 
-ssize_t TlsSession::Handshake(Clock::time_point deadline) {
-  const ssize_t done = impl_->Drive([&] { return SSL_accept(impl_->ssl); }, deadline);
-  impl_->greeted = done > 0;
+ssize_t TlsSession::Handshake() {
+  if (failed_) return kFailed;
+  ERR_clear_error();
+  const ssize_t done = ResultOf(SSL_accept(ssl_.get()));
+  established_ = done > 0;
   return done;
 }
 
-bool TlsSession::wants_output() const { return impl_->wants_output; }
-
-ssize_t TlsSession::Read(char* data, std::size_t size, Clock::time_point deadline) {
-  const int most = static_cast<int>(std::min<std::size_t>(size, INT_MAX));
-  return impl_->Drive([&] { return SSL_read(impl_->ssl, data, most); }, deadline);
+ssize_t TlsSession::Read(char* data, std::size_t size) {
+  if (failed_) return kFailed;
+  ERR_clear_error();
+  return ResultOf(SSL_read(ssl_.get(), data, AsInt(size)));
 }
 
-ssize_t TlsSession::Write(const char* data, std::size_t size, Clock::time_point deadline) {
-  const int most = static_cast<int>(std::min<std::size_t>(size, INT_MAX));
-  return impl_->Drive([&] { return SSL_write(impl_->ssl, data, most); }, deadline);
+ssize_t TlsSession::Write(const char* data, std::size_t size) {
+  if (failed_) return kFailed;
+  ERR_clear_error();
+  return ResultOf(SSL_write(ssl_.get(), data, AsInt(size)));
 }
 
 void TlsSession::Close() {
-  if (impl_->greeted && !impl_->failed) SSL_shutdown(impl_->ssl);
+  if (established_ && !failed_) SSL_shutdown(ssl_.get());
   ERR_clear_error();
 }
 

@@ -4,12 +4,14 @@
 // stay inside.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <memory>
 #include <string>
 
 #include <sys/types.h>
+
+struct ssl_ctx_st;
+struct ssl_st;
 
 namespace pliant::server {
 
@@ -20,38 +22,36 @@ class TlsContext {
   // Throws Error kInvalidArgument "tls_invalid" naming the file, also when the two do not belong
   // together. TLS 1.2 and newer.
   TlsContext(const std::string& certificate_file, const std::string& key_file);
-  ~TlsContext();
-  TlsContext(const TlsContext&) = delete;
-  TlsContext& operator=(const TlsContext&) = delete;
 
  private:
   friend class TlsSession;
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  std::unique_ptr<ssl_ctx_st, void (*)(ssl_ctx_st*)> context_;
 };
 
-// One connection's encryption. Used by one thread. No call outlasts its deadline.
+// One connection's encryption. Used by one thread at a time.
 class TlsSession {
  public:
-  using Clock = std::chrono::steady_clock;
+  static constexpr ssize_t kEnded = 0;
+  static constexpr ssize_t kFailed = -1;
+  static constexpr ssize_t kWait = -2;  // for the socket: see wants_output()
 
-  // The socket is not owned; it is made non-blocking.
+  // The socket is not owned, and must not block.
   TlsSession(const TlsContext& context, int socket_fd);
-  ~TlsSession();
-  TlsSession(const TlsSession&) = delete;
-  TlsSession& operator=(const TlsSession&) = delete;
 
-  // > 0 done, or bytes; 0 the other side has ended; -1 failed; -2 the deadline passed. With a
-  // deadline that has passed already, does what can be done without waiting.
-  ssize_t Handshake(Clock::time_point deadline);
-  ssize_t Read(char* data, std::size_t size, Clock::time_point deadline);
-  ssize_t Write(const char* data, std::size_t size, Clock::time_point deadline);
-  bool wants_output() const;  // after -2: it waits until the socket can be written to, not read
-  void Close();               // says that nothing more comes; does not wait
+  // > 0: done, or bytes. Else one of those above.
+  ssize_t Handshake();
+  ssize_t Read(char* data, std::size_t size);
+  ssize_t Write(const char* data, std::size_t size);
+  bool wants_output() const { return wants_output_; }  // after kWait
+  void Close();                                        // says that nothing more comes
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  ssize_t ResultOf(int done);
+
+  std::unique_ptr<ssl_st, void (*)(ssl_st*)> ssl_;
+  bool failed_ = false;  // after which OpenSSL must not be asked to shut down
+  bool established_ = false;
+  bool wants_output_ = false;
 };
 
 }  // namespace pliant::server

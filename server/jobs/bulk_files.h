@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/http/body_sink.h"
+#include "server/http/message.h"
 #include "server/jobs/jobs.h"
 
 namespace pliant::server {

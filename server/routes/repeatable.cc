@@ -12,7 +12,6 @@
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/sha256.h"
-#include "server/http/body_sink.h"
 #include "server/http/json.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"

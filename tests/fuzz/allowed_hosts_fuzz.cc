@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "server/http/allowed_hosts.h"
+#include "server/http/origin_policy.h"
 #include "tests/fuzz/fuzz.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Conversations with a server on loopback: an input is all that a client sends. What is read of
-// it goes through the HTTP library: queries, forms of several parts, chunked bodies.
+// Conversations with a server on loopback: an input is all that a client sends, heads, queries,
+// forms of several parts, chunked bodies.
 #include <algorithm>
 #include <cerrno>
 #include <chrono>

@@ -8,7 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "server/app/options.h"
-#include "server/http/allowed_hosts.h"
+#include "server/http/origin_policy.h"
 
 namespace pliant::server {
 namespace {

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/http/multipart.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
@@ -177,6 +178,45 @@ TEST_F(ParametersTest, NamesWhatIsWrong) {
   route_.parameters.push_back(Parameter("must", "").Required());
   EXPECT_EQ(ProblemOf([&] { Make(); }).code, "missing_parameter");
   EXPECT_THROW(Make2(), std::logic_error) << "a handler that asks for what the route does not list";
+}
+
+TEST(Multipart, ReadsParts) {
+  const std::string body =
+      "--B\r\nContent-Disposition: form-data; name=\"image\"; filename=\"a;b \\\"c\\\".png\"\r\n"
+      "content-type: image/png\r\n\r\n"
+      "\r\n--C"
+      "\r\n--B  \r\nContent-Disposition: Form-Data; name=object\r\n\r\n"
+      "\r\n--B--\r\nwhat follows";
+  for (const char* type : {"multipart/form-data; boundary=B", "Multipart/Form-Data;BOUNDARY=\"B\"",
+                           "multipart/form-data; x=\"boundary=;\"; boundary=B; charset=utf-8"}) {
+    const std::vector<Part> parts = ParseMultipart(type, body, 2);
+    ASSERT_EQ(parts.size(), 2U);
+    EXPECT_EQ(parts[0].name, "image");
+    EXPECT_EQ(parts[0].filename, R"(a;b \"c\".png)");
+    EXPECT_EQ(parts[0].content_type, "image/png");
+    EXPECT_EQ(parts[0].content, "\r\n--C");
+    EXPECT_EQ(parts[1].name, "object");
+    EXPECT_EQ(parts[1].content, "");
+  }
+  EXPECT_TRUE(ParseMultipart("x; boundary=B", "--B--", 0).empty());
+}
+
+TEST(Multipart, SaysWhatIsWrong) {
+  const std::string part = "--B\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\n";
+  const auto code_of = [](const std::string& body, const std::string& type = "x; boundary=B") {
+    return ProblemOf([&] { ParseMultipart(type, body, 2); }).code;
+  };
+  const std::string whole = part + "x\r\n--B--\r\n";
+  EXPECT_EQ(code_of(whole), "");
+  for (std::size_t size = 0; size < whole.size() - 4; ++size) {
+    EXPECT_EQ(code_of(whole.substr(0, size)), "bad_request") << size;
+  }
+  EXPECT_EQ(code_of(whole, "x"), "bad_request");
+  EXPECT_EQ(code_of(whole, "x; boundary="), "bad_request");
+  EXPECT_EQ(code_of("--B\r\nX: y\r\n\r\nx\r\n--B--"), "bad_request") << "a part has a name";
+  EXPECT_EQ(code_of("--Bx" + whole), "bad_request");
+  EXPECT_EQ(code_of(part + "\r\n" + part + "\r\n" + part + "\r\n--B--"), "bad_request");
+  EXPECT_EQ(code_of(part + std::string(70'000, 'x') + "\r\n--B--"), "body_too_large");
 }
 
 TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {

@@ -106,14 +106,13 @@ CREATE TABLE vocabularies (
   checksum INTEGER NOT NULL,           -- CRC-32 over the words' bytes in order
   ready INTEGER NOT NULL DEFAULT 0,    -- 1 when every picture was quantised with it
   created_ms INTEGER NOT NULL,
-  codebook BLOB                        -- FORMAT in index/README.md; NULL = none
+  codebook BLOB NOT NULL               -- index/FORMAT.md
 );
 CREATE INDEX vocabularies_by_collection ON vocabularies (collection);
 CREATE TABLE vocabulary_words (
   vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
   word INTEGER NOT NULL,
   data BLOB NOT NULL,
-  thresholds BLOB,                     -- 64 float32; NULL = none
   PRIMARY KEY (vocabulary, word)
 ) WITHOUT ROWID;
 CREATE TABLE picture_words (

@@ -152,5 +152,5 @@ def addresses():
         "long": "http://a.example/" + "\u00fc" * 700 + "\n" + "x" * 3000})
 
 
-SEEDS = {"request_head": heads, "chunked_body": chunks, "http_server": conversations, "connection": received,
+SEEDS = {"request_head": heads, "chunked_body": chunks, "http_server": conversations, "request_reader": received,
          "parameters": parameters, "allowed_hosts": hosts, "path": paths, "web_address": addresses}

@@ -1,0 +1,122 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/event_loop.h"
+
+#include <algorithm>
+#include <array>
+
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+namespace pliant::server {
+
+EventLoop::EventLoop()
+    : epoll_fd_(epoll_create1(EPOLL_CLOEXEC)), wake_fd_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  event.data.fd = wake_fd_;
+  epoll_ctl(epoll_fd_, EPOLL_CTL_ADD, wake_fd_, &event);
+  thread_ = std::thread([this] { Run(); });
+}
+
+EventLoop::~EventLoop() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  Wake();
+  thread_.join();
+  close(epoll_fd_);
+  close(wake_fd_);
+}
+
+void EventLoop::Wake() {
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const ssize_t woken = ::write(wake_fd_, &one, sizeof(one));
+}
+
+void EventLoop::Post(std::function<void()> task) {
+  {
+    const std::lock_guard lock(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  Wake();
+}
+
+void EventLoop::Add(int fd, Handler handler) {
+  entries_[fd].handler = std::move(handler);
+  epoll_event event{};
+  event.data.fd = fd;
+  epoll_ctl(epoll_fd_, EPOLL_CTL_ADD, fd, &event);
+}
+
+void EventLoop::Remove(int fd) {
+  SetDeadline(fd, kNever);
+  epoll_ctl(epoll_fd_, EPOLL_CTL_DEL, fd, nullptr);
+  entries_.erase(fd);
+}
+
+void EventLoop::Await(int fd, std::uint32_t events) {
+  epoll_event event{};
+  // Once: a client that sends while its answer is being sent must not spin the loop.
+  event.events = events | EPOLLONESHOT;
+  event.data.fd = fd;
+  epoll_ctl(epoll_fd_, EPOLL_CTL_MOD, fd, &event);
+}
+
+void EventLoop::SetDeadline(int fd, Clock::time_point deadline) {
+  const auto entry = entries_.find(fd);
+  if (entry == entries_.end()) return;
+  deadlines_.erase({entry->second.deadline, fd});
+  entry->second.deadline = deadline;
+  if (deadline != kNever) deadlines_.emplace(deadline, fd);
+}
+
+void EventLoop::Run() {
+  constexpr int kEvents = 64;  // taken from the system at a time
+  std::array<epoll_event, kEvents> events{};
+  do {
+    const int count = epoll_wait(epoll_fd_, events.data(), kEvents, MillisecondsToDeadline());
+    for (int i = 0; i < count; ++i) {
+      if (events[i].data.fd != wake_fd_) {
+        Call(events[i].data.fd, Event::kReady);
+        continue;
+      }
+      std::uint64_t wakes = 0;
+      [[maybe_unused]] const ssize_t got = ::read(wake_fd_, &wakes, sizeof(wakes));
+    }
+    while (!deadlines_.empty() && deadlines_.begin()->first <= Clock::now()) {
+      const int fd = deadlines_.begin()->second;
+      SetDeadline(fd, kNever);
+      Call(fd, Event::kTimeout);
+    }
+  } while (RunTasks());
+}
+
+void EventLoop::Call(int fd, Event event) {
+  const auto entry = entries_.find(fd);
+  if (entry == entries_.end()) return;
+  const Handler handler = entry->second.handler;  // a copy: it may remove itself
+  handler(event);
+}
+
+bool EventLoop::RunTasks() {
+  std::vector<std::function<void()>> tasks;
+  {
+    const std::lock_guard lock(mutex_);
+    if (ending_) return false;
+    tasks.swap(tasks_);
+  }
+  for (const auto& task : tasks) task();
+  return true;
+}
+
+int EventLoop::MillisecondsToDeadline() const {
+  if (deadlines_.empty()) return -1;
+  const auto left =
+      std::chrono::ceil<std::chrono::milliseconds>(deadlines_.begin()->first - Clock::now());
+  return static_cast<int>(std::clamp<long long>(left.count(), 0, 60'000));
+}
+
+}  // namespace pliant::server

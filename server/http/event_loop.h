@@ -1,0 +1,65 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// One thread that waits for many sockets (epoll), for deadlines, and for tasks of other threads.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <set>
+#include <thread>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace pliant::server {
+
+using Clock = std::chrono::steady_clock;
+
+class EventLoop {
+ public:
+  enum class Event { kReady, kTimeout };
+  using Handler = std::function<void(Event)>;
+  static constexpr Clock::time_point kNever = Clock::time_point::max();
+
+  EventLoop();
+  ~EventLoop();  // ends the thread; tasks and handlers are dropped
+  EventLoop(const EventLoop&) = delete;
+  EventLoop& operator=(const EventLoop&) = delete;
+
+  // Runs `task` on the loop's thread. From any thread.
+  void Post(std::function<void()> task);
+
+  // The others are called on the loop's thread only. Handlers and tasks must not wait or throw.
+  void Add(int fd, Handler handler);
+  void Remove(int fd);
+  // Calls the handler once, when one of `events` (EPOLLIN and so on) happens.
+  void Await(int fd, std::uint32_t events);
+  // Calls the handler once, at that time. A socket has one deadline.
+  void SetDeadline(int fd, Clock::time_point deadline);
+
+ private:
+  struct Entry {
+    Handler handler;
+    Clock::time_point deadline = kNever;
+  };
+
+  void Run();
+  bool RunTasks();  // false: the loop ends
+  void Call(int fd, Event event);
+  int MillisecondsToDeadline() const;
+  void Wake();
+
+  int epoll_fd_;
+  int wake_fd_;
+  std::unordered_map<int, Entry> entries_;
+  std::set<std::pair<Clock::time_point, int>> deadlines_;
+
+  std::mutex mutex_;  // guards tasks_ and ending_
+  std::vector<std::function<void()>> tasks_;
+  bool ending_ = false;
+  std::thread thread_;
+};
+
+}  // namespace pliant::server

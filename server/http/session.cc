@@ -1,0 +1,316 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/http/session.h"
+
+#include <array>
+#include <random>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <httplib.h>
+
+#include "descriptor/base/strings.h"
+#include "server/http/body_file.h"
+#include "server/http/conditions.h"
+#include "server/http/multipart.h"
+#include "server/http/parameters.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr std::size_t kMostPathBytes = 2048;
+constexpr std::size_t kMostTargetBytes = 8192;
+constexpr std::size_t kLoggedPathBytes = 256;
+constexpr std::size_t kShortBodyBytes = 16 * 1024;  // sent with the head
+constexpr std::size_t kMostParts = 64;
+
+bool IsRequestId(const std::string& id) {
+  return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_' || c == '.';
+  });
+}
+
+std::string NewRequestId() {
+  thread_local std::mt19937_64 random{std::random_device{}()};
+  return fmt::format("{:016x}", random());
+}
+
+std::string Printable(std::string_view text) {
+  std::string printable(text.substr(0, kLoggedPathBytes));
+  for (char& c : printable) {
+    if (c <= ' ' || c > '~') c = '?';
+  }
+  return printable;
+}
+
+std::multimap<std::string, std::string> QueryOf(const std::string& target) {
+  httplib::Params query;
+  const std::size_t mark = target.find('?');
+  if (mark != std::string::npos) httplib::detail::parse_query_text(target.substr(mark + 1), query);
+  return {query.begin(), query.end()};
+}
+
+}  // namespace
+
+std::size_t AdmittedKeys::HashOf(const Request& request) {
+  return std::hash<std::string>()(request.header("Authorization") + '\n' +
+                                  request.header("X-API-Key"));
+}
+
+Session::Session(SessionContext& context, RequestHead head, const std::string& remote_address,
+                 std::chrono::steady_clock::time_point begun, bool is_last)
+    : context_(context), begun_(begun), head_(std::move(head)) {
+  request_.method = head_.method == "HEAD" ? "GET" : head_.method;
+  request_.path = head_.target.substr(0, head_.target.find('?'));
+  request_.query = QueryOf(head_.target);
+  request_.headers = std::move(head_.fields);
+  if (head_.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
+  request_.remote_address = record_.remote_address = remote_address;
+  const std::string type = request_.header("Content-Type");
+  request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
+  const std::string id = request_.header("X-Request-Id");
+  request_.id = record_.id = IsRequestId(id) ? id : NewRequestId();
+  if (!head_.method.empty()) record_.method = head_.method;
+  if (!request_.path.empty()) record_.path = Printable(request_.path);
+  const std::string connection = Lower(request_.header("Connection"));
+  const bool closes = connection.find("close") != std::string::npos;
+  const bool keeps = connection.find("keep-alive") != std::string::npos;
+  keeps_open_ = !is_last && !closes && (keeps || !head_.is_http_1_0);
+}
+
+Session::~Session() { EndWait(); }
+
+bool Session::asks_for_health() const {
+  constexpr std::array<std::string_view, 3> kPaths = {"/livez", "/readyz", "/metrics"};
+  return head_.framing == BodyFraming::kNone &&
+         std::find(kPaths.begin(), kPaths.end(), request_.path) != kPaths.end();
+}
+
+bool Session::expects_continue() const {
+  return !head_.is_http_1_0 && Lower(request_.header("Expect")) == "100-continue";
+}
+
+bool Session::takes_body_first() const {
+  return head_.framing == BodyFraming::kLength && head_.length <= context_.max_body_bytes &&
+         !expects_continue() && !request_.headers.contains("Content-Encoding") &&
+         context_.admitted.Has(request_);
+}
+
+void Session::TakeBody(std::string body, std::uint64_t bytes) {
+  request_.body = std::move(body);
+  record_.bytes_in = bytes;
+  has_whole_body_ = true;
+}
+
+void Session::Serve() {
+  next_ = Next::kAnswer;
+  try {
+    if (wait_) {
+      EndWait();
+      request_.waited = true;
+    }
+    if (!std::exchange(checked_, true)) {
+      if (auto answer = Check()) return MakeAnswer(std::move(*answer));
+    }
+    if (request_.has_body && !has_whole_body_) {
+      next_ = Next::kBody;
+      return;
+    }
+    RunHandler();
+  } catch (...) {
+    const Problem problem = CurrentProblem();
+    keeps_open_ = keeps_open_ && (route_ != nullptr || problem.code != "bad_request");
+    AnswerProblem(problem);
+  }
+  if (next_ == Next::kAnswer) ForgetBody();
+}
+
+// All that can be wrong with the head is said before a long body is sent for nothing. Returns the
+// answer to a browser's preflight.
+std::optional<Response> Session::Check() {
+  CheckFraming();
+  // HTTP/1.0, which no browser speaks, does without the header.
+  const auto host = request_.headers.find("Host");
+  if (host != request_.headers.end() && !context_.allowed_hosts.Allows(host->second)) {
+    throw ProblemError("host_not_allowed",
+                       "Unknown host name in the Host header. The operator of the server can allow "
+                       "it with --allowed-hosts.");
+  }
+  if (request_.path.size() > kMostPathBytes || head_.target.size() > kMostTargetBytes) {
+    throw ProblemError("uri_too_long", "The address is too long.");
+  }
+  request_.segments = SplitPath(request_.path);
+  if (context_.origins.IsPreflight(request_)) {
+    return OriginPolicy::PreflightAnswer(context_.router.AllowedMethods(request_.segments));
+  }
+  context_.origins.CheckSameSite(request_);
+  route_ = &context_.router.Resolve(request_);
+  record_.route = route_->name;
+  CheckConditions(*route_, request_);
+  Admit();
+  if (route_->needs_index && context_.stopping) {
+    throw ProblemError("stopping", "The server is being stopped.");
+  }
+  if (route_->needs_index && !context_.ready) {
+    throw ProblemError("starting", "The index is still loading. Try again shortly.");
+  }
+  CheckContentType(*route_, request_);
+  if (route_->body == BodyKind::kNone) {  // it means nothing
+    request_.has_body = false;
+    request_.body = {};
+  }
+  if (request_.has_body && ReceivesItself()) {
+    const Parameters parameters(*route_, request_);  // are right
+    request_.received = route_->receive(request_, head_.length);
+  }
+  return std::nullopt;
+}
+
+void Session::CheckFraming() {
+  request_.has_body = head_.framing != BodyFraming::kNone;
+  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
+    throw ProblemError("bad_request", "A request needs exactly one Host header.");
+  }
+  if (head_.framing == BodyFraming::kUnknown) {
+    throw ProblemError("unsupported_transfer_encoding", "Only chunked bodies are taken.");
+  }
+  const std::string coding = Lower(request_.header("Content-Encoding"));
+  if (request_.has_body && !coding.empty() && coding != "identity") {
+    throw ProblemError("unsupported_content_encoding", "Compressed bodies are not taken.");
+  }
+}
+
+void Session::Admit() {
+  try {
+    context_.admit(*route_, request_);
+  } catch (...) {
+    context_.admitted.Note(request_, false);
+    throw;
+  }
+  record_.key_id = request_.caller.key_id;
+  if (route_->scope != Scope::kPublic) context_.admitted.Note(request_, true);
+}
+
+bool Session::ReceivesItself() const {
+  // Chunks can become any number of bytes.
+  return route_->receive &&
+         (head_.framing == BodyFraming::kChunked || head_.length > context_.max_body_bytes);
+}
+
+void Session::RunHandler() {
+  if (request_.received) {
+    if (!request_.body.empty()) request_.received->Append(std::exchange(request_.body, {}));
+  } else if (request_.has_body && request_.is_multipart()) {
+    request_.parts = ParseMultipart(request_.header("Content-Type"),
+                                    std::exchange(request_.body, {}), kMostParts);
+  }
+  const Parameters parameters(*route_, request_);
+  Response response = route_->handler(request_, parameters);
+  if (response.wait) {
+    BeginWait(std::move(*response.wait));
+  } else {
+    MakeAnswer(UnderConditions(request_, std::move(response)));
+  }
+}
+
+void Session::BeginWait(Wait wait) {
+  if (request_.waited || route_->body != BodyKind::kNone) {
+    throw std::logic_error("route " + route_->name + " may not wait here");
+  }
+  if (++context_.waiting > context_.max_waiting) {
+    --context_.waiting;
+    throw ProblemError("busy", "Too many requests are waiting. Ask again without.").RetryAfter(5);
+  }
+  wait_ = std::move(wait);
+  next_ = Next::kEvent;
+}
+
+void Session::EndWait() {
+  if (!wait_) return;
+  wait_.reset();
+  --context_.waiting;
+}
+
+// On this thread: what takes a body can have files to remove.
+void Session::ForgetBody() {
+  request_.body = {};
+  request_.parts.clear();
+  request_.received.reset();
+}
+
+void Session::Refuse(const Problem& problem, std::uint64_t body_bytes) {
+  record_.bytes_in = body_bytes;
+  keeps_open_ = false;
+  AnswerProblem(problem);
+}
+
+void Session::AnswerProblem(const Problem& problem) {
+  record_.code = problem.code;
+  record_.internal = problem.internal;
+  MakeAnswer(ProblemResponse(problem, request_.id));
+}
+
+void Session::MakeAnswer(Response response) {
+  next_ = Next::kAnswer;
+  context_.compressor.Compress(request_, response);
+  const std::uint64_t bytes = response.file ? response.file->size() : response.body.size();
+  // The rest of the connection cannot be read where the body is still on its way.
+  answer_.keeps_open =
+      keeps_open_ && !context_.stopping && (head_.framing == BodyFraming::kNone || has_whole_body_);
+  answer_.text = HeadOf(response, bytes);
+  if (head_.method != "HEAD") {
+    answer_.file = std::move(response.file);
+    if (response.body.size() > kShortBodyBytes) {
+      answer_.body = std::move(response.body);
+    } else {
+      answer_.text += response.body;
+    }
+  }
+  record_.status = response.status;
+  record_.bytes_out = bytes;
+  record_.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count();
+  context_.on_request(record_);
+}
+
+std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const {
+  std::string head =
+      fmt::format("HTTP/1.1 {} {}\r\n", response.status, StatusTitle(response.status));
+  const auto add = [&](std::string_view name, std::string_view value) {
+    if (value.find_first_of("\r\n") == std::string_view::npos) {  // else it would be several
+      head.append(name).append(": ").append(value).append("\r\n");
+    }
+  };
+  const auto has = [&](const char* wanted) {
+    return std::any_of(response.headers.begin(), response.headers.end(),
+                       [&](const auto& header) { return header.first == wanted; });
+  };
+  if (!response.content_type.empty()) add("Content-Type", response.content_type);
+  // RFC 9110, section 8.6: these have no content, so they have no length either.
+  if (response.status != 204 && response.status != 304)
+    add("Content-Length", std::to_string(bytes));
+  for (const auto& [name, value] : response.headers) add(name, value);
+  add("X-Request-Id", request_.id);
+  // Nothing here is meant to be run, framed or loaded by pages of other sites; the page brings
+  // rules of its own.
+  add("X-Content-Type-Options", "nosniff");
+  if (!has("Content-Security-Policy")) {
+    add("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
+  }
+  if (!has("Referrer-Policy")) add("Referrer-Policy", "no-referrer");
+  if (context_.encrypted) add("Strict-Transport-Security", "max-age=31536000");
+  for (const auto& [name, value] : context_.origins.Headers(request_)) add(name, value);
+  if (!answer_.keeps_open) {
+    add("Connection", "close");
+  } else {
+    if (head_.is_http_1_0) add("Connection", "keep-alive");
+    add("Keep-Alive", fmt::format("timeout={}, max={}", context_.idle_timeout.count(),
+                                  kMostRequestsPerConnection));
+  }
+  return head + "\r\n";
+}
+
+}  // namespace pliant::server
