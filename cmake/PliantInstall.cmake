@@ -13,28 +13,27 @@ install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EX
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant
         COMPONENT runtime)
-# Manual pages and completion scripts, which the programs print themselves.
-set(PLIANT_PRINTED ${PROJECT_BINARY_DIR}/printed)
-set(PLIANT_PRINTED_FILES)
+# Completion for bash and zsh is one script.
+set(PLIANT_COMPLETION ${PROJECT_SOURCE_DIR}/index/usage/completion.sh)
+install(FILES ${PLIANT_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions RENAME _pliant
+        COMPONENT runtime)
+# Manual pages, where help2man is installed.
+find_program(PLIANT_HELP2MAN help2man)
 foreach(program pliant pliant-server)
-  set(pages ${PLIANT_PRINTED}/${program}.1 ${PLIANT_PRINTED}/${program} ${PLIANT_PRINTED}/_${program}
-            ${PLIANT_PRINTED}/${program}.fish)
-  add_custom_command(
-    OUTPUT ${pages}
-    COMMAND ${CMAKE_COMMAND} -D PROGRAM=$<TARGET_FILE:${program}> -D FOLDER=${PLIANT_PRINTED} -P
-            ${PROJECT_SOURCE_DIR}/cmake/PliantPrint.cmake
-    DEPENDS ${program} ${PROJECT_SOURCE_DIR}/cmake/PliantPrint.cmake
-    VERBATIM)
-  list(APPEND PLIANT_PRINTED_FILES ${pages})
-  install(FILES ${PLIANT_PRINTED}/${program}.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
-  install(FILES ${PLIANT_PRINTED}/${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+  install(FILES ${PLIANT_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program}
           COMPONENT runtime)
-  install(FILES ${PLIANT_PRINTED}/_${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions
-          COMPONENT runtime)
-  install(FILES ${PLIANT_PRINTED}/${program}.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d
-          COMPONENT runtime)
+  if(PLIANT_HELP2MAN)
+    set(page ${PROJECT_BINARY_DIR}/${program}.1)
+    add_custom_command(
+      OUTPUT ${page}
+      COMMAND ${CMAKE_COMMAND} -D HELP2MAN=${PLIANT_HELP2MAN} -D PROGRAM=$<TARGET_FILE:${program}> -D OUT=${page} -P
+              ${PROJECT_SOURCE_DIR}/cmake/PliantManual.cmake
+      DEPENDS ${program} ${PROJECT_SOURCE_DIR}/cmake/PliantManual.cmake
+      VERBATIM)
+    add_custom_target(${program}_manual ALL DEPENDS ${page})
+    install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
+  endif()
 endforeach()
-add_custom_target(printed ALL DEPENDS ${PLIANT_PRINTED_FILES})
 
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
@@ -71,7 +70,6 @@ set(PLIANT_PUBLIC_HEADERS
     vocab/k_medoids.h
     vocab/quantizer.h
     vocab/residual_codes.h
-    vocab/signature.h
     vocab/vocabulary.h
     vocab/word_groups.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)

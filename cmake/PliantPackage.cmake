@@ -5,6 +5,7 @@
 install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
 install(FILES docker/server.toml DESTINATION /etc/pliant COMPONENT service EXCLUDE_FROM_ALL)
 install(FILES server/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME SERVER.md COMPONENT runtime)
+install(DIRECTORY server/reference DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 install(FILES docker/README.md docker/POSTGRESQL.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 set(CPACK_GENERATOR DEB)
@@ -34,7 +35,7 @@ set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME pliant-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-    "libopencv-dev, libdnnl-dev, libeigen3-dev, libsqlitecpp-dev, libsqlite3-dev, libpq-dev, libturbojpeg0-dev, zlib1g-dev, libssl-dev"
+    "libopencv-dev, libdnnl-dev, libeigen3-dev, libsqlitecpp-dev, libsqlite3-dev, libpq-dev, libturbojpeg0-dev, libjpeg-dev, libpng-dev, libtiff-dev, libwebp-dev, zlib1g-dev, libssl-dev"
 )
 if(PLIANT_PYTHON_FOUND)
   math(EXPR next_minor "${Python3_VERSION_MINOR} + 1")

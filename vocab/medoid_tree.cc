@@ -11,12 +11,12 @@
 #include <random>
 #include <span>
 #include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/match/distance.h"
-#include "vocab/distinct_rows.h"
 
 namespace pliant {
 namespace {
@@ -219,6 +219,24 @@ class Tree {
 };
 
 }  // namespace
+
+std::string_view RowBytes(const Descriptors& d, std::size_t row) {
+  if (d.kind == DescriptorKind::kFloat) {
+    return {reinterpret_cast<const char*>(d.float_row(row).data()), d.dim * sizeof(float)};
+  }
+  return {reinterpret_cast<const char*>(d.binary_row(row).data()), static_cast<std::size_t>(d.dim)};
+}
+
+std::vector<std::uint32_t> DistinctRows(const Descriptors& descriptors,
+                                        std::span<const std::uint32_t> rows) {
+  std::unordered_set<std::string_view> seen;
+  seen.reserve(rows.size());
+  std::vector<std::uint32_t> kept;
+  for (const std::uint32_t row : rows) {
+    if (seen.insert(RowBytes(descriptors, row)).second) kept.push_back(row);
+  }
+  return kept;
+}
 
 MedoidTreeResult MedoidTree(const Descriptors& samples, const KMedoidsOptions& options) {
   CheckDescriptors(samples, "k-medoids samples");

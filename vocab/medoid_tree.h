@@ -14,13 +14,25 @@
 // The loss is a few per cent above FasterPAM's; `bench_vocab` prints both.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
+#include <string_view>
 #include <vector>
 
 #include "descriptor/features/features.h"
 #include "vocab/k_medoids.h"
 
 namespace pliant {
+
+// Finds equal descriptors. Internal to vocab/.
+
+// The bytes of a row. Rows are equal when their bytes are.
+std::string_view RowBytes(const Descriptors& descriptors, std::size_t row);
+
+// `rows` without those equal to an earlier one, in the same order.
+std::vector<std::uint32_t> DistinctRows(const Descriptors& descriptors,
+                                        std::span<const std::uint32_t> rows);
 
 // Vocabularies are trained by FasterPAM alone up to this many samples, by the tree above.
 inline constexpr std::size_t kMaxExactSamples = 20'000;

@@ -27,12 +27,6 @@ const Vocabulary& Checked(const std::shared_ptr<const Vocabulary>& vocabulary) {
                 "A vocabulary without words cannot quantise; train one first.");
   }
   CheckDescriptors(vocabulary->words, "vocabulary");
-  const std::size_t thresholds = vocabulary->thresholds.size();
-  if (thresholds != 0 && thresholds != vocabulary->size() * kSignatureBits) {
-    throw Error(
-        ErrorCode::kInvalidArgument, "vocabulary_malformed",
-        "A vocabulary has thresholds for more or fewer words than it has; train a new one.");
-  }
   return *vocabulary;
 }
 
@@ -52,9 +46,7 @@ void KeepNearest(std::span<const float> distances, std::span<NearWord> nearest) 
 }  // namespace
 
 Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
-    : vocabulary_(std::move(vocabulary)),
-      words_(Checked(vocabulary_).words),
-      project_(words_.kind(), words_.dim()) {
+    : vocabulary_(std::move(vocabulary)), words_(Checked(vocabulary_).words) {
   const Descriptors& words = vocabulary_->words;
   if (words.rows >= WordGroups::kLeastWords) groups_ = std::make_unique<WordGroups>(words);
   if (!vocabulary_->codebook.empty()) coder_ = std::make_unique<ResidualCoder>(vocabulary_);
@@ -76,8 +68,13 @@ void Quantizer::CheckFits(const Descriptors& descriptors) const {
 
 std::vector<std::uint32_t> Quantizer::Assign(const Descriptors& descriptors, int threads) const {
   CheckFits(descriptors);
-  if (groups_) return AssignSeveral(descriptors, 1, threads);
   std::vector<std::uint32_t> words(descriptors.rows);
+  if (groups_) {
+    const std::vector<NearWord> nearest = NearestWords(descriptors, 1, threads);
+    std::transform(nearest.begin(), nearest.end(), words.begin(),
+                   [](const NearWord& near) { return near.word; });
+    return words;
+  }
   ParallelFor((words.size() + kRowsATask - 1) / kRowsATask, threads, [&](std::size_t t) {
     const std::size_t first = t * kRowsATask;
     AssignBlock(descriptors, first, std::min(kRowsATask, words.size() - first),
@@ -119,13 +116,6 @@ void Quantizer::AssignBlock(const Descriptors& descriptors, std::size_t first, s
   }
 }
 
-std::vector<std::uint32_t> Quantizer::AssignSeveral(const Descriptors& descriptors, int count,
-                                                    int threads) const {
-  std::vector<std::uint32_t> words;
-  for (const NearWord& near : NearestWords(descriptors, count, threads)) words.push_back(near.word);
-  return words;
-}
-
 std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, int count,
                                               int threads) const {
   CheckFits(descriptors);
@@ -157,23 +147,9 @@ std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, in
 }
 
 Bow Quantizer::BowOf(const Descriptors& descriptors, std::size_t first,
-                     std::span<const std::uint32_t> words, int words_a_row) const {
+                     std::span<const std::uint32_t> words) const {
   Bow bow = MakeBow({words.begin(), words.end()});
-  if (coder_ && words_a_row == 1) AddCodes(descriptors, first, words, &bow);
-  if (!has_signatures()) return bow;
-  std::vector<SignatureSum> sums(bow.words.size());
-  const auto a_row = static_cast<std::size_t>(words_a_row);
-  for (std::size_t i = 0; i < words.size(); i += a_row) {
-    const auto projected = project_(descriptors, first + i / a_row);
-    for (std::size_t j = i; j < i + a_row; ++j) {
-      const auto entry =
-          std::lower_bound(bow.words.begin(), bow.words.end(), words[j],
-                           [](const WordCount& a, std::uint32_t word) { return a.word < word; });
-      sums[static_cast<std::size_t>(entry - bow.words.begin())].Add(
-          projected, vocabulary_->thresholds.data() + std::size_t{words[j]} * kSignatureBits);
-    }
-  }
-  for (const SignatureSum& sum : sums) bow.signatures.push_back(sum.Signature());
+  if (coder_) AddCodes(descriptors, first, words, &bow);
   return bow;
 }
 

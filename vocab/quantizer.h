@@ -12,7 +12,6 @@
 
 #include "descriptor/match/distance.h"
 #include "vocab/residual_codes.h"
-#include "vocab/signature.h"
 #include "vocab/vocabulary.h"
 #include "vocab/word_groups.h"
 
@@ -28,8 +27,6 @@ struct WordCount {
 struct Bow {
   std::vector<WordCount> words;
   std::uint32_t total = 0;  // sum of the counts
-  // One per word, in the same order (vocab/signature.h); empty when the vocabulary has none.
-  std::vector<std::uint64_t> signatures;
   // Of each descriptor (vocab/residual_codes.h), in order of its word: those of a word stand side
   // by side, as many as its count. Empty when the vocabulary has no codebook.
   std::vector<std::uint8_t> codes;
@@ -38,8 +35,7 @@ struct Bow {
 // Immutable and thread-safe.
 class Quantizer {
  public:
-  // Throws kInvalidArgument for a null, empty or malformed vocabulary (including a wrong number of
-  // thresholds).
+  // Throws kInvalidArgument for a null, empty or malformed vocabulary.
   explicit Quantizer(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
@@ -51,22 +47,16 @@ class Quantizer {
 
   // The `count` nearest words of each row (fewer when there are fewer words), nearest first, row by
   // row: rows x min(count, words). Throws as Assign does, and kInvalidArgument for count < 1.
-  std::vector<std::uint32_t> AssignSeveral(const Descriptors& descriptors, int count,
-                                           int threads = 1) const;
-
-  // The same with distances.
   std::vector<NearWord> NearestWords(const Descriptors& descriptors, int count,
                                      int threads = 1) const;
 
   // nullptr for a vocabulary without codebook.
   const ResidualCoder* coder() const { return coder_.get(); }
-  bool has_signatures() const { return !vocabulary_->thresholds.empty(); }
 
-  // The bag of words of rows first, first + 1, ... of `descriptors`, given `words_a_row` words for
-  // each, with signatures when the vocabulary has thresholds, and with codes when it has a codebook
-  // and `words_a_row` is 1.
-  Bow BowOf(const Descriptors& descriptors, std::size_t first, std::span<const std::uint32_t> words,
-            int words_a_row = 1) const;
+  // The bag of words of rows first, first + 1, ... of `descriptors`, given the word of each. With
+  // codes when the vocabulary has a codebook.
+  Bow BowOf(const Descriptors& descriptors, std::size_t first,
+            std::span<const std::uint32_t> words) const;
 
  private:
   void CheckFits(const Descriptors& descriptors) const;
@@ -79,11 +69,10 @@ class Quantizer {
   PackedDescriptors words_;
   std::unique_ptr<const WordGroups> groups_;  // large vocabularies only
   std::unique_ptr<const ResidualCoder> coder_;
-  SignatureProjection project_;
   double largest_squared_norm_ = 0;  // of a word; floats only
 };
 
-// Counts words given in any order; no signatures.
+// Counts words given in any order; no codes.
 Bow MakeBow(std::vector<std::uint32_t> words);
 
 }  // namespace pliant

@@ -11,10 +11,8 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
-#include "vocab/distinct_rows.h"
 #include "vocab/medoid_tree.h"
 #include "vocab/residual_codes.h"
-#include "vocab/signature.h"
 
 namespace pliant {
 namespace {
@@ -26,10 +24,9 @@ std::size_t CountDistinct(const Descriptors& samples, std::size_t enough) {
   return std::min(enough, DistinctRows(samples, all).size());
 }
 
-// What tells descriptors of one word apart: signatures and codes.
-void LearnWithin(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                 std::uint64_t seed, Vocabulary* vocabulary) {
-  vocabulary->thresholds = LearnThresholds(samples, assignment, vocabulary->words);
+// The codebook, which tells descriptors of one word apart.
+void LearnCodes(const Descriptors& samples, std::span<const std::uint32_t> assignment,
+                std::uint64_t seed, Vocabulary* vocabulary) {
   CodebookOptions options;
   options.seed = seed;
   vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, options);
@@ -39,7 +36,7 @@ void TrainByTree(const Descriptors& samples, const KMedoidsOptions& options,
                  Vocabulary* vocabulary) {
   const MedoidTreeResult tree = MedoidTree(samples, options);
   vocabulary->words = SelectRows(samples, tree.medoids);
-  LearnWithin(SelectRows(samples, tree.judged), tree.assignment, options.seed, vocabulary);
+  LearnCodes(SelectRows(samples, tree.judged), tree.assignment, options.seed, vocabulary);
   vocabulary->origin.loss = tree.mean_loss;
   vocabulary->origin.method = "fasterpam tree";
 }
@@ -58,7 +55,7 @@ void TrainExactly(const Descriptors& samples, const KMedoidsOptions& options,
   for (const std::uint32_t medoid : result.assignment) {
     words.push_back(word_of.at(RowBytes(samples, result.medoids[medoid])));
   }
-  LearnWithin(samples, words, options.seed, vocabulary);
+  LearnCodes(samples, words, options.seed, vocabulary);
   vocabulary->origin.loss = result.loss / static_cast<double>(samples.rows);
   vocabulary->origin.method = "fasterpam";
 }

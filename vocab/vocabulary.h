@@ -40,10 +40,7 @@ struct Vocabulary {
   Descriptors words;     // k x dim
   std::string model_id;  // of the descriptors; only features of this model may be quantised
   VocabularyOrigin origin;
-  // k x kSignatureBits, see vocab/signature.h; empty = words without signatures, as in vocabularies
-  // of the first versions of Pliant.
-  std::vector<float> thresholds;
-  Codebook codebook;  // empty = without codes, as the vocabularies of earlier versions are
+  Codebook codebook;  // empty = without codes; TrainVocabulary always makes one
 
   std::size_t size() const { return words.rows; }
 };

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The one exception type of Pliant. One place per program maps a code to an HTTP status
-// (server/http/problem.h) or an exit status (index/cli/exit_status.h).
+// (server/http/problem.h) or an exit status (index/cli/output.h).
 #pragma once
 
 #include <stdexcept>

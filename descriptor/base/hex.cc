@@ -2,19 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/base/hex.h"
 
-#include <cstddef>
+#include <random>
 
 namespace pliant {
-namespace {
 
-int Digit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+int HexValue(char digit) {
+  if (digit >= '0' && digit <= '9') return digit - '0';
+  if (digit >= 'a' && digit <= 'f') return digit - 'a' + 10;
+  if (digit >= 'A' && digit <= 'F') return digit - 'A' + 10;
   return -1;
 }
-
-}  // namespace
 
 std::string ToHex(std::span<const std::uint8_t> bytes) {
   static constexpr char kDigits[] = "0123456789abcdef";
@@ -29,12 +26,20 @@ std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex) {
   std::vector<std::uint8_t> bytes;
   bytes.reserve(hex.size() / 2);
   for (std::size_t i = 0; i < hex.size(); i += 2) {
-    const int high = Digit(hex[i]);
-    const int low = Digit(hex[i + 1]);
+    const int high = HexValue(hex[i]);
+    const int low = HexValue(hex[i + 1]);
     if (high < 0 || low < 0) return std::nullopt;
     bytes.push_back(static_cast<std::uint8_t>(high << 4 | low));
   }
   return bytes;
+}
+
+std::string RandomHex(std::size_t digits) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  std::random_device random;
+  std::string text;
+  for (std::size_t i = 0; i < digits; ++i) text += kDigits[random() % 16];
+  return text;
 }
 
 }  // namespace pliant

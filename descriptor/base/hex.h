@@ -3,6 +3,7 @@
 // Bytes as hex digits and back. Internal to Pliant.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -14,5 +15,9 @@ namespace pliant {
 
 std::string ToHex(std::span<const std::uint8_t> bytes);                  // lower case
 std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex);  // nullopt = not hex
+int HexValue(char digit);                                                // -1 = no hex digit
+
+// Digits of the system's random numbers, for names that nobody else has.
+std::string RandomHex(std::size_t digits);
 
 }  // namespace pliant

@@ -2,15 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
 #include <cstdint>
+#include <string>
 
 namespace pliant {
 
-inline std::int64_t NowMs() {  // Unix time
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
+std::int64_t NowMs();  // Unix time
+
+// In UTC, as strftime writes it: whole seconds.
+std::string FormatUtc(std::int64_t unix_ms, const char* format);
 
 }  // namespace pliant

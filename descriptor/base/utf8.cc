@@ -14,21 +14,26 @@ bool IsCharacter(char32_t point, std::size_t length) {
 
 }  // namespace
 
+Utf8Character FirstCharacter(std::string_view text) {
+  const auto lead = static_cast<unsigned char>(text[0]);
+  if (lead < 0x80) return {lead, 1};
+  const std::size_t length = lead >> 5 == 6 ? 2 : lead >> 4 == 14 ? 3 : 4;
+  if (lead < 0xC2 || lead > 0xF4 || text.size() < length) return {};
+  char32_t point = lead & (0xFF >> (length + 1));
+  for (std::size_t i = 1; i < length; ++i) {
+    const auto next = static_cast<unsigned char>(text[i]);
+    if (next >> 6 != 2) return {};
+    point = point << 6 | (next & 0x3F);
+  }
+  return IsCharacter(point, length) ? Utf8Character{point, length} : Utf8Character{};
+}
+
 std::u32string DecodeUtf8(std::string_view text) {
   std::u32string points;
-  for (std::size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80 ? 1 : lead >> 5 == 6 ? 2 : lead >> 4 == 14 ? 3 : 4;
-    char32_t point = length == 1 ? lead : lead & (0xFF >> (length + 1));
-    bool good = lead < 0x80 || (lead >= 0xC2 && lead < 0xF5 && i + length <= text.size());
-    for (std::size_t j = 1; good && j < length; ++j) {
-      const auto next = static_cast<unsigned char>(text[i + j]);
-      good = next >> 6 == 2;
-      point = point << 6 | (next & 0x3F);
-    }
-    good = good && IsCharacter(point, length);
-    points += good ? point : U'\uFFFD';
-    i += good ? length : 1;
+  while (!text.empty()) {
+    const Utf8Character first = FirstCharacter(text);
+    points += first.length > 0 ? first.point : U'\uFFFD';
+    text.remove_prefix(first.length > 0 ? first.length : 1);
   }
   return points;
 }

@@ -2,10 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
 namespace pliant {
+
+struct Utf8Character {
+  char32_t point = 0;
+  std::size_t length = 0;  // bytes; 0 = the text begins with what is no character (RFC 3629)
+};
+// That a text begins with, which is not empty.
+Utf8Character FirstCharacter(std::string_view text);
 
 // The code points of UTF-8; every byte that belongs to none becomes U+FFFD.
 std::u32string DecodeUtf8(std::string_view text);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The descriptors "deal", "deal-fixed" and "deal-pooled" (Potje et al., NeurIPS 2021).
+// The descriptors "deal" and "deal-fixed" (Potje et al., NeurIPS 2021).
 #pragma once
 
 #include <filesystem>
@@ -13,13 +13,12 @@ namespace pliant {
 enum class DealVariant {
   kWarped,  // "deal": the polar grid around each key point is bent by the learned thin-plate spline
   kFixed,   // "deal-fixed": the plain polar grid, for comparison
-  kPooled,  // "deal-pooled": "deal" averaged over three support radii, so that errors of a key
-            // point's size matter less; takes twice the time
 };
 
-// 128 floats of unit length per key point. DescribeReference always pools. The key point's angle
-// is not used; key points may lie outside the picture, whose border pixels are replicated. model_id
-// is the name, ":" and the first 16 hex digits of the weight file's SHA-256.
+// 128 floats of unit length per key point. DescribeReference averages over three support radii, so
+// that errors of a key point's size matter less, in twice the time. The key point's angle is not
+// used; key points may lie outside the picture, whose border pixels are replicated. model_id is the
+// name, ":" and the first 16 hex digits of the weight file's SHA-256.
 //
 // Describe additionally throws kInvalidArgument for a key point that is not finite or has no
 // positive size, and kTooLarge for more than 2^24 pixels. Concurrent calls with the same number

@@ -10,14 +10,101 @@
 #include <span>
 #include <vector>
 
-#include "descriptor/deal/backbone.h"
 #include "descriptor/deal/hardnet.h"
-#include "descriptor/deal/localization.h"
 #include "descriptor/deal/weights.h"
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
 
 namespace pliant::deal {
+
+// The constants of the second spatial transformer (paper, section 3.2): polar grid and
+// thin-plate-spline basis. Because the grid is normalised by the half width of the paper's grid,
+// the linear one, both are the same for every key point, picture and radius.
+//
+// The paper's grid has its rings at equal distances. On a logarithmic one (Ebel et al., "Beyond
+// Cartesian Representations for Local Descriptors", ICCV 2019) another key-point size is a shift
+// along the rows of the patch, which convolutions and their strides bear, and the outer rings,
+// where the surroundings of small objects lie, have fewer points.
+
+// kPatchPixels x 2 (x, y) offsets in units of the support radius R, angle-major. With
+// t = (j + 0.5) / 32, point (i, j) lies at angle 2 pi (i + 0.5) / 32 and radius t (kLinear) or
+// 32^(t - 1) (kLogarithmic).
+std::vector<float> UnitPolarGrid(RadialSpacing spacing);
+
+// kPatchPixels x kTpsParameters, row-major. Row of grid point q, in box coordinates (the grid
+// scaled to occupy 0.3 of the unit square, centred):
+//   rho(|q - c_1|) - rho(|q - c_0|), ..., rho(|q - c_63|) - rho(|q - c_0|), 1, q_x, q_y
+// with rho(d) = d^2 log(d + 1e-6) and c_k the points of every fourth row and column of the linear
+// grid, whatever the spacing, so that a warp is the same field on both. This is the reduced form of
+// the spline: the first weight is minus the sum of the others.
+std::vector<float> TpsBasis(RadialSpacing spacing);
+
+// Factor from box coordinates to units of R: displacement = gain * basis * theta.
+double DisplacementGain();
+
+// The backbone (paper, section 3.1): ResNet-34 up to and including its second residual stage, on a
+// grey picture. A map of 128 channels at an eighth of the picture's size.
+
+// A grey picture in [0, 1], row-major.
+struct GreyPicture {
+  int height = 0;
+  int width = 0;
+  std::vector<float> values;
+};
+
+// X of the paper: height x width x kFeatureChannels, with the size of the picture it came from.
+struct FeatureMap {
+  int height = 0;
+  int width = 0;
+  int picture_height = 0;
+  int picture_width = 0;
+  std::vector<float> values;
+};
+
+// Thread-safe: each call has its own primitives and buffers, which later calls reuse for pictures
+// of the same size.
+class Backbone {
+ public:
+  explicit Backbone(std::shared_ptr<const DealWeights> weights);
+  ~Backbone();
+
+  FeatureMap Run(const GreyPicture& picture, int threads) const;
+
+  // Multiply-adds of one run, for benchmarks.
+  static double MultiplyAdds(int height, int width);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// First spatial transformer (paper, section 3.1): the map's 5 x 5 neighbourhood of each key point
+// through a small network to the parameters of its thin-plate-spline warp.
+
+// Immutable and thread-safe.
+class LocalizationNet {
+ public:
+  explicit LocalizationNet(const DealWeights& weights);
+  ~LocalizationNet();
+
+  // keypoints.size() x kSampledValues, rows of the neighbourhood slowest, channels fastest.
+  // Picture pixel x lies at cell x (w - 1) / (W - 1).
+  std::vector<float> Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
+                            int threads) const;
+
+  // theta: keypoints.size() x kTpsParameters x 2 (x, y), in (-1, 1).
+  std::vector<float> Theta(const FeatureMap& map, std::span<const Keypoint> keypoints,
+                           int threads) const;
+
+  // theta from sampled values, count x kSampledValues.
+  std::vector<float> ThetaFromSamples(std::span<const float> samples, int threads) const;
+
+  double multiply_adds() const;  // per key point
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 // Support radii of one description, relative to that of the weights. With several, the result is
 // the mean of their descriptors, scaled to unit length (domain-size pooling: Dong and Soatto, CVPR

@@ -7,8 +7,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include "descriptor/deal/onednn.h"
-
 namespace pliant::deal {
 namespace {
 

@@ -47,7 +47,7 @@ struct LinearLayer {
   std::vector<float> bias;    // outputs
 };
 
-// How the rings of the polar grid are spaced; geometry.h.
+// How the rings of the polar grid are spaced; network.h.
 enum class RadialSpacing {
   kLinear,       // the paper's
   kLogarithmic,  // each ring is the same factor larger than the one inside it

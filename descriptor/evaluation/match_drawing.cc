@@ -5,51 +5,57 @@
 #include <algorithm>
 #include <array>
 #include <utility>
+#include <vector>
 
-#include "descriptor/plot/sheet.h"
+#include "descriptor/plot/drawing.h"
 
 namespace pliant::evaluation {
 namespace {
 
-constexpr int kGap = 8;
-constexpr int kCaptionHeight = 30;
+constexpr int kZoom = 2;  // drawn at twice the size and scaled down, so that thin lines are smooth
+constexpr int kGap_px = 8;
+constexpr int kCaptionHeight_px = 30;
+constexpr int kLetters_px = 11;
+constexpr Colour kInk{30, 30, 30};
 
 // What matters most is drawn last.
 constexpr std::array<std::pair<Verdict, Colour>, 3> kOrder = {{{Verdict::kUnknown, colours::kBlue},
                                                                {Verdict::kFalse, colours::kRed},
                                                                {Verdict::kTrue, colours::kGreen}}};
 
+Vec2 Zoomed(Vec2 p) { return {(p.x + 0.5) * kZoom - 0.5, (p.y + 0.5) * kZoom - 0.5}; }
+
+Image ZoomedImage(const Image& image) {
+  return ToColour(ResizeImage(image, kZoom * image.width, kZoom * image.height));
+}
+
 }  // namespace
 
 Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
                   std::span<const Vec2> outline, const std::string& caption) {
   const int height = std::max(first.height, second.height);
-  const int offset = first.width + kGap;
-  plot::Sheet sheet(offset + second.width, height + kCaptionHeight);
-  sheet.Paste(second, offset, 0);
-  for (std::size_t i = 0; i < outline.size(); ++i) {
-    const Vec2& a = outline[i];
-    const Vec2& b = outline[(i + 1) % outline.size()];
-    sheet.Line({a.x + offset, a.y}, {b.x + offset, b.y}, colours::kYellow, 2.0);
-  }
-  // What of the outline lies left of its picture goes.
-  sheet.Box({0.0, 0.0}, {static_cast<double>(offset), static_cast<double>(height)},
-            colours::kWhite);
-  sheet.Paste(first, 0, 0);
+  const int offset = first.width + kGap_px;
+  const int width = offset + second.width;
+  Image right = ZoomedImage(second);
+  std::vector<Vec2> corners;
+  for (const Vec2 p : outline) corners.push_back(Zoomed(p));
+  DrawPolyline(right, corners, true, colours::kYellow, 2 * kZoom);
+  Image sheet = BlankPicture(kZoom * width, kZoom * (height + kCaptionHeight_px), colours::kWhite);
+  PastePicture(sheet, ZoomedImage(first), 0, 0);
+  PastePicture(sheet, right, kZoom * offset, 0);
   for (const auto& [verdict, colour] : kOrder) {
     for (const DrawnMatch& match : matches) {
       if (match.verdict != verdict) continue;
-      const Vec2 end{match.second.x + offset, match.second.y};
-      sheet.Line(match.first, end, colour, 0.5);
-      sheet.Disc(match.first, 1.8, colour);
-      sheet.Disc(end, 1.8, colour);
+      const Vec2 from = Zoomed(match.first);
+      const Vec2 to = Zoomed(Vec2{match.second.x + offset, match.second.y});
+      DrawLine(sheet, from, to, colour);
+      DrawDot(sheet, from, 1.8 * kZoom, colour);
+      DrawDot(sheet, to, 1.8 * kZoom, colour);
     }
   }
-  const double bottom = height;
-  sheet.Box({0.0, bottom}, {static_cast<double>(offset + second.width), bottom + kCaptionHeight},
-            colours::kWhite);
-  sheet.Text(caption, {10, height + 20.0}, 11);
-  return sheet.Finish();
+  FillBox(sheet, 0, kZoom * height, kZoom * width, kZoom * kCaptionHeight_px, colours::kWhite);
+  DrawText(sheet, kZoom * 10, kZoom * (height + 20), caption, kInk, kZoom * kLetters_px);
+  return ResizeImage(sheet, width, height + kCaptionHeight_px);
 }
 
 }  // namespace pliant::evaluation

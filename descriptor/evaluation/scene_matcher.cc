@@ -2,11 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/evaluation/scene_matcher.h"
 
-#include <algorithm>
-#include <chrono>
 #include <span>
 #include <utility>
 
+#include "descriptor/base/stopwatch.h"
 #include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/faint_keypoints.h"
 
@@ -60,7 +59,7 @@ const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
   ViewFeatures& features = Features(view, contenders_[contender].repeats);
   const auto [place, is_new] = features.descriptors.try_emplace(contender);
   if (!is_new) return place->second;
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const Descriptor& descriptor = *contenders_[contender].descriptor;
   const std::span<const Keypoint> keypoints(features.keypoints);
   const std::size_t plain = keypoints.size() - features.inside.size();
@@ -68,8 +67,7 @@ const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
   if (!features.inside.empty()) {
     place->second.Append(descriptor.Describe(features.enlarged, features.inside, /*threads=*/1));
   }
-  measurement.describe_seconds[contender] +=
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  measurement.describe_seconds[contender] += watch.seconds();
   measurement.described[contender] += static_cast<double>(features.keypoints.size());
   return place->second;
 }

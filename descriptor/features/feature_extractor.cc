@@ -1,33 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <chrono>
 #include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/stopwatch.h"
 #include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/faint_keypoints.h"
-#include "descriptor/features/part_view.h"
 
 namespace pliant {
 namespace {
-
-class Stopwatch {
- public:
-  // Milliseconds since the last lap.
-  double Lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const std::chrono::duration<double, std::milli> passed = now - last_;
-    last_ = now;
-    return passed.count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 // A closer look takes so many times the key points.
 constexpr int kCloserKeypoints = 4;
@@ -82,7 +67,7 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
   const ScaledSize size = ScaleToFit(picture.width, picture.height, options_.decode.max_side_px);
   decoded.scale = size.scale;
   if (size.scale < 1) decoded.image = ResizeImage(decoded.image, size.width, size.height);
-  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  if (timings != nullptr) timings->decode_ms = watch.LapMs();
   return Extract(decoded, threads, timings, role);
 }
 
@@ -90,7 +75,7 @@ Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings
                                    PictureRole role) const {
   Stopwatch watch;
   const DecodedImage decoded = Decode(encoded);
-  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  if (timings != nullptr) timings->decode_ms = watch.LapMs();
   return Extract(decoded, threads, timings, role);
 }
 
@@ -104,13 +89,13 @@ Features FeatureExtractor::ExtractPart(Bytes encoded, const Region& part, int th
   Stopwatch watch;
   const auto view =
       DecodePart(encoded, part, options_.decode.max_side_px, options_.decoder, options_.decode);
-  if (timings != nullptr) timings->decode_ms = watch.Lap();
+  if (timings != nullptr) timings->decode_ms = watch.LapMs();
   if (!view) {
     Features none{.keypoints = {}, .descriptors = {}, .model_id = descriptor_->info().model_id};
-    const ImageHeader header = ReadImageHeader(encoded);
-    const bool turned = header.exif_orientation >= 5;
-    none.width = static_cast<int>(turned ? header.height : header.width);
-    none.height = static_cast<int>(turned ? header.width : header.height);
+    // Not ReadImageHeader: no byte from outside is read where the decoder is not.
+    const DecodedImage whole = options_.decoder(encoded, options_.decode);
+    none.width = whole.original_width;
+    none.height = whole.original_height;
     return none;
   }
   Features features = Extract(view->decoded, view->inside, threads, timings, PictureRole::kQuery);
@@ -131,12 +116,12 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.colours = MakeColourGrid(decoded.thumbnail);
   features.keypoints = options_.enlarge_below > 0 ? DetectFaintKeypoints(decoded.image, keypoints)
                                                   : DetectKeypoints(decoded.image, keypoints);
-  const double detect_ms = watch.Lap();
+  const double detect_ms = watch.LapMs();
 
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
   if (timings != nullptr) {
     timings->detect_ms = detect_ms;
-    timings->describe_ms = watch.Lap();
+    timings->describe_ms = watch.LapMs();
   }
   if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
     AddEnlarged(decoded.image, keypoints, threads, role, &features, timings);
@@ -151,9 +136,9 @@ void FeatureExtractor::AddEnlarged(const Image& image, const KeypointOptions& ke
   Stopwatch watch;
   const EnlargedKeypoints more =
       DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, keypoints);
-  if (timings != nullptr) timings->detect_ms += watch.Lap();
+  if (timings != nullptr) timings->detect_ms += watch.LapMs();
   Append(more, threads, role, features);
-  if (timings != nullptr) timings->describe_ms += watch.Lap();
+  if (timings != nullptr) timings->describe_ms += watch.LapMs();
 }
 
 void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, PictureRole role,
@@ -178,7 +163,7 @@ std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Featur
   decode.thumbnail_side_px = 0;
   const auto view = DecodePart(encoded, looked_at, *side, options_.decoder, decode);
   if (!view) return {};
-  const double decode_ms = watch.Lap();
+  const double decode_ms = watch.LapMs();
 
   KeypointOptions keypoints = options_.keypoints;
   keypoints.max_keypoints = std::min(kCloserKeypoints * keypoints.max_keypoints, kMaxKeypoints);
@@ -188,7 +173,7 @@ std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Featur
   const double scale = view->decoded.scale;
   auto strips = DetectCloser(view->decoded.image, scale, known_here,
                              std::max(1.0, *side / (longer_side * scale)), keypoints);
-  const double detect_ms = watch.Lap();
+  const double detect_ms = watch.LapMs();
   Features features = known;
   for (EnlargedKeypoints& more : strips) {
     Shift(&more.placed, view->left, view->top);
@@ -197,7 +182,7 @@ std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Featur
   if (timings != nullptr) {
     timings->decode_ms += decode_ms;
     timings->detect_ms += detect_ms;
-    timings->describe_ms += watch.Lap();
+    timings->describe_ms += watch.LapMs();
   }
   return features;
 }

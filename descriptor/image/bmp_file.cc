@@ -3,13 +3,16 @@
 // BMP: a file header, an information header of one of several lengths, rows of pixels.
 #include <cstdlib>
 
+#include <opencv2/imgcodecs.hpp>
+
 #include "descriptor/image/byte_reader.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
 
 ScannedImage ScanBmp(Bytes bytes) {
-  ScannedImage scanned{.header = {.format = ImageFormat::kBmp}};
+  // Three of colour and one of grey.
+  ScannedImage scanned{.header = {.format = ImageFormat::kBmp}, .pixel_bytes = 3 + 1};
   ImageHeader& header = scanned.header;
   const ByteReader reader(bytes, false);
   const bool core = reader.U32(14) == 12U;  // of OS/2
@@ -29,6 +32,21 @@ ScannedImage ScanBmp(Bytes bytes) {
   // Divided, not multiplied: nobody has checked the size yet, and the product may overflow.
   scanned.complete = data >= 0 && (header.height == 0 || row <= data / header.height);
   return scanned;
+}
+
+cv::Mat DecodeBmp(Bytes bytes) {
+  cv::Mat pixels;
+  std::string detail;
+  try {
+    const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8U,
+                       const_cast<std::uint8_t*>(bytes.data()));  // imdecode only reads
+    pixels = cv::imdecode(file, cv::IMREAD_COLOR);
+  } catch (const cv::Exception& e) {
+    if (e.code == cv::Error::StsNoMem) throw;
+    detail = e.err;
+  }
+  if (pixels.empty()) ThrowUndecodable(detail);
+  return pixels;
 }
 
 }  // namespace pliant

@@ -4,18 +4,16 @@
 
 #include <algorithm>
 #include <new>
+#include <optional>
 #include <utility>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/format_bytes.h"
-#include "descriptor/image/byte_reader.h"
-#include "descriptor/image/finish_pixels.h"
+#include "descriptor/image/cv_image.h"
 #include "descriptor/image/image_header.h"
 #include "descriptor/image/jpeg_planes.h"
-#include "descriptor/image/quiet_decoders.h"
 
 namespace pliant {
 namespace {
@@ -58,83 +56,84 @@ int JpegReduction(const ImageHeader& header, int max_side_px) {
   return reduction;
 }
 
-// PNG and WebP may carry transparency, which is composed below: all their channels are decoded.
-bool IsDecodedWhole(const ImageHeader& header) {
-  return header.format == ImageFormat::kPng || header.format == ImageFormat::kWebp;
-}
-
-int ReadFlags(const ImageHeader& header, bool colour, int reduction) {
-  if (IsDecodedWhole(header)) return cv::IMREAD_UNCHANGED;
-  int flags = colour ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE;
-  if (reduction == 2) flags = colour ? cv::IMREAD_REDUCED_COLOR_2 : cv::IMREAD_REDUCED_GRAYSCALE_2;
-  if (reduction == 4) flags = colour ? cv::IMREAD_REDUCED_COLOR_4 : cv::IMREAD_REDUCED_GRAYSCALE_4;
-  if (reduction == 8) flags = colour ? cv::IMREAD_REDUCED_COLOR_8 : cv::IMREAD_REDUCED_GRAYSCALE_8;
-  return flags | cv::IMREAD_IGNORE_ORIENTATION;
-}
-
-cv::Mat DecodePixels(Bytes bytes, int flags) {
-  cv::Mat pixels;
-  std::string detail;
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
-                          const_cast<std::uint8_t*>(bytes.data()));  // imdecode only reads
-    const DecoderSilence silence;  // what is wrong is said once, by the Error
-    pixels = cv::imdecode(encoded, flags);
-  } catch (const cv::Exception& e) {
-    if (e.code == cv::Error::StsNoMem) throw;
-    detail = " (" + e.err + ")";
-  }
-  if (pixels.empty() || (pixels.depth() != CV_8U && pixels.depth() != CV_16U)) {
-    throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-                "The picture cannot be decoded: its data are damaged or of a kind that is not "
-                "read" +
-                    detail + ". Save it again as JPEG or PNG.");
+// By the orientation of EXIF 2.3, tag 0x0112.
+cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
+  switch (orientation) {
+    case 2:
+      cv::flip(pixels, pixels, 1);
+      break;
+    case 3:
+      cv::rotate(pixels, pixels, cv::ROTATE_180);
+      break;
+    case 4:
+      cv::flip(pixels, pixels, 0);
+      break;
+    case 5:
+      cv::transpose(pixels, pixels);
+      break;
+    case 6:
+      cv::rotate(pixels, pixels, cv::ROTATE_90_CLOCKWISE);
+      break;
+    case 7:
+      cv::transpose(pixels, pixels);
+      cv::rotate(pixels, pixels, cv::ROTATE_180);
+      break;
+    case 8:
+      cv::rotate(pixels, pixels, cv::ROTATE_90_COUNTERCLOCKWISE);
+      break;
+    default:
+      break;
   }
   return pixels;
 }
 
-// OpenCV takes a WebP that libwebp does not know for what else it may be. Of all that it reads,
-// only DICOM has its mark in the middle of the file; none of the limits would hold for one.
-void CheckIsNothingElse(Bytes bytes, const ImageHeader& header) {
-  constexpr std::size_t kDicomMark = 128;
-  if (header.format != ImageFormat::kWebp ||
-      !ByteReader(bytes, false).StartsWith(kDicomMark, "DICM")) {
-    return;
+// B, G, R of B, G, R, A: transparent pixels become white, because the colour under them is
+// arbitrary.
+cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
+  cv::Mat bgr(bgra.size(), CV_8UC3);
+  for (int y = 0; y < bgra.rows; ++y) {
+    const auto* source = bgra.ptr<cv::Vec4b>(y);
+    auto* target = bgr.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < bgra.cols; ++x) {
+      const int alpha = source[x][3];
+      for (int c = 0; c < 3; ++c) {
+        target[x][c] =
+            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
+      }
+    }
   }
-  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The picture begins as WebP and goes on as DICOM. Save it again as JPEG or PNG.");
+  return bgr;
 }
 
-// The decoder must have understood the file as the limits did.
-void CheckSize(const cv::Mat& pixels, const ImageHeader& header, int reduction) {
-  const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
-  const std::int64_t width = reduced(header.width);
-  const std::int64_t height = reduced(header.height);
-  const bool turned = header.format == ImageFormat::kTiff && header.exif_orientation >= 5;
-  if (pixels.cols == (turned ? height : width) && pixels.rows == (turned ? width : height)) return;
-  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The picture contradicts itself: its header says " + std::to_string(header.width) +
-                  " x " + std::to_string(header.height) + " pixels, its data are of " +
-                  std::to_string(pixels.cols) + " x " + std::to_string(pixels.rows) +
-                  ". Save it again as JPEG or PNG.");
-}
-
-// OpenCV turns TIFF upright itself, whatever the flags; the other formats are ours to turn.
-int OrientationLeft(const ImageHeader& header) {
-  return header.format == ImageFormat::kTiff ? 1 : header.exif_orientation;
+// From grey or B, G, R, which may be changed: with the channels wanted, upright, scaled down.
+Image Finished(cv::Mat pixels, int orientation, const ScaledSize& size, bool colour) {
+  if (!colour && pixels.channels() == 3) {
+    cv::Mat grey;
+    cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
+    pixels = grey;
+  }
+  pixels = TurnUpright(std::move(pixels), orientation);
+  if (size.width < pixels.cols || size.height < pixels.rows) {
+    cv::Mat scaled;
+    cv::resize(pixels, scaled, {size.width, size.height}, 0, 0, cv::INTER_AREA);
+    pixels = scaled;
+  }
+  if (!colour) return CopyFromMat(pixels);
+  cv::Mat rgb;
+  cv::cvtColor(pixels, rgb, pixels.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  return CopyFromMat(rgb);
 }
 
 // Grey, or B, G, R; not turned upright.
 cv::Mat Read(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
-  const cv::Mat pixels = DecodePixels(bytes, ReadFlags(header, colour, reduction));
-  CheckSize(pixels, header, reduction);
-  return Simplified(pixels);
+  cv::Mat pixels = DecodePixels(bytes, header, colour, reduction);
+  return pixels.channels() == 4 ? ComposeOnWhite(pixels) : pixels;
 }
 
 // What is asked of one picture: a size is of the upright one.
 struct Wanted {
   int reduction = 1;
-  int orientation = 1;  // that is left to turn
+  int orientation = 1;
   bool colour = false;
   ScaledSize size;
   ScaledSize thumbnail = {};
@@ -160,18 +159,20 @@ Image ThumbnailFrom(const cv::Mat& pixels, const Wanted& wanted) {
 // before the picture's come, and memory is what it is without a thumbnail in colours.
 void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, DecodedImage* decoded) {
   cv::Mat pixels;
-  if (header.format == ImageFormat::kJpeg && !wanted.colour) {
-    if (const auto planes = DecodeJpegPlanes(bytes, header, wanted.reduction)) {
-      decoded->thumbnail = ThumbnailFrom(ThumbnailOf(*planes, wanted.StoredThumbnail()), wanted);
-      if (!planes->damaged) pixels = planes->grey;
-    }
-  }
-  if (decoded->thumbnail.empty() && !wanted.colour && !IsDecodedWhole(header)) {
+  const auto planes = header.format == ImageFormat::kJpeg && !wanted.colour
+                          ? DecodeJpegPlanes(bytes, header, wanted.reduction)
+                          : std::nullopt;
+  if (planes) {
+    decoded->thumbnail = ThumbnailFrom(ThumbnailOf(*planes, wanted.StoredThumbnail()), wanted);
+    if (!planes->damaged) pixels = planes->grey;
+  } else if (header.format == ImageFormat::kJpeg && !wanted.colour) {
     const int coarse =
         JpegReduction(header, std::max(wanted.thumbnail.width, wanted.thumbnail.height));
     decoded->thumbnail = ThumbnailFrom(Read(bytes, header, true, coarse), wanted);
   }
-  if (pixels.empty()) pixels = Read(bytes, header, wanted.colour, wanted.reduction);
+  // A thumbnail that is made of these pixels has their colours.
+  const bool colour = wanted.colour || decoded->thumbnail.empty();
+  if (pixels.empty()) pixels = Read(bytes, header, colour, wanted.reduction);
   if (decoded->thumbnail.empty()) decoded->thumbnail = ThumbnailFrom(pixels, wanted);
   decoded->image = Finished(std::move(pixels), wanted.orientation, wanted.size, wanted.colour);
 }
@@ -191,9 +192,6 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   CheckStructure(bytes, scanned);
   CheckMemory(scanned, reduction, options);  // now all that is needed is known
 
-  const std::vector<std::uint8_t> essential = WithoutMetadata(bytes, header.format);
-  const Bytes data = essential.empty() ? bytes : Bytes(essential);
-  CheckIsNothingElse(data, header);
   DecodedImage decoded;
   decoded.format = header.format;
   const bool turned = header.exif_orientation >= 5;
@@ -201,15 +199,15 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   decoded.original_height = static_cast<int>(turned ? header.width : header.height);
   Wanted wanted{
       .reduction = reduction,
-      .orientation = OrientationLeft(header),
+      .orientation = header.exif_orientation,
       .colour = options.colour,
       .size = ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px)};
   decoded.scale = wanted.size.scale;
   if (options.thumbnail_side_px > 0) {
     wanted.thumbnail = ScaleToFit(wanted.size.width, wanted.size.height, options.thumbnail_side_px);
-    ReadBoth(data, header, wanted, &decoded);
+    ReadBoth(bytes, header, wanted, &decoded);
   } else {
-    decoded.image = Finished(Read(data, header, options.colour, reduction), wanted.orientation,
+    decoded.image = Finished(Read(bytes, header, options.colour, reduction), wanted.orientation,
                              wanted.size, options.colour);
   }
   return decoded;

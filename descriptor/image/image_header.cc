@@ -18,35 +18,42 @@ namespace {
               "The picture is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
 }
 
-// What a format knows of its files.
-struct Format {
-  ScannedImage (*scan)(Bytes bytes);
-  void (*check_data)(Bytes bytes, ScannedImage& scanned) = nullptr;  // what scanning left out
-  std::vector<std::uint8_t> (*without_metadata)(Bytes bytes) = nullptr;
-};
-
-// Null for kUnknown.
-const Format* FormatOf(ImageFormat format) {
-  static constexpr Format kJpeg{ScanJpeg, CheckJpegScans, JpegWithoutMetadata};
-  static constexpr Format kPng{ScanPng, CheckPngData, PngWithoutMetadata};
-  static constexpr Format kWebp{ScanWebp, nullptr, WebpWithoutMetadata};
-  static constexpr Format kBmp{ScanBmp};
-  static constexpr Format kTiff{ScanTiff};
-  switch (format) {
+ScannedImage Scan(Bytes bytes) {
+  switch (SniffFormat(bytes)) {
     case ImageFormat::kJpeg:
-      return &kJpeg;
+      return ScanJpeg(bytes);
     case ImageFormat::kPng:
-      return &kPng;
+      return ScanPng(bytes);
     case ImageFormat::kWebp:
-      return &kWebp;
+      return ScanWebp(bytes);
     case ImageFormat::kBmp:
-      return &kBmp;
+      return ScanBmp(bytes);
     case ImageFormat::kTiff:
-      return &kTiff;
+      return ScanTiff(bytes);
     case ImageFormat::kUnknown:
       break;
   }
-  return nullptr;
+  throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
+              "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
+              "or TIFF.");
+}
+
+cv::Mat Decode(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
+  switch (header.format) {
+    case ImageFormat::kJpeg:
+      return DecodeJpeg(bytes, colour, reduction);
+    case ImageFormat::kPng:
+      return DecodePng(bytes);
+    case ImageFormat::kWebp:
+      return DecodeWebp(bytes, header);
+    case ImageFormat::kBmp:
+      return DecodeBmp(bytes);
+    case ImageFormat::kTiff:
+      return DecodeTiff(bytes, header);
+    case ImageFormat::kUnknown:
+      break;
+  }
+  ThrowUndecodable();
 }
 
 }  // namespace
@@ -66,13 +73,7 @@ ScannedImage ScanImage(Bytes bytes) {
     throw Error(ErrorCode::kUnprocessable, "image_empty",
                 "The picture is empty (0 bytes). Send the file's content.");
   }
-  const Format* format = FormatOf(SniffFormat(bytes));
-  if (format == nullptr) {
-    throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-                "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
-                "or TIFF.");
-  }
-  const ScannedImage scanned = format->scan(bytes);
+  const ScannedImage scanned = Scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any
   if (scanned.header.width <= 0 || scanned.header.height <= 0) {
     ThrowTruncated("its header gives no size");
@@ -83,17 +84,27 @@ ScannedImage ScanImage(Bytes bytes) {
 ImageHeader ReadImageHeader(Bytes bytes) { return ScanImage(bytes).header; }
 
 void CheckStructure(Bytes bytes, ScannedImage& scanned) {
-  const Format* format = FormatOf(scanned.header.format);
-  const bool checks = format != nullptr && format->check_data != nullptr;
-  if (scanned.complete && checks) format->check_data(bytes, scanned);
+  if (scanned.header.format == ImageFormat::kJpeg) CheckJpegScans(bytes, scanned);
   if (!scanned.complete) ThrowTruncated("it ends before its own end mark");
   if (!scanned.defect.empty()) ThrowDefect(scanned);
 }
 
-std::vector<std::uint8_t> WithoutMetadata(Bytes bytes, ImageFormat format) {
-  const Format* known = FormatOf(format);
-  if (known == nullptr || known->without_metadata == nullptr) return {};
-  return known->without_metadata(bytes);
+void ThrowUndecodable(const std::string& detail) {
+  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
+              "The picture cannot be decoded: its data are damaged or of a kind that is not read" +
+                  (detail.empty() ? detail : " (" + detail + ")") +
+                  ". Save it again as JPEG or PNG.");
+}
+
+cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
+  cv::Mat pixels = Decode(bytes, header, colour, reduction);
+  const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
+  if (pixels.cols == reduced(header.width) && pixels.rows == reduced(header.height)) return pixels;
+  throw Error(ErrorCode::kUnprocessable, "image_corrupt",
+              "The picture contradicts itself: its header says " + std::to_string(header.width) +
+                  " x " + std::to_string(header.height) + " pixels, its data are of " +
+                  std::to_string(pixels.cols) + " x " + std::to_string(pixels.rows) +
+                  ". Save it again as JPEG or PNG.");
 }
 
 }  // namespace pliant

@@ -1,16 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Reading what a picture file's structure says, format by format, without decoding pixels: its
-// size, whether it is whole, and what decoding it may cost. A file of a few kilobytes can claim
-// gigabytes, and libraries differ in what they believe when a file says a thing twice; so what is
-// contradictory or excessive is refused here, before a decoder sees it.
-// Internal to the descriptor library; callers use ReadImageHeader of image.h.
+// Picture files, format by format: first what the structure says (size, completeness, cost of
+// decoding), because a file of a few kilobytes can claim gigabytes; then the pixels, by the library
+// of the format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
+// Internal to the descriptor library; callers use image.h.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <vector>
+
+#include <opencv2/core.hpp>
 
 #include "descriptor/image/image.h"
 
@@ -34,27 +34,30 @@ ScannedImage ScanImage(Bytes bytes);
 
 // Throws Error "image_truncated" when the file ends before its own structure says it does:
 // JPEG without an end marker, PNG without IEND, WebP/BMP/TIFF data beyond the end of the file; and
-// "image_corrupt" for what no camera or program writes: a TIFF that names a tag twice, a
-// progressive JPEG of thousands of scans, a PNG with more data than rows. Of a JPEG and a PNG this
-// walks the pixels' data, which ScanImage leaves out (callers check the size first), and adds the
-// memory that a JPEG's scans need.
+// "image_corrupt" for what no camera or program writes: TIFF strips that overlap, a progressive
+// JPEG of thousands of scans. Of a JPEG this walks the pixels' data, which ScanImage leaves out
+// (callers check the size first), and adds the memory that its scans need.
 void CheckStructure(Bytes bytes, ScannedImage& scanned);
 
-// The file without what its pixels do not depend on: EXIF, colour profiles, texts, comments. The
-// decoders would read some of it, and unpack compressed texts into any amount of memory. Empty when
-// there is nothing to leave out (the given bytes will do), and for BMP and TIFF.
-std::vector<std::uint8_t> WithoutMetadata(Bytes bytes, ImageFormat format);
+// The pixels as they are stored, not turned upright, 8 bits each: grey, B, G, R, or B, G, R, A. A
+// JPEG gives grey if no colour is wanted, at 1/reduction of its size (1, 2, 4, 8); the others give
+// what they have. Throws Error "image_corrupt", also if the decoder finds another size than the
+// header says.
+cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+
+[[noreturn]] void ThrowUndecodable(const std::string& detail = {});
 
 // The formats' parts of the above.
 ScannedImage ScanJpeg(Bytes bytes);
 void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets complete and defect
-std::vector<std::uint8_t> JpegWithoutMetadata(Bytes bytes);
+cv::Mat DecodeJpeg(Bytes bytes, bool colour, int reduction);
 ScannedImage ScanPng(Bytes bytes);
-void CheckPngData(Bytes bytes, ScannedImage& scanned);  // sets defect
-std::vector<std::uint8_t> PngWithoutMetadata(Bytes bytes);
+cv::Mat DecodePng(Bytes bytes);
 ScannedImage ScanWebp(Bytes bytes);
-std::vector<std::uint8_t> WebpWithoutMetadata(Bytes bytes);
+cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header);
 ScannedImage ScanBmp(Bytes bytes);
+cv::Mat DecodeBmp(Bytes bytes);
 ScannedImage ScanTiff(Bytes bytes);
+cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header);
 
 }  // namespace pliant

@@ -2,21 +2,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // JPEG (ITU T.81): a list of marker segments; entropy-coded data follows SOS.
 #include <algorithm>
+#include <array>
+#include <csetjmp>
+#include <cstdio>
+
+#include <jpeglib.h>
 
 #include "descriptor/image/byte_reader.h"
+#include "descriptor/image/exif.h"
 #include "descriptor/image/image_header.h"
-#include "descriptor/image/tiff_directory.h"
 
 namespace pliant {
 namespace {
 
 constexpr int kEndOfImage = 0xD9;
 constexpr int kStartOfScan = 0xDA;
-constexpr int kComment = 0xFE;
-constexpr int kApp0 = 0xE0;   // JFIF
-constexpr int kApp1 = 0xE1;   // EXIF, XMP
-constexpr int kApp14 = 0xEE;  // Adobe: says which colour transform the pixels have gone through
-constexpr int kLastApp = 0xEF;
+constexpr int kApp1 = 0xE1;  // EXIF, XMP
 
 // Programs write ten scans or so, one that separates every coefficient some hundred.
 constexpr int kMostScans = 200;
@@ -30,10 +31,6 @@ bool IsStartOfFrame(int marker) {
 bool IsProgressive(int marker) { return (marker & 3) == 2; }
 
 bool HasNoPayload(int marker) { return marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8); }
-
-bool IsMetadata(int marker) {
-  return marker == kComment || (marker > kApp0 && marker <= kLastApp && marker != kApp14);
-}
 
 // Calls visit(marker, payload) for each segment from `at` up to EOI, leaving `at` at the segment
 // for which visit said false; false when the file ends before EOI. Entropy-coded data hold no
@@ -82,6 +79,79 @@ std::int64_t CoefficientBytesBy16(const ByteReader& frame) {
   return 2 * 16 * sum / (most_h * most_v);
 }
 
+class JpegDecoder {
+ public:
+  JpegDecoder() {
+    jpeg_.err = jpeg_std_error(&errors_);
+    errors_.error_exit = OnError;
+    errors_.emit_message = [](j_common_ptr, int) {};  // damage: pixels are missing or wrong
+    jpeg_.client_data = this;
+    jpeg_create_decompress(&jpeg_);
+  }
+  ~JpegDecoder() { jpeg_destroy_decompress(&jpeg_); }
+  JpegDecoder(const JpegDecoder&) = delete;
+  JpegDecoder& operator=(const JpegDecoder&) = delete;
+
+  // Grey, B, G, R, or the inks C, M, Y, K.
+  cv::Mat Decode(Bytes bytes, bool colour, int reduction) {
+    if (!Start(bytes, colour, reduction)) ThrowUndecodable(error_.data());
+    cv::Mat pixels(static_cast<int>(jpeg_.output_height), static_cast<int>(jpeg_.output_width),
+                   CV_8UC(jpeg_.output_components));
+    if (!ReadRows(pixels)) ThrowUndecodable(error_.data());
+    return pixels;
+  }
+
+ private:
+  // No destructor runs when libjpeg jumps back here.
+  bool Start(Bytes bytes, bool colour, int reduction) {
+    if (setjmp(jump_) != 0) return false;
+    jpeg_mem_src(&jpeg_, bytes.data(), bytes.size());
+    jpeg_read_header(&jpeg_, TRUE);
+    jpeg_.scale_num = 1;
+    jpeg_.scale_denom = static_cast<unsigned>(reduction);
+    const bool inks = jpeg_.num_components == 4;
+    jpeg_.out_color_space = inks ? JCS_CMYK : (colour ? JCS_EXT_BGR : JCS_GRAYSCALE);
+    jpeg_start_decompress(&jpeg_);
+    return true;
+  }
+
+  bool ReadRows(cv::Mat& pixels) {
+    if (setjmp(jump_) != 0) return false;
+    while (jpeg_.output_scanline < jpeg_.output_height) {
+      JSAMPROW row = pixels.ptr(static_cast<int>(jpeg_.output_scanline));
+      jpeg_read_scanlines(&jpeg_, &row, 1);
+    }
+    return true;
+  }
+
+  static void OnError(j_common_ptr jpeg) {
+    auto& self = *static_cast<JpegDecoder*>(jpeg->client_data);
+    jpeg->err->format_message(jpeg, self.error_.data());
+    std::longjmp(self.jump_, 1);
+  }
+
+  jpeg_decompress_struct jpeg_{};
+  jpeg_error_mgr errors_{};
+  std::jmp_buf jump_{};
+  std::array<char, JMSG_LENGTH_MAX> error_{};
+};
+
+// B, G, R of the inks C, M, Y, K as Adobe's programs store them, inverted.
+cv::Mat FromInks(const cv::Mat& inks) {
+  cv::Mat pixels(inks.size(), CV_8UC3);
+  for (int y = 0; y < inks.rows; ++y) {
+    const auto* from = inks.ptr<cv::Vec4b>(y);
+    auto* to = pixels.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < inks.cols; ++x) {
+      const int black = from[x][3];
+      for (int c = 0; c < 3; ++c) {
+        to[x][2 - c] = static_cast<std::uint8_t>(black - ((255 - from[x][c]) * black >> 8));
+      }
+    }
+  }
+  return pixels;
+}
+
 }  // namespace
 
 ScannedImage ScanJpeg(Bytes bytes) {
@@ -114,6 +184,7 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
       components = reader.U8(5).value_or(0);
       coefficients = pixels * CoefficientBytesBy16(reader) / 16;
       if (IsProgressive(marker)) scanned.buffer_bytes = coefficients;
+      if (components == 4) scanned.pixel_bytes = 4 + 3 + 1;  // inks, then colours, then grey
     }
     if (marker != kStartOfScan) return true;
     // A decoder keeps all coefficients where one scan does not bring all components.
@@ -126,23 +197,9 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
   }
 }
 
-// Segments are emptied, not left out: bytes before and behind one could make up a marker that
-// nobody has checked.
-std::vector<std::uint8_t> JpegWithoutMetadata(Bytes bytes) {
-  std::vector<std::uint8_t> kept;
-  std::size_t at = 2;
-  std::size_t from = 0;
-  WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
-    if (!IsMetadata(marker) || payload.empty()) return true;
-    kept.insert(kept.end(), bytes.begin() + static_cast<std::ptrdiff_t>(from),
-                bytes.begin() + static_cast<std::ptrdiff_t>(at) + 2);
-    kept.insert(kept.end(), {0, 2});  // a length that counts only itself
-    from = at + 4 + payload.size();
-    return true;
-  });
-  if (from == 0) return {};
-  kept.insert(kept.end(), bytes.begin() + static_cast<std::ptrdiff_t>(from), bytes.end());
-  return kept;
+cv::Mat DecodeJpeg(Bytes bytes, bool colour, int reduction) {
+  const cv::Mat pixels = JpegDecoder().Decode(bytes, colour, reduction);
+  return pixels.channels() == 4 ? FromInks(pixels) : pixels;
 }
 
 }  // namespace pliant

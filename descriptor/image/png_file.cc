@@ -3,19 +3,21 @@
 // PNG (ISO/IEC 15948): chunks of length, type, data, CRC.
 #include <algorithm>
 #include <array>
-#include <span>
+#include <csetjmp>
+#include <cstdio>
+#include <exception>
+#include <new>
 
-#include <zlib.h>
+#include <png.h>
 
 #include "descriptor/image/byte_reader.h"
+#include "descriptor/image/exif.h"
 #include "descriptor/image/image_header.h"
-#include "descriptor/image/tiff_directory.h"
 
 namespace pliant {
 namespace {
 
 constexpr std::size_t kSignatureBytes = 8;
-constexpr std::size_t kChunkFrameBytes = 12;  // length, type and CRC
 
 // Calls visit(type offset, data) for each chunk up to IEND; false when the file ends before it.
 template <typename Visit>
@@ -32,82 +34,106 @@ bool WalkPng(Bytes bytes, Visit visit) {
   return false;
 }
 
-// The chunks on which pixels depend; the transparent colour is one of them.
-bool IsForPixels(const ByteReader& reader, std::size_t type) {
-  constexpr std::array kTypes = {"IHDR", "PLTE", "tRNS", "IDAT", "IEND"};
-  return std::any_of(kTypes.begin(), kTypes.end(),
-                     [&](const char* name) { return reader.StartsWith(type, name); });
+// Of the decoder's result and of its conversions: transparency onto white, grey.
+std::int64_t PixelBytes(int colour_type, bool transparent_colour) {
+  const bool colour = (colour_type & PNG_COLOR_MASK_COLOR) != 0;
+  if ((colour_type & PNG_COLOR_MASK_ALPHA) != 0 || transparent_colour) return 4 + 3;
+  return colour ? 3 + 1 : 1;
 }
 
-// Of the decoder's result and of its conversions: 16 to 8 bits, transparency onto white, grey.
-std::int64_t PixelBytes(int bit_depth, int colour_type, bool transparent_colour) {
-  constexpr int kPalette = 3;
-  const bool alpha = (colour_type & 4) != 0 || transparent_colour;
-  const bool colour = (colour_type & 2) != 0 || colour_type == kPalette;
-  const int channels = alpha ? 4 : colour ? 3 : 1;
-  const int decoded = channels * (bit_depth == 16 ? 2 : 1);
-  return std::max({bit_depth == 16 ? decoded + channels : decoded, alpha ? channels + 3 : 0,
-                   colour ? 3 + 1 : 0});
+// What the rows need at most: the samples of a pixel, and some bytes for each row and pass.
+double MostDataBytes(const ImageHeader& header, int bit_depth, int colour_type) {
+  constexpr std::array<int, 7> kSamples = {1, 4, 3, 1, 2, 4, 4};  // by colour type
+  const int samples = kSamples[static_cast<std::size_t>(std::min(colour_type, 6))];
+  return static_cast<double>(header.height) *
+         (static_cast<double>(header.width) * samples * bit_depth / 8 + 16);
 }
 
-// What the chunks of data unpack to: a byte for the filter and the samples of every row, for each
-// of the seven passes where there are several (clause 8).
-std::uint64_t DataBytes(std::uint64_t width, std::uint64_t height, int bit_depth, int colour_type,
-                        bool interlaced) {
-  struct Pass {
-    unsigned x, y, step_x, step_y;
-  };
-  constexpr std::array<Pass, 7> kInterlaced = {{{0, 0, 8, 8},
-                                                {4, 0, 8, 8},
-                                                {0, 4, 4, 8},
-                                                {2, 0, 4, 4},
-                                                {0, 2, 2, 4},
-                                                {1, 0, 2, 2},
-                                                {0, 1, 1, 2}}};
-  constexpr std::array<Pass, 1> kWhole = {{{0, 0, 1, 1}}};
-  constexpr std::array<int, 7> kSamples = {1, 0, 3, 1, 2, 0, 4};  // by colour type
-  const int samples = colour_type < 7 ? kSamples[static_cast<std::size_t>(colour_type)] : 0;
-  const auto bits = static_cast<std::uint64_t>(samples * bit_depth);
-  std::uint64_t sum = 0;
-  for (const Pass& pass :
-       interlaced ? std::span<const Pass>(kInterlaced) : std::span<const Pass>(kWhole)) {
-    const std::uint64_t columns = (width + pass.step_x - 1 - pass.x) / pass.step_x;
-    const std::uint64_t rows = (height + pass.step_y - 1 - pass.y) / pass.step_y;
-    if (columns > 0) sum += rows * (1 + (columns * bits + 7) / 8);
-  }
-  return sum;
-}
-
-// Unpacks a PNG's data without keeping them.
-class Unpacker {
+// Decodes with libpng's push interface, which unpacks no more data than the rows need. (The other
+// one unpacks what lies behind the last row as well, a thousand times its size.)
+class PngDecoder {
  public:
-  explicit Unpacker(std::uint64_t most) : most_(most), ready_(inflateInit(&stream_) == Z_OK) {}
-  ~Unpacker() {
-    if (ready_) inflateEnd(&stream_);
+  PngDecoder() {
+    png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, OnError,
+                                  [](png_structp, const char*) {});
+    info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
   }
-  Unpacker(const Unpacker&) = delete;
-  Unpacker& operator=(const Unpacker&) = delete;
+  ~PngDecoder() { png_destroy_read_struct(&png_, &info_, nullptr); }
+  PngDecoder(const PngDecoder&) = delete;
+  PngDecoder& operator=(const PngDecoder&) = delete;
 
-  // Takes the next chunk; false as soon as there are more than the most bytes. What is damaged the
-  // decoder will notice.
-  bool Take(Bytes data) {
-    stream_.next_in = const_cast<Bytef*>(data.data());  // zlib only reads
-    stream_.avail_in = static_cast<uInt>(data.size());
-    while (ready_ && stream_.avail_in > 0) {
-      stream_.next_out = scratch_.data();
-      stream_.avail_out = static_cast<uInt>(scratch_.size());
-      const int status = inflate(&stream_, Z_NO_FLUSH);
-      if (stream_.total_out > most_) return false;
-      if (status != Z_OK) break;
-    }
-    return true;
+  cv::Mat Decode(Bytes bytes) {
+    if (info_ == nullptr) throw std::bad_alloc();
+    const bool decoded = Process(bytes);
+    if (out_of_memory_) throw std::bad_alloc();
+    if (!decoded || rows_missing_) ThrowUndecodable(error_.data());
+    return pixels_;
   }
 
  private:
-  const std::uint64_t most_;
-  z_stream stream_{};
-  bool ready_;
-  std::array<Bytef, 32 * 1024> scratch_;
+  // No destructor runs when libpng jumps back here.
+  bool Process(Bytes bytes) {
+    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    // Texts and profiles may unpack to any size. All chunks that pixels do not depend on are
+    // skipped.
+    png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
+    png_set_progressive_read_fn(png_, this, OnInfo, OnRow, nullptr);
+    png_process_data(png_, info_, const_cast<png_bytep>(bytes.data()), bytes.size());  // only reads
+    return true;
+  }
+
+  static void OnError(png_structp png, const char* text) {
+    auto& error = static_cast<PngDecoder*>(png_get_error_ptr(png))->error_;
+    std::snprintf(error.data(), error.size(), "%s", text);
+    png_longjmp(png, 1);
+  }
+
+  static void OnInfo(png_structp png, png_infop info) {
+    auto& self = *static_cast<PngDecoder*>(png_get_progressive_ptr(png));
+    png_set_expand(png);  // palettes, transparent colours, less than 8 bits
+    png_set_scale_16(png);
+    png_set_bgr(png);
+    const int type = png_get_color_type(png, info);
+    if (type == PNG_COLOR_TYPE_GRAY_ALPHA ||
+        (type == PNG_COLOR_TYPE_GRAY && png_get_valid(png, info, PNG_INFO_tRNS) != 0)) {
+      png_set_gray_to_rgb(png);
+    }
+    png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+    if (!self.Create(static_cast<int>(png_get_image_height(png, info)),
+                     static_cast<int>(png_get_image_width(png, info)),
+                     png_get_channels(png, info))) {
+      png_error(png, "out of memory");
+    }
+  }
+
+  bool Create(int rows, int columns, int channels) {
+    try {
+      pixels_.create(rows, columns, CV_8UC(channels));
+    } catch (const std::exception&) {
+      out_of_memory_ = true;
+    }
+    return !out_of_memory_;
+  }
+
+  static void OnRow(png_structp png, png_bytep row, png_uint_32 y, int pass) {
+    auto& self = *static_cast<PngDecoder*>(png_get_progressive_ptr(png));
+    if (row != nullptr)
+      png_progressive_combine_row(png, self.pixels_.ptr(static_cast<int>(y)), row);
+    // The last pass of an interlaced picture brings its odd rows.
+    const int last_pass =
+        png_get_interlace_type(png, self.info_) != 0 && self.pixels_.rows > 1 ? 6 : 0;
+    if (pass >= last_pass && static_cast<int>(y) + 1 == self.pixels_.rows) {
+      self.rows_missing_ = false;
+    }
+  }
+
+  png_structp png_ = nullptr;
+  png_infop info_ = nullptr;
+  cv::Mat pixels_;
+  bool rows_missing_ = true;
+  bool out_of_memory_ = false;
+  std::array<char, 80> error_ = {"rows are missing"};
 };
 
 }  // namespace
@@ -126,47 +152,25 @@ ScannedImage ScanPng(Bytes bytes) {
   header.height = reader.U32(20).value_or(0);
   bool exif = false;
   bool transparent_colour = false;
+  double data_bytes = 0;
   scanned.complete = WalkPng(bytes, [&](std::size_t type, Bytes data) {
     if (reader.StartsWith(type, "tRNS")) transparent_colour = true;
+    if (reader.StartsWith(type, "IDAT")) data_bytes += static_cast<double>(data.size());
     if (!exif && reader.StartsWith(type, "eXIf")) {
       header.exif_orientation = ReadOrientation(data);
       exif = true;
     }
   });
-  scanned.pixel_bytes =
-      PixelBytes(reader.U8(24).value_or(0), reader.U8(25).value_or(0), transparent_colour);
+  const int colour_type = reader.U8(25).value_or(0);
+  scanned.pixel_bytes = PixelBytes(colour_type, transparent_colour);
+  // Compressed data that are larger than what they unpack to are none of this picture's.
+  constexpr double kTolerated = 64 * 1024;
+  if (data_bytes > MostDataBytes(header, reader.U8(24).value_or(0), colour_type) + kTolerated) {
+    scanned.defect = "it holds more data than its rows";
+  }
   return scanned;
 }
 
-// Data may unpack to a thousand times their size, and libpng unpacks them to their end, also behind
-// the last row.
-void CheckPngData(Bytes bytes, ScannedImage& scanned) {
-  const ByteReader reader(bytes, true);
-  const std::uint64_t rows =
-      DataBytes(static_cast<std::uint64_t>(scanned.header.width),
-                static_cast<std::uint64_t>(scanned.header.height), reader.U8(24).value_or(0),
-                reader.U8(25).value_or(0), reader.U8(28).value_or(0) != 0);
-  constexpr std::uint64_t kTolerated = 64 * 1024;
-  Unpacker unpacker(rows + kTolerated);
-  bool fits = true;
-  WalkPng(bytes, [&](std::size_t type, Bytes data) {
-    if (fits && reader.StartsWith(type, "IDAT")) fits = unpacker.Take(data);
-  });
-  if (!fits) scanned.defect = "it holds more data than its rows";
-}
-
-std::vector<std::uint8_t> PngWithoutMetadata(Bytes bytes) {
-  const ByteReader reader(bytes, true);
-  bool all = true;
-  WalkPng(bytes, [&](std::size_t type, Bytes) { all = all && IsForPixels(reader, type); });
-  if (all) return {};
-  std::vector<std::uint8_t> kept(bytes.begin(), bytes.begin() + kSignatureBytes);
-  WalkPng(bytes, [&](std::size_t type, Bytes data) {
-    if (!IsForPixels(reader, type)) return;
-    const Bytes chunk = bytes.subspan(type - 4, data.size() + kChunkFrameBytes);
-    kept.insert(kept.end(), chunk.begin(), chunk.end());
-  });
-  return kept;
-}
+cv::Mat DecodePng(Bytes bytes) { return PngDecoder().Decode(bytes); }
 
 }  // namespace pliant

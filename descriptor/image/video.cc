@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <string_view>
 #include <system_error>
@@ -13,6 +12,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "descriptor/image/cv_image.h"
 
 namespace pliant {
@@ -23,12 +23,7 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 5> kVideoNames = {".mp4", ".m4v", ".mov", ".mkv", ".avi"};
 constexpr double kPlausibleRate = 1000;  // frames a second; headers may say anything
 
-std::string LowerExtension(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
+std::string LowerExtension(const fs::path& file) { return Lower(file.extension().string()); }
 
 void CheckFile(const fs::path& file) {
   std::error_code error;

@@ -123,12 +123,6 @@ void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour) {
   cv::circle(canvas, ToFixed(centre), radius, ToScalar(colour), cv::FILLED, cv::LINE_AA, kShift);
 }
 
-void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour) {
-  cv::Mat canvas = Canvas(on);
-  if (corners.empty()) return;
-  cv::fillConvexPoly(canvas, ToFixed(corners), ToScalar(colour), cv::LINE_AA, kShift);
-}
-
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour) {
   cv::Mat canvas = Canvas(on);
   const cv::Rect box = cv::Rect(x, y, width, height) & cv::Rect(0, 0, on.width, on.height);
@@ -147,7 +141,7 @@ void DrawText(Image& on, int left, int baseline, const std::string& text, Colour
 }
 
 int TextWidth(const std::string& text, int height_px) {
-  if (HasFonts()) return LetteringAdvance(text, height_px);
+  if (HasFonts()) return DrawLetters(text, height_px).advance;
   int below = 0;
   return cv::getTextSize(ToAscii(text), kFont, FontScale(height_px), Stroke(height_px), &below)
       .width;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lines, dots and text on colour pictures: matches, outlines, meshes, plots. Everything is clipped
+// Lines, dots and text on colour pictures: matches, outlines, meshes. Everything is clipped
 // at the picture's border and anti-aliased. Points are in pixels, pixel
 // centres at integers. The pictures drawn on must have 3 channels: kInvalidArgument otherwise.
 #pragma once
@@ -42,8 +42,6 @@ void DrawLine(Image& on, Vec2 from, Vec2 to, Colour colour, int thickness_px = 1
 void DrawPolyline(Image& on, std::span<const Vec2> points, bool closed, Colour colour,
                   int thickness_px = 1);
 void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour);
-// `corners` of a convex polygon, in either direction.
-void FillConvex(Image& on, std::span<const Vec2> corners, Colour colour);
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 
 // One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts (see lettering.h).

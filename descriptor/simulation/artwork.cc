@@ -3,9 +3,12 @@
 #include "descriptor/simulation/artwork.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
+#include <vector>
 
-#include "descriptor/simulation/procedural_painters.h"
+#include "descriptor/simulation/procedural.h"
 
 namespace pliant::simulation {
 namespace {
@@ -74,6 +77,134 @@ Eigen::Array4f InkAt(const Artwork& artwork, float x, float y) {
 
 std::uint8_t ToByte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value * 255.0F + 0.5F, 0.0F, 255.0F));
+}
+
+constexpr float kPi = std::numbers::pi_v<float>;
+constexpr int kCorners = 40;
+
+// What the parts of one drawing share.
+struct Style {
+  std::array<Ink, 5> inks;
+  Ink outline;
+  float line_px = 2.0F;
+  float side = 300.0F;  // of the canvas, the shorter one
+  bool filled = true;   // else outlines only
+
+  const Ink& Any(Random& random) const {
+    return inks[static_cast<std::size_t>(random.Integer(0, static_cast<int>(inks.size()) - 1))];
+  }
+};
+
+Style DrawStyle(const Canvas& canvas, Random& random, const Ink& outline) {
+  Style style;
+  style.outline = outline;
+  style.side = static_cast<float>(std::min(canvas.width(), canvas.height()));
+  style.line_px = style.side * random.LogUniform(0.004F, 0.016F);
+  style.filled = random.Chance(0.75F);
+  const int colours = random.Integer(1, 5);
+  for (std::size_t i = 0; i < style.inks.size(); ++i) {
+    style.inks[i] = i < static_cast<std::size_t>(colours)
+                        ? FromHue(random.Uniform(), random.Uniform(), random.Uniform(0.25F, 1.0F))
+                        : style.inks[i % static_cast<std::size_t>(colours)];
+  }
+  return style;
+}
+
+// A closed curve around `centre`, rounder or wilder by `wildness`.
+std::vector<Point> DrawBlob(Random& random, const Point& centre, float radius, float wildness) {
+  std::array<float, 5> size{};
+  std::array<float, 5> phase{};
+  for (std::size_t k = 0; k < size.size(); ++k) {
+    size[k] = random.Normal() * wildness / (1.0F + static_cast<float>(k));
+    phase[k] = random.Angle();
+  }
+  const float squash = random.LogUniform(0.5F, 1.0F);
+  const float turn = random.Angle();
+  std::vector<Point> corners;
+  for (int i = 0; i < kCorners; ++i) {
+    const float angle = 2.0F * kPi * static_cast<float>(i) / kCorners;
+    float reach = 1.0F;
+    for (std::size_t k = 0; k < size.size(); ++k)
+      reach += size[k] * std::cos(static_cast<float>(k + 2) * angle + phase[k]);
+    const float x = std::cos(angle) * std::max(0.2F, reach) * radius;
+    const float y = std::sin(angle) * std::max(0.2F, reach) * radius * squash;
+    corners.emplace_back(centre + Point(std::cos(turn) * x - std::sin(turn) * y,
+                                        std::sin(turn) * x + std::cos(turn) * y));
+  }
+  return corners;
+}
+
+void Stroke(Canvas& canvas, const std::vector<Point>& points, bool closed, float thickness,
+            const Ink& ink) {
+  for (std::size_t i = closed ? 0 : 1; i < points.size(); ++i)
+    canvas.Line(points[i == 0 ? points.size() - 1 : i - 1], points[i], thickness, ink);
+}
+
+void PaintBlob(Canvas& canvas, Random& random, const Style& style, const Point& centre,
+               float radius, float wildness) {
+  const std::vector<Point> corners = DrawBlob(random, centre, radius, wildness);
+  if (style.filled) canvas.Polygon(corners, style.Any(random));
+  Stroke(canvas, corners, true, style.line_px, style.outline);
+}
+
+void PaintLimb(Canvas& canvas, Random& random, const Style& style, Point at) {
+  std::vector<Point> points{at};
+  float angle = random.Angle();
+  const float bend = random.Normal() * 0.25F;
+  const float step = style.side * random.Uniform(0.015F, 0.04F);
+  const int count = random.Integer(6, 14);
+  for (int i = 0; i < count; ++i) {
+    angle += bend + 0.1F * random.Normal();
+    at += step * Point(std::cos(angle), std::sin(angle));
+    points.push_back(at);
+  }
+  const float thickness = style.side * random.LogUniform(0.012F, 0.06F);
+  Stroke(canvas, points, false, thickness + 2.0F * style.line_px, style.outline);
+  if (style.filled) Stroke(canvas, points, false, thickness, style.Any(random));
+}
+
+void PaintEyes(Canvas& canvas, Random& random, const Style& style, const Point& centre) {
+  const float radius = style.side * random.LogUniform(0.012F, 0.05F);
+  const float apart = radius * random.Uniform(1.2F, 3.0F);
+  const Point look(radius * random.Uniform(-0.3F, 0.3F), radius * random.Uniform(-0.3F, 0.3F));
+  for (const float side : {-0.5F, 0.5F}) {
+    const Point eye = centre + Point(side * apart * 2.0F, 0.0F);
+    canvas.Ellipse(eye, {radius, radius}, 0.0F, style.outline);
+    canvas.Ellipse(eye, Point::Constant(std::max(0.5F, radius - style.line_px)), 0.0F, Ink::Ones());
+    canvas.Ellipse(eye + look, Point::Constant(0.45F * radius), 0.0F, style.outline);
+  }
+}
+
+// Parallel strokes, spots or a fringe: the small things that make a drawing.
+void PaintDetail(Canvas& canvas, Random& random, const Style& style, const Point& centre) {
+  const bool spots = random.Chance(0.4F);
+  const float angle = random.Angle();
+  const Point along(std::cos(angle), std::sin(angle));
+  const Point across(-along.y(), along.x());
+  const float pitch = style.side * random.LogUniform(0.012F, 0.05F);
+  const float length = pitch * random.Uniform(0.8F, 5.0F);
+  const Ink ink = style.filled && random.Chance(0.4F) ? style.Any(random) : style.outline;
+  const int count = random.Integer(3, 14);
+  for (int i = 0; i < count; ++i) {
+    const float offset = static_cast<float>(i) - 0.5F * static_cast<float>(count);
+    const Point at = centre + across * offset * pitch;
+    if (spots) {
+      const float radius = pitch * random.Uniform(0.15F, 0.4F);
+      canvas.Ellipse(at + along * random.Uniform(-length, length), {radius, radius}, 0.0F, ink);
+    } else {
+      const Point half = 0.5F * length * random.Uniform(0.6F, 1.0F) * along;
+      canvas.Line(at - half, at + half, style.line_px * random.Uniform(0.6F, 1.2F), ink);
+    }
+  }
+}
+
+void PaintCaption(Canvas& canvas, Random& random, const Style& style) {
+  const auto w = static_cast<float>(canvas.width());
+  const auto h = static_cast<float>(canvas.height());
+  const float height = style.side * random.LogUniform(0.05F, 0.14F);
+  const float y = random.Chance(0.7F) ? h * 0.96F : height * 1.1F;
+  canvas.Text(Word(random, 3, 9), {w * random.Uniform(0.03F, 0.3F), y}, height,
+              height * random.Uniform(0.1F, 0.24F), style.outline);
 }
 
 }  // namespace
@@ -145,6 +276,41 @@ Image PrintOn(const Artwork& artwork, const PrintPlace& place, const PrintOption
     }
   }
   return image;
+}
+
+void PaintFigure(Canvas& canvas, Random& random, const Ink& outline) {
+  const Style style = DrawStyle(canvas, random, outline);
+  const Point size(static_cast<float>(canvas.width()), static_cast<float>(canvas.height()));
+  const auto place = [&](float spread) {
+    const float x = 0.5F + spread * random.Normal();
+    const float y = 0.5F + spread * random.Normal();
+    return Point(size * Point(std::clamp(x, 0.08F, 0.92F), std::clamp(y, 0.08F, 0.92F)));
+  };
+  const float spread = random.Uniform(0.1F, 0.26F);
+  const int bodies = random.Integer(1, 5);
+  for (int i = 0; i < bodies; ++i) {
+    const Point centre = place(spread);
+    const int limbs = random.Integer(0, 4);
+    for (int k = 0; k < limbs; ++k) PaintLimb(canvas, random, style, centre);
+    PaintBlob(canvas, random, style, centre, style.side * random.LogUniform(0.08F, 0.3F), 0.15F);
+    if (random.Chance(0.6F)) PaintEyes(canvas, random, style, centre);
+  }
+  const int parts = random.Integer(6, 28);
+  for (int i = 0; i < parts; ++i) {
+    const Point centre = place(spread);
+    const float kind = random.Uniform();
+    if (kind < 0.35F) {
+      PaintBlob(canvas, random, style, centre, style.side * random.LogUniform(0.015F, 0.09F), 0.2F);
+    } else if (kind < 0.75F) {
+      PaintDetail(canvas, random, style, centre);
+    } else if (kind < 0.9F) {
+      PaintLimb(canvas, random, style, centre);
+    } else {
+      DrawShape(canvas, random, centre, style.side * random.LogUniform(0.02F, 0.08F),
+                style.filled ? style.Any(random) : style.outline);
+    }
+  }
+  if (random.Chance(0.3F)) PaintCaption(canvas, random, style);
 }
 
 }  // namespace pliant::simulation

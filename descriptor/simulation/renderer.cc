@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "descriptor/simulation/depth_buffer.h"
+#include "descriptor/simulation/lighting.h"
 
 namespace pliant::simulation {
 namespace {

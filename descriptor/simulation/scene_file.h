@@ -6,9 +6,19 @@
 #include <filesystem>
 #include <string>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "descriptor/simulation/scene.h"
 
 namespace pliant::simulation {
+
+// What a scene says of its views as JSON; see FORMAT in this folder's README.
+
+// Camera, lights, photo, framing, motion of one view as a JSON object.
+nlohmann::ordered_json ViewJson(const View& view);
+
+// On one line, or indented by two. What is no UTF-8 (a texture's file name) becomes U+FFFD.
+std::string JsonText(const nlohmann::ordered_json& json, bool indented = false);
 
 inline constexpr const char* kSceneFormat = "pliant-scene 1";
 

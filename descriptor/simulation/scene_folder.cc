@@ -14,7 +14,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "descriptor/base/error.h"
-#include "descriptor/simulation/scene_json.h"
+#include "descriptor/simulation/scene_file.h"
 
 namespace pliant::simulation {
 namespace {

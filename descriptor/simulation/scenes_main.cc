@@ -4,7 +4,6 @@
 // as PGM/PPM or from a safetensors pack; `pliant simulate` reads every type that Pliant reads.
 #include <atomic>
 #include <charconv>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -12,6 +11,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/stopwatch.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"
@@ -99,7 +99,7 @@ int Run(Arguments arguments) {
   std::error_code failed;
   fs::create_directories(out, failed);
   if (failed) Arguments::Fail("cannot make the folder " + out.string() + ": " + failed.message());
-  const auto begin = std::chrono::steady_clock::now();
+  const pliant::Stopwatch watch;
   std::atomic<std::uint64_t> pictures{0};
   pliant::ParallelFor(scenes, jobs, [&](std::size_t i) {
     const fs::path path = out / sim::SceneFileName(first + i);
@@ -108,10 +108,10 @@ int Run(Arguments arguments) {
     sim::WriteSceneFile(path, scene);
     pictures += scene.views.size();
   });
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  const double seconds = watch.seconds();
   std::fprintf(stderr, "%llu pictures in %.1f s: %.2f a second\n",
-               static_cast<unsigned long long>(pictures), seconds.count(),
-               static_cast<double>(pictures) / seconds.count());
+               static_cast<unsigned long long>(pictures), seconds,
+               static_cast<double>(pictures) / seconds);
   return skipped.empty() ? 0 : 3;
 }
 

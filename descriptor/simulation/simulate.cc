@@ -3,7 +3,6 @@
 #include "descriptor/simulation/simulate.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <mutex>
@@ -11,6 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/stopwatch.h"
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
@@ -163,12 +163,12 @@ SimulateReport Simulate(const SimulateOptions& options) {
     throw Error(ErrorCode::kNoSpace, "file_unwritable",
                 "cannot make the output folder " + options.out + ": " + failed.message());
   }
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   Run run(options, scene, textures, report);
   ParallelFor(static_cast<std::size_t>(options.scenes + options.distractors), options.jobs,
               [&run](std::size_t i) { run.Make(static_cast<std::int64_t>(i)); });
   run.Finish();
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  report.seconds = watch.seconds();
   return report;
 }
 

@@ -8,7 +8,7 @@
 
 #include "descriptor/simulation/artwork.h"
 #include "descriptor/simulation/photo.h"
-#include "descriptor/simulation/procedural_parts.h"
+#include "descriptor/simulation/procedural.h"
 
 namespace pliant::simulation {
 namespace {

@@ -9,11 +9,26 @@
 #include <Eigen/Core>
 
 #include "descriptor/simulation/body.h"
-#include "descriptor/simulation/relief.h"
-#include "descriptor/simulation/solid.h"
+#include "descriptor/simulation/cloth.h"
+#include "descriptor/simulation/random.h"
 #include "descriptor/simulation/texture.h"
 
 namespace pliant::simulation {
+
+// Wrinkles and knit that are finer than the mesh: slopes over a chart that change how bright it is.
+class Relief {
+ public:
+  // Creases and waves of root mean square slope `steepness` on a chart of this height / width.
+  Relief(Random& random, float aspect, float steepness);
+
+  // Slope along u and v at a place, bilinear.
+  Eigen::Array2f Slope(float u, float v) const;
+
+ private:
+  int columns_ = 0;
+  int rows_ = 0;
+  std::vector<Eigen::Array2f> slopes_;
+};
 
 // A chart's grid after cubic refinement; vertices without cloth are NaN.
 struct RefinedChart {

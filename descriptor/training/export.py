@@ -43,7 +43,7 @@ _LIMITS = """## Limits
 ## Conventions
 
 Metadata: `format` = `pliant-deal`; `radius_per_size`: support radius R over the key point's size. Polar grid, control points and sampling are
-those of `descriptor/deal/geometry.h` and `descriptor/training`. Tensor names follow ResNet's habit: `backbone.*`, `localization.fc1..4`,
+those of `descriptor/deal/network.h` and `descriptor/training`. Tensor names follow ResNet's habit: `backbone.*`, `localization.fc1..4`,
 `hardnet.*`; PyTorch layouts. The localisation network's widths are read from the tensors.
 """
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "descriptor/match/matching.h"
-#include "index/cli/exit_status.h"
+#include "index/cli/output.h"
 #include "index/engine/engine.h"
 
 namespace pliant::cli {

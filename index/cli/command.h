@@ -6,7 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "index/cli/exit_status.h"
+#include "index/cli/output.h"
 #include "index/usage/checks.h"
 
 namespace pliant::cli {

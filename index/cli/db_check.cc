@@ -50,7 +50,7 @@ void Advise(const std::optional<OriginalsRecord>& originals,
   Message("pliant db restore BACKUP --db FILE --replace puts a backup in its place");
 }
 
-// A file that this user may not write is checked as it is; else an older one is migrated.
+// A file that this user may not write is checked as it is.
 Access AccessForCheck(const EngineOptions& engine, bool sweep) {
   const std::string database = engine.database.string();
   const bool is_file = access(database.c_str(), F_OK) == 0;

@@ -1,29 +1,180 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant db init | stats | check | backup | restore | copy | export | originals | rm
+#include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
 
 #include "descriptor/base/format_bytes.h"
 #include "index/cli/command.h"
 #include "index/cli/db_check.h"
-#include "index/cli/db_copy.h"
-#include "index/cli/db_export.h"
 #include "index/cli/db_stats.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
+#include "index/engine/collection_npz.h"
+#include "index/engine/copy_database.h"
+#include "index/engine/engine.h"
 #include "index/files/text.h"
+#include "index/json/record_json.h"
 #include "index/store/open_store.h"
 
 namespace pliant::cli {
 namespace {
 
+// pliant db copy
+struct CopyCommandOptions {
+  std::filesystem::path from;
+  std::filesystem::path to;
+  std::uint64_t compare = 100;  // rankings, afterwards
+  int commit_every = 250;
+  bool json = false;
+};
+
+// pliant db export
+struct ExportOptions {
+  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
+  std::filesystem::path out;
+  std::string collection;
+  std::optional<std::string> object;  // only its pictures
+  std::string filter;                 // only those whose metadata pass
+  bool json = false;
+};
+
+// What the rankings of both say, as a list of differences.
+RankingsCompared Compare(const CopyOptions& copy, std::uint64_t count) {
+  const auto open = [](const std::filesystem::path& database) {
+    EngineOptions engine;
+    engine.database = database;
+    engine.descriptor.clear();
+    engine.create = false;
+    engine.load_descriptor = false;
+    engine.read_only = true;
+    return Engine(engine);
+  };
+  Engine from = open(copy.from);
+  Engine to = open(copy.to);
+  return CompareRankings(from, to, count);
+}
+
+ExitStatus RunCopy(const CopyCommandOptions& options) {
+  CopyOptions copy;
+  copy.from = options.from;
+  copy.to = options.to;
+  copy.commit_every = options.commit_every;
+  Interrupt interrupt;
+  copy.stop = interrupt.token();
+  CopyResult result;
+  {
+    Progress progress("pictures");
+    copy.progress = [&](std::uint64_t done, std::uint64_t total) { progress.Count(done, total); };
+    result = CopyDatabase(copy);
+  }
+  const RankingsCompared compared = Compare(copy, options.compare);
+  if (options.json) {
+    PrintJson({{"collections", result.collections},
+               {"copied", result.copied},
+               {"unchanged", result.unchanged},
+               {"extra", result.extra},
+               {"without_content", result.without_content},
+               {"vocabularies", result.vocabularies},
+               {"keys", result.keys},
+               {"rankings_compared", compared.compared},
+               {"differences", compared.differences}});
+  } else {
+    Print("copied " + std::to_string(result.copied) + " pictures, " +
+          std::to_string(result.unchanged) + " were there, of " +
+          std::to_string(result.collections) + " collections; " +
+          std::to_string(result.vocabularies) + " vocabularies, " + std::to_string(result.keys) +
+          " API keys");
+    Print("compared " + std::to_string(compared.compared) + " rankings: " +
+          (compared.differences.empty() ? "all the same"
+                                        : std::to_string(compared.differences.size()) + " differ"));
+    for (const std::string& difference : compared.differences) Print(difference);
+  }
+  if (result.extra > 0) {
+    Message(std::to_string(result.extra) +
+            " pictures are in the copy and not, or not any more, in what was copied");
+  }
+  if (result.without_content > 0) {
+    Message("of " + std::to_string(result.without_content) +
+            " pictures there are no uploaded bytes to copy");
+  }
+  return compared.differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+}
+
+constexpr int kRecordsAtOnce = 500;
+
+std::int64_t ExportNpz(Engine& engine, PictureListing list, const std::filesystem::path& out) {
+  NewFile file(out);
+  const std::int64_t images = WriteFeaturesNpz(
+      engine, std::move(list), [](std::uint64_t) {},
+      [&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
+  file.Publish();
+  return images;
+}
+
+std::int64_t ExportRecords(Engine& engine, PictureListing list, const std::filesystem::path& out) {
+  list.limit = kRecordsAtOnce;
+  std::optional<NewFile> file;
+  if (out != kStandardOutput) file.emplace(out);
+  std::uint64_t written = 0;
+  std::int64_t images = 0;
+  engine.ForEachPage(list, [&](const PicturePage& page) {
+    std::string lines;
+    for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
+    file ? file->Write(written, lines) : WriteFile(out, lines);
+    written += lines.size();
+    images += static_cast<std::int64_t>(page.records.size());
+  });
+  if (file) file->Publish();
+  return images;
+}
+
+// Throws kInvalidArgument "bad_export_name" for another extension.
+void CheckExportName(const std::filesystem::path& out) {
+  if (out == kStandardOutput || out.extension() == ".npz" || out.extension() == ".ndjson") return;
+  throw Error(
+      ErrorCode::kInvalidArgument, "bad_export_name",
+      ToDisplayText(out.string()) +
+          ": features are exported as .npz (NumPy), records as .ndjson; end the name in one "
+          "of them, or give - for records on standard output");
+}
+
+// Replaces the file, by pictures that are all of one state of the database.
+ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
+  PictureListing list;
+  list.which.collection = options.collection;
+  list.which.object = options.object;
+  if (!options.filter.empty()) list.which.filter = ParseFilter(options.filter);
+  const auto write = options.out.extension() == ".npz" ? ExportNpz : ExportRecords;
+  if (options.out == kStandardOutput) ClaimStandardOutput("FILE", options.json);
+  const std::int64_t images = write(engine, list, options.out);
+  if (options.out == kStandardOutput) {
+    Message("wrote " + std::to_string(images) + " records");
+    return ExitStatus::kDone;
+  }
+  const std::string file = ToDisplayText(options.out.string());
+  const std::uintmax_t bytes = std::filesystem::file_size(options.out);
+  if (options.json) {
+    PrintJson({{"file", file}, {"images", images}, {"bytes", bytes}});
+  } else {
+    Print("wrote " + file + ", " + FormatBytes(bytes) + " of " + std::to_string(images) +
+          " images");
+  }
+  return ExitStatus::kDone;
+}
+
 struct Options {
   EngineOptions engine;
   std::string collection;
-  bool collection_named = false;
+  std::string only_collection;  // of `stats`; empty = all
   std::filesystem::path backup;
   std::string place;
   CopyCommandOptions copy;
@@ -48,8 +199,7 @@ ExitStatus Initialize(Options& options) {
 }
 
 ExitStatus Stats(Options& options) {
-  return RunStats(options.engine, {.collection = options.collection_named ? options.collection : "",
-                                   .json = options.json});
+  return RunStats(options.engine, {.collection = options.only_collection, .json = options.json});
 }
 
 ExitStatus Check(Options& options) {
@@ -163,40 +313,31 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("db", "Inspect and maintain a database");
   app->require_subcommand(1);
-  AddDatabaseFlags(*app, options->engine, options->collection);
   app->footer(
       "Example:  pliant db backup my-backup.db --db my.db\n"
       "          pliant db check --db my.db");
-  app->add_option_function<std::string>(
-         "--originals-dir",
-         [options](const std::string& text) {
-           options->engine.originals_dir = ParseOriginalsDir(text);
-         },
-         "directory of the originals (default: the one that the database records)")
-      ->type_name("DIR");
-  app->add_flag("--json", options->json, "print one JSON document");
-  const CLI::Option* collection = app->get_option("--collection");
   const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
-    sub->fallthrough();
+    AddDatabaseFlag(*sub, options->engine);
+    sub->add_option_function<std::string>(
+           "--originals-dir",
+           [options](const std::string& text) {
+             options->engine.originals_dir = ParseOriginalsDir(text);
+           },
+           "directory of the originals (default: the one that the database records)")
+        ->type_name("DIR");
+    sub->add_flag("--json", options->json, "print one JSON document");
     sub->footer("Example:  pliant db " + example);
-    const bool of_one = run == Stats || run == Export || run == Remove;
-    sub->callback([=, &status] {
-      options->collection_named = collection->count() > 0;
-      if (options->collection_named && !of_one) {
-        throw Error(ErrorCode::kInvalidArgument, "whole_database",
-                    std::string("pliant db ") + name +
-                        " is about the whole database; leave out --collection");
-      }
-      status = run(*options);
-    });
+    sub->callback([=, &status] { status = run(*options); });
     return sub;
   };
   add("init", "Make the tables of a database on a PostgreSQL server, if they are missing",
       Initialize, "init --db postgresql://pliant@host/pliant");
   add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
-      "stats --db my.db --collection shirts");
+      "stats --db my.db --collection shirts")
+      ->add_option("--collection", options->only_collection, "only this collection")
+      ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
                  "also remove files from the originals' directory that no picture refers to");
@@ -226,9 +367,10 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   exporting
       ->add_option(
           "FILE", options->exporting.out,
-          "the file to write: features as .npz (NumPy) or .h5 (HDF5, as hloc reads it), or "
-          "records as .ndjson; - = standard output, records")
+          "the file to write: features as .npz (NumPy), or records as .ndjson; - = standard "
+          "output, records")
       ->required();
+  AddCollectionFlag(*exporting, options->collection);
   exporting->add_option("--object", options->exporting.object, "only pictures of this object")
       ->type_name("NAME");
   exporting
@@ -241,6 +383,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->required();
   CLI::App* remove =
       add("rm", "Remove images permanently", Remove, "rm --object 'red shirt' --db my.db");
+  AddCollectionFlag(*remove, options->collection);
   remove->add_option("ID", options->ids, "image ids");
   remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");
 }

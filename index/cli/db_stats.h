@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "index/cli/exit_status.h"
+#include "index/cli/output.h"
 #include "index/engine/engine.h"
 #include "index/json/json.h"
 

@@ -1,19 +1,73 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant describe IMAGE|DIR --out FILE.npz|FILE.h5|FILE.safetensors
+// pliant describe IMAGE|DIR --out FILE.npz
+#include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "descriptor/base/error.h"
+#include "descriptor/features/features.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/features_file.h"
+#include "index/cli/folder_features.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
 #include "index/cli/write_file.h"
+#include "index/files/features_npz.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {
+
+// Throws kInvalidArgument "bad_features_name" unless the name ends in .npz, and kNoSpace
+// "write_failed" for what CheckWritable refuses. Call it before the work.
+void CheckFeaturesName(const std::filesystem::path& path) {
+  if (path.extension() != ".npz" && path != kStandardOutput) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
+                ToDisplayText(path.string()) +
+                    ": features are written as .npz (NumPy); end the name in .npz, or give - for "
+                    "standard output");
+  }
+  CheckWritable(path);
+}
+
+void WriteFeatures(const std::filesystem::path& path, const Features& features) {
+  WriteFile(path, FeaturesNpz(features));
+}
+
+void WriteFolderFeatures(const std::filesystem::path& path,
+                         const std::vector<FolderPicture>& pictures) {
+  FeatureTotals totals;
+  for (const FolderPicture& picture : pictures) {
+    const Features& features = picture.features;
+    totals.Count(ToDisplayText(picture.name), features.keypoints.size());
+    totals.kind = features.descriptors.kind;
+    totals.dim = features.descriptors.dim;
+    totals.model_id = features.model_id;
+  }
+  const auto write = [&](const auto& put) {
+    FeaturesArchive archive(totals, put);
+    for (const FolderPicture& picture : pictures) {
+      archive.Add(ToDisplayText(picture.name), "", picture.features);
+    }
+    archive.Finish();
+  };
+  if (path == kStandardOutput) {  // which takes no offsets
+    std::string whole;
+    write([&whole](std::uint64_t offset, std::string_view bytes) {
+      if (whole.size() < offset + bytes.size()) whole.resize(offset + bytes.size());
+      bytes.copy(whole.data() + offset, bytes.size());
+    });
+    return WriteFile(path, whole);
+  }
+  NewFile file(path);
+  write([&file](std::uint64_t offset, std::string_view bytes) { file.Write(offset, bytes); });
+  file.Publish();
+}
 
 struct Options {
   EngineOptions engine;  // only what concerns extraction
@@ -23,65 +77,49 @@ struct Options {
   bool json = false;
 };
 
-// What was written of a folder.
-struct Written {
-  std::size_t images = 0;
-  std::size_t keypoints = 0;
-  int dim = 0;
-  std::string model_id;
-};
-
 ExitStatus DescribeAll(const Options& options) {
   const Interrupt interrupt;
-  const std::unique_ptr<FolderFeaturesFile> out = OpenFolderFeatures(options.out);
   FolderFeatures folder = FindFolderPictures({options.image});
-  Written written;
-  DescribeEach(folder, options.engine, options.threads, interrupt, [&](FolderPicture picture) {
-    const Features& features = picture.features;
-    Written more{written.images + 1, written.keypoints + features.keypoints.size(),
-                 features.descriptors.dim, features.model_id};
-    const std::string name = ToDisplayText(picture.name);
-    if (out->Add(std::move(picture))) {
-      written = std::move(more);
-    } else {
-      folder.skipped.push_back(
-          {name, "name_taken", "another picture, or a folder, is called like this in the file"});
-    }
-  });
+  DescribeFolder(folder, options.engine, options.threads, interrupt);
   if (interrupt.requested()) {
     Message("stopped on request; nothing was written");
     return ExitStatus::kFailed;
   }
   const std::string root = ToDisplayText(folder.root.string());
-  if (written.images == 0) {
+  const std::size_t images = folder.pictures.size();
+  if (images == 0) {
     ReportSkipped(folder.skipped);
     throw Error(ErrorCode::kUnprocessable, "no_pictures",
                 root + " holds no picture that can be described");
   }
-  out->Publish();
+  WriteFolderFeatures(options.out, folder.pictures);
+  std::size_t keypoints = 0;
+  for (const FolderPicture& picture : folder.pictures)
+    keypoints += picture.features.keypoints.size();
+  const Features& first = folder.pictures.front().features;
   const std::string file = ToDisplayText(options.out.string());
   if (options.json) {
     PrintJson({{"file", file},
                {"folder", root},
-               {"images", written.images},
-               {"keypoints", written.keypoints},
-               {"dim", written.dim},
-               {"model_id", written.model_id},
+               {"images", images},
+               {"keypoints", keypoints},
+               {"dim", first.descriptors.dim},
+               {"model_id", first.model_id},
                {"skipped", SkippedJson(folder.skipped)}});
   } else {
     ReportSkipped(folder.skipped);
-    Print("wrote " + file + ": " + std::to_string(written.keypoints) + " key points of " +
-          std::to_string(written.images) + (written.images == 1 ? " picture" : " pictures") +
-          " below " + root + ", " + written.model_id);
+    Print("wrote " + file + ": " + std::to_string(keypoints) + " key points of " +
+          std::to_string(images) + (images == 1 ? " picture" : " pictures") + " below " + root +
+          ", " + first.model_id);
   }
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
 ExitStatus Run(const Options& options) {
   if (options.out == kStandardOutput) ClaimStandardOutput("--out", options.json);
+  CheckFeaturesName(options.out);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
-  CheckFeaturesName(options.out);
   const PictureInput picture =
       ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =
@@ -91,8 +129,7 @@ ExitStatus Run(const Options& options) {
   ExtractionTimings timings;
   const Features features =
       Naming(picture, [&] { return extractor.Extract(picture.bytes, options.threads, &timings); });
-  WriteFeatures(options.out, options.image == "-" ? "stdin" : options.image.filename().string(),
-                features);
+  WriteFeatures(options.out, features);
   if (options.json) {
     PrintJson({{"file", ToDisplayText(options.out.string())},
                {"keypoints", features.keypoints.size()},
@@ -119,16 +156,13 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "describe",
-      "Write the key points and descriptors of a picture, or of a folder's, to a file for NumPy, "
-      "hloc or PyTorch");
+      "Write the key points and descriptors of a picture, or of a folder's, to a file for NumPy");
   app->add_option("IMAGE|DIR", options->image,
                   "the picture; - = standard input; or a folder, of which all pictures are "
                   "described")
       ->required();
-  app->add_option(
-         "--out,-o", options->out,
-         "the file to write: .npz (NumPy), .h5 (HDF5, as hloc reads it) or .safetensors; - = "
-         "standard output, as .npz")
+  app->add_option("--out,-o", options->out,
+                  "the file to write, as .npz (NumPy); - = standard output")
       ->required()
       ->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
@@ -138,8 +172,7 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer(
       "Example:  pliant describe PHOTO.jpg --out photo.npz\n"
-      "          pliant describe photos/ --out photos.npz\n"
-      "          pliant describe photos/ --out photos.h5");
+      "          pliant describe photos/ --out photos.npz");
   app->callback([options, &status] { status = Run(*options); });
 }
 

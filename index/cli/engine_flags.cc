@@ -2,16 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/engine_flags.h"
 
+#include "descriptor/base/strings.h"
+#include "index/cli/output.h"
 #include "index/usage/checks.h"
 
 namespace pliant::cli {
 namespace {
-
-std::string KnownDescriptors() {
-  std::string names;
-  for (const std::string& name : DescriptorNames()) names += (names.empty() ? "" : ", ") + name;
-  return names;
-}
 
 void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOptions& extraction) {
   app.add_option("--model", descriptor.model_path, "weight file for deal and its variants")
@@ -28,11 +24,15 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
 
 }  // namespace
 
-void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collection) {
+void AddDatabaseFlag(CLI::App& app, EngineOptions& engine) {
+  engine.warn = Message;
   app.add_option("--db", engine.database,
                  "the database: a file, or the URL of a PostgreSQL database")
       ->required()
       ->type_name("FILE");
+}
+
+void AddCollectionFlag(CLI::App& app, std::string& collection) {
   app.add_option("--collection", collection, "the collection in the database")
       ->default_val(kDefaultCollection)
       ->type_name("NAME");
@@ -41,7 +41,7 @@ void AddDatabaseFlags(CLI::App& app, EngineOptions& engine, std::string& collect
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   engine.descriptor.clear();
   app.add_option("--descriptor", engine.descriptor,
-                 "the descriptor: " + KnownDescriptors() +
+                 "the descriptor: " + Join(DescriptorNames(), ", ") +
                      " (default: the database's own, deal for a new one)")
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
@@ -71,13 +71,35 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
                             DescriptorOptions& descriptor, ExtractionOptions& extraction) {
   app.add_option("--descriptor,--descriptors", names,
-                 "the descriptors, one or more of " + KnownDescriptors())
+                 "the descriptors, one or more of " + Join(DescriptorNames(), ", "))
       ->delimiter(',')
       ->check(OneOf(DescriptorNames()))
       ->allow_extra_args(false)
       ->capture_default_str()
       ->type_name("NAME,...");
   AddSizeFlags(app, descriptor, extraction);
+}
+
+void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
+  VerificationOptions& verification = locate.verification;
+  app.add_option("--iterations", verification.ransac.iterations,
+                 "number of RANSAC samples per frame")
+      ->capture_default_str()
+      ->check(Between(1, 1'000'000));
+  app.add_option("--max-ratio", verification.max_ratio,
+                 "ratio test: keep a match if its distance is at most this times that of the "
+                 "second nearest")
+      ->capture_default_str();
+  app.add_option("--tolerance", verification.tolerance,
+                 "largest distance of a match from the warp, relative to the frame's longer side")
+      ->capture_default_str();
+  app.add_option("--regularization", verification.ransac.regularization,
+                 "stiffness of the thin-plate spline; 0 = none")
+      ->capture_default_str()
+      ->check(AtLeast(0));
+  app.add_option("--min-inliers", locate.min_inliers,
+                 "with fewer inliers the object counts as lost")
+      ->capture_default_str();
 }
 
 }  // namespace pliant::cli

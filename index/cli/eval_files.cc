@@ -9,14 +9,11 @@
 #include "descriptor/features/descriptor.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 
 namespace pliant::cli {
 
-void AddEvalFileFlags(CLI::App& app, EvalFiles& files, const std::string& csv_help,
-                      const std::string& plot_help) {
-  app.add_option("--csv", files.csv, csv_help + "; - = standard output")->type_name("FILE");
-  app.add_option("--plot", files.plot, plot_help + "; - = standard output")->type_name("OUT.png");
+void AddCsvFlag(CLI::App& app, std::filesystem::path& csv, const std::string& help) {
+  app.add_option("--csv", csv, help + "; - = standard output")->type_name("FILE");
 }
 
 CLI::Validator KnownDescriptorChoice() {
@@ -32,13 +29,9 @@ CLI::Validator KnownDescriptorChoice() {
       "");
 }
 
-void CheckEvalFiles(const EvalFiles& files, bool json) {
-  if (files.csv == kStandardOutput) ClaimStandardOutput("--csv", json);
-  if (files.plot == kStandardOutput) ClaimStandardOutput("--plot", json);
-  if (!files.csv.empty()) CheckWritable(files.csv);
-  if (files.plot.empty()) return;
-  CheckPictureName(files.plot);
-  CheckWritable(files.plot);
+void CheckCsv(const std::filesystem::path& csv, bool json) {
+  if (csv == kStandardOutput) ClaimStandardOutput("--csv", json);
+  if (!csv.empty()) CheckWritable(csv);
 }
 
 }  // namespace pliant::cli

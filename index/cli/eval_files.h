@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The optional output files of `pliant eval`.
+// Flags that the benchmarks of `pliant eval` share.
 #pragma once
 
 #include <filesystem>
@@ -10,20 +10,14 @@
 
 namespace pliant::cli {
 
-struct EvalFiles {
-  std::filesystem::path csv;   // empty = none; - = standard output
-  std::filesystem::path plot;  // PNG or JPEG, by file name; empty, - as above
-};
-
-// --csv and --plot, with their help texts.
-void AddEvalFileFlags(CLI::App& app, EvalFiles& files, const std::string& csv_help,
-                      const std::string& plot_help);
+// --csv, with its help text; empty = none; - = standard output.
+void AddCsvFlag(CLI::App& app, std::filesystem::path& csv, const std::string& help);
 
 // A row of a table: [LABEL:]NAME[=WEIGHTS]. The error names the descriptor that was probably meant.
 CLI::Validator KnownDescriptorChoice();
 
-// To be called before the evaluation. `json`: a document is printed, too. Throws what
-// CheckPictureName, CheckWritable and ClaimStandardOutput throw.
-void CheckEvalFiles(const EvalFiles& files, bool json);
+// Call it before the evaluation. `json`: a document is printed, too. Throws what CheckWritable and
+// ClaimStandardOutput throw.
+void CheckCsv(const std::filesystem::path& csv, bool json);
 
 }  // namespace pliant::cli

@@ -1,30 +1,132 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant eval tracking DIR
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
 #include "index/cli/eval_files.h"
-#include "index/cli/eval_tracking_output.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
-#include "index/cli/track_flags.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
+#include "index/json/json.h"
+#include "index/tracking/tracking_benchmark.h"
 
 namespace pliant::cli {
 namespace {
 
+constexpr int kSteps = 10;  // of the curves over time
+
+int StepOf(const TrackedView& view) {
+  return std::min(kSteps - 1, static_cast<int>(view.time * kSteps));
+}
+
+std::vector<TrackingResult> AtStep(const TrackingReport& report, int step) {
+  return SummarizeViews(report.views, report.results,
+                        [step](const TrackedView& view) { return StepOf(view) == step; });
+}
+
+std::string Table(const std::vector<TrackingResult>& results) {
+  const std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
+                                           "error px",   "tracked",     "found"};
+  std::vector<std::vector<std::string>> rows;
+  for (const TrackingResult& r : results) {
+    rows.push_back({r.descriptor, FormatFixed(r.inlier_rate, 3), FormatFixed(r.ssim, 3),
+                    r.found_share > 0 ? FormatFixed(r.error_px, 2) : "-",
+                    FormatFixed(r.tracked_share, 3), FormatFixed(r.found_share, 3)});
+  }
+  return FormatTable(header, rows);
+}
+
+Json ResultsJson(const std::vector<TrackingResult>& results) {
+  Json json = Json::array();
+  for (const TrackingResult& r : results) {
+    json.push_back({{"descriptor", r.descriptor},
+                    {"inlier_rate", r.inlier_rate},
+                    {"ssim", r.ssim},
+                    {"error_px", r.found_share > 0 ? Json(r.error_px) : Json(nullptr)},
+                    {"tracked_share", r.tracked_share},
+                    {"found_share", r.found_share},
+                    {"frames", r.frames},
+                    {"model_id", r.model_id}});
+  }
+  return json;
+}
+
+// A table, then one per group.
+std::string TrackingReportText(const TrackingReport& report) {
+  std::string text =
+      std::to_string(report.sequences.size()) + " sequences, " + std::to_string(report.frames) +
+      " frames" +
+      (report.unseen > 0 ? ", " + std::to_string(report.unseen) + " excluded (object not visible)"
+                         : "") +
+      "\n" + Table(report.results);
+  for (const TrackingReport::Subset& group : report.groups) {
+    text += "\n\n" + group.name + ": " + std::to_string(group.sequences) + " sequences, " +
+            std::to_string(group.frames) + " frames\n" + Table(group.results);
+  }
+  return text;
+}
+
+// {"frames", "unseen", "sequences": [...], "results": [{"descriptor", "inlier_rate", "ssim",
+// "error_px", "tracked_share", ...}], "groups": [...], "over_time": [...]}. "error_px" is
+// null where nothing was found.
+Json TrackingReportJson(const TrackingReport& report) {
+  Json json = {{"frames", report.frames},       {"unseen", report.unseen},
+               {"sequences", report.sequences}, {"results", ResultsJson(report.results)},
+               {"groups", Json::array()},       {"over_time", Json::array()}};
+  for (const TrackingReport::Subset& group : report.groups) {
+    json["groups"].push_back({{"name", group.name},
+                              {"sequences", group.sequences},
+                              {"frames", group.frames},
+                              {"results", ResultsJson(group.results)}});
+  }
+  for (int step = 0; step < kSteps; ++step) {
+    json["over_time"].push_back(
+        {{"time", (step + 0.5) / kSteps}, {"results", ResultsJson(AtStep(report, step))}});
+  }
+  return json;
+}
+
+// One row per view and descriptor.
+std::string TrackingReportCsv(const TrackingReport& report) {
+  std::string csv =
+      "sequence,view,descriptor,found,reason,matches,inliers,inlier_rate,error_px,size_px,tracked,"
+      "ssim\n";
+  for (const TrackedView& view : report.views) {
+    const std::vector<std::string> cells = {report.sequences[view.sequence],
+                                            std::to_string(view.view),
+                                            report.results[view.descriptor].descriptor,
+                                            view.found ? "1" : "0",
+                                            ToString(view.reason),
+                                            std::to_string(view.matches),
+                                            std::to_string(view.inliers),
+                                            FormatFixed(view.inlier_rate, 4),
+                                            view.found ? FormatFixed(view.error_px, 3) : "",
+                                            FormatFixed(view.size_px, 1),
+                                            view.tracked ? "1" : "0",
+                                            FormatFixed(view.ssim, 4)};
+    for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + cells[i];
+    csv += "\n";
+  }
+  return csv;
+}
+
 struct Options {
   TrackingBenchmarkOptions benchmark;
   std::filesystem::path folder;
-  EvalFiles files;
+  std::filesystem::path csv;
   bool json = false;
 };
 
 ExitStatus Run(Options& options) {
-  CheckEvalFiles(options.files, options.json);
+  CheckCsv(options.csv, options.json);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
   TrackingReport report;
@@ -36,8 +138,7 @@ ExitStatus Run(Options& options) {
     };
     report = RunTrackingBenchmark(sequences, options.benchmark);
   }
-  if (!options.files.csv.empty()) WriteFile(options.files.csv, TrackingReportCsv(report));
-  if (!options.files.plot.empty()) WritePicture(options.files.plot, PlotTrackingReport(report));
+  if (!options.csv.empty()) WriteFile(options.csv, TrackingReportCsv(report));
   if (options.json) {
     PrintJson(TrackingReportJson(report));
   } else {
@@ -71,14 +172,10 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
       ->capture_default_str()
       ->check(Between(1, 1'000'000));
   AddTrackingFlags(*app, benchmark.locate);
-  app->add_option("--lpips", benchmark.lpips,
-                  "ONNX file of LPIPS, to measure it too (see index/tracking/README.md)")
-      ->type_name("FILE");
   app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
       ->capture_default_str()
       ->check(Between(0, 1024));
-  AddEvalFileFlags(*app, options->files, "write one row per frame and descriptor",
-                   "draw the metrics over time");
+  AddCsvFlag(*app, options->csv, "write one row per frame and descriptor");
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer("Example:  pliant eval tracking scenes");
   app->callback([options, &status] { status = Run(*options); });

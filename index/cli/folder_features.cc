@@ -18,8 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kPicturesOfAThread = 32;  // that are in memory at once
-
 fs::path RootOf(const std::vector<fs::path>& inputs) {
   std::error_code error;
   if (inputs.size() == 1 && fs::is_directory(inputs[0], error)) return fs::canonical(inputs[0]);
@@ -74,8 +72,8 @@ FolderFeatures FindFolderPictures(const std::vector<fs::path>& inputs) {
   return folder;
 }
 
-void DescribeEach(FolderFeatures& folder, const EngineOptions& engine, int threads,
-                  const Interrupt& interrupt, const std::function<void(FolderPicture)>& take) {
+void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
+                    const Interrupt& interrupt) {
   const std::string descriptor =
       engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(descriptor, engine.descriptor_options),
@@ -87,32 +85,20 @@ void DescribeEach(FolderFeatures& folder, const EngineOptions& engine, int threa
       std::clamp<std::size_t>(pictures.size(), 1, static_cast<std::size_t>(wanted)));
   Progress progress("pictures");
   std::atomic<std::uint64_t> done{0};
-  const std::size_t batch = kPicturesOfAThread * static_cast<std::size_t>(wanted);
-  for (std::size_t first = 0; first < pictures.size(); first += batch) {
-    const std::size_t count = std::min(batch, pictures.size() - first);
-    std::vector<std::optional<SkippedFile>> failures(count);
-    ParallelFor(count, wanted, [&](std::size_t i) {
-      if (interrupt.requested()) return;
-      failures[i] = Describe(extractor, engine, wanted / at_once, pictures[first + i]);
-      progress.Count(++done, pictures.size());
-    });
+  std::vector<std::optional<SkippedFile>> failures(pictures.size());
+  ParallelFor(pictures.size(), wanted, [&](std::size_t i) {
     if (interrupt.requested()) return;
-    for (std::size_t i = 0; i < count; ++i) {
-      if (failures[i]) {
-        folder.skipped.push_back(*failures[i]);
-      } else {
-        take(std::move(pictures[first + i]));
-      }
+    failures[i] = Describe(extractor, engine, wanted / at_once, pictures[i]);
+    progress.Count(++done, pictures.size());
+  });
+  if (interrupt.requested()) return;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    if (failures[i]) {
+      folder.skipped.push_back(*failures[i]);
+    } else {
+      folder.pictures.push_back(std::move(pictures[i]));
     }
   }
-}
-
-void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
-                    const Interrupt& interrupt) {
-  std::vector<FolderPicture> described;
-  DescribeEach(folder, engine, threads, interrupt,
-               [&](FolderPicture picture) { described.push_back(std::move(picture)); });
-  folder.pictures = std::move(described);
 }
 
 void ReportSkipped(const std::vector<SkippedFile>& skipped) {

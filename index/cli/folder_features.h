@@ -4,7 +4,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,14 +31,9 @@ struct FolderFeatures {
 // simulator's NAME.uv.png are left out. Throws kNotFound for an input that does not exist.
 FolderFeatures FindFolderPictures(const std::vector<std::filesystem::path>& inputs);
 
-// Describes them, a few dozen at once, and gives those away that could be described, in order;
-// `folder.pictures` is empty then, and the others are among the skipped ones. `threads`: 0 = one a
-// core; one picture each. Ends early when interrupted. Throws for a descriptor that cannot be made,
-// when too many files are open, and what `take` throws.
-void DescribeEach(FolderFeatures& folder, const EngineOptions& engine, int threads,
-                  const Interrupt& interrupt, const std::function<void(FolderPicture)>& take);
-
-// The same, and keeps them.
+// Describes them; pictures that cannot be described move to the skipped ones. `threads`: 0 = one
+// per core, each with its own picture. Ends early when interrupted. Throws for an invalid
+// descriptor and when too many files are open.
 void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int threads,
                     const Interrupt& interrupt);
 

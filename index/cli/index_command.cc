@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant index DIR... --db FILE
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
@@ -105,7 +105,7 @@ Json ToJson(const Outcome& outcome) {
 }
 
 ExitStatus Run(Options& options) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const Interrupt interrupt;
   const PictureFiles files = FindPictures(options.inputs, options.object_from);
   Engine engine(options.engine);
@@ -130,7 +130,7 @@ ExitStatus Run(Options& options) {
       outcome.job.interrupted = true;
     }
   }
-  outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  outcome.seconds = watch.seconds();
   if (options.json) {
     PrintJson(ToJson(outcome));
   } else {
@@ -153,7 +153,8 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand("index", "Add the pictures of folders to a database");
   app->add_option("DIR", options->inputs, "folders, searched recursively, or picture files")
       ->required();
-  AddDatabaseFlags(*app, options->engine, options->job.collection);
+  AddDatabaseFlag(*app, options->engine);
+  AddCollectionFlag(*app, options->job.collection);
   AddChoice<ObjectFrom>(
       *app, "--object-from", options->object_from,
       "the name of a picture's object: its folder below DIR (\"coat/front\"), its file name "

@@ -2,16 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <csignal>
 #include <iostream>
-#include <memory>
 #include <new>
 
-#include "descriptor/image/quiet_decoders.h"
+#include "descriptor/image/prepare_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/usage/completion.h"
-#include "index/usage/help_format.h"
-#include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
 
 namespace {
@@ -37,13 +33,8 @@ ExitStatus Run(int argc, char** argv) {
   CLI::App program("Find the same object again, however it is bent, folded or crumpled.", "pliant");
   program.set_version_flag("--version", std::string("pliant ") + PLIANT_VERSION);
   program.footer(kFooter);
-  program.formatter(std::make_shared<pliant::cli::HelpFormat>());
   program.failure_message(pliant::cli::UsageError);
-  std::string shell;
-  program.add_option("--completion", shell, "print a completion script for this shell, and exit")
-      ->option_text("bash|zsh|fish");
-  bool manual = false;
-  program.add_flag("--man", manual, "print the manual page (man -l), and exit");
+  program.require_subcommand(1);
   ExitStatus status = ExitStatus::kDone;
   for (const auto add :
        {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
@@ -51,15 +42,6 @@ ExitStatus Run(int argc, char** argv) {
         pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
     add(program, status);
   }
-  program.callback([&] {
-    if (!shell.empty()) {
-      pliant::cli::Print(pliant::cli::CompletionScript(program, shell));
-    } else if (manual) {
-      pliant::cli::Print(pliant::cli::ManualPage(program, std::string("pliant ") + PLIANT_VERSION));
-    } else if (program.get_subcommands().empty()) {
-      throw CLI::RequiredError("A command");
-    }
-  });
   try {
     program.parse(argc, argv);
     pliant::cli::FlushOutput();

@@ -14,7 +14,6 @@
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 #include "index/files/picture_files.h"
 #include "index/verify/verification.h"
 

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <ctime>
 #include <iostream>
 
 #include <unistd.h>
 
+#include "descriptor/base/unix_time.h"
 #include "index/cli/flag_names.h"
 #include "index/files/text.h"
 #include "index/json/record_json.h"
@@ -112,14 +112,7 @@ std::string FormatFixed(double value, int decimals) {
   return buffer.data();
 }
 
-std::string FormatTime(std::int64_t unix_ms) {
-  const auto seconds = static_cast<std::time_t>(unix_ms / 1000);
-  std::tm utc{};
-  gmtime_r(&seconds, &utc);
-  std::array<char, 32> buffer{};
-  std::strftime(buffer.data(), buffer.size(), "%Y-%m-%d %H:%M:%S", &utc);
-  return buffer.data();
-}
+std::string FormatTime(std::int64_t unix_ms) { return FormatUtc(unix_ms, "%Y-%m-%d %H:%M:%S"); }
 
 Json VocabularyDocument(const VocabularyRecord& record) {
   Json json = VocabularyJson(record);

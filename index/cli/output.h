@@ -14,6 +14,18 @@
 
 namespace pliant::cli {
 
+// The one place where errors become exit statuses of `pliant`.
+enum class ExitStatus {
+  kDone = 0,
+  kFailed = 1,
+  kWrongUsage = 2,
+  kSomeSkipped = 3,  // done, but some inputs were skipped; each was named with its reason
+};
+
+inline ExitStatus ToExitStatus(ErrorCode code) {
+  return code == ErrorCode::kInvalidArgument ? ExitStatus::kWrongUsage : ExitStatus::kFailed;
+}
+
 void Print(std::string_view text);     // a line on standard output
 void PrintJson(const Json& document);  // the same
 void Message(std::string_view text);   // a line on standard error

@@ -1,17 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant query IMAGE --db FILE
-#include <array>
-#include <chrono>
 #include <memory>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/output.h"
 #include "index/cli/picture_input.h"
 #include "index/cli/query_pictures.h"
 #include "index/cli/write_file.h"
-#include "index/cli/write_picture.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
 
@@ -88,14 +86,13 @@ ExitStatus Run(Options& options) {
   options.engine.read_only = true;
   options.engine.create = false;
   Engine engine(options.engine);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const bool explain = options.search.explain;
   if (!options.pictures.draw.empty() || !options.pictures.unwarp.empty())
     options.search.explain = true;
   SearchResult result =
       Naming(picture, [&] { return engine.Search(picture.bytes, options.search); });
-  const double took_ms =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  const double took_ms = watch.ms();
   options.pictures.collection = options.search.collection;
   options.pictures.decode = options.engine.extraction.decode;
   const bool drawn = WriteQueryPictures(engine, picture.bytes, result, options.pictures);
@@ -118,7 +115,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   SearchOptions& search = options->search;
   CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
   app->add_option("IMAGE", options->image, "the query picture; - = standard input")->required();
-  AddDatabaseFlags(*app, options->engine, search.collection);
+  AddDatabaseFlag(*app, options->engine);
+  AddCollectionFlag(*app, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
       ->capture_default_str()
       ->check(AtLeast(0));
@@ -128,12 +126,11 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   AddChoice<GroupBy>(*app, "--group-by", search.group_by,
                      "one hit for each object, or for each image (default: object)",
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}});
-  AddChoice<RankMethod>(*app, "--rank", search.rank,
-                        "how pictures are compared: votes of nearest neighbours, words by tf-idf, "
-                        "or the paper's histogram of words (default: neighbours)",
-                        {{"neighbours", RankMethod::kNeighbours},
-                         {"tfidf", RankMethod::kTfIdf},
-                         {"histogram", RankMethod::kHistogram}});
+  AddChoice<RankMethod>(
+      *app, "--rank", search.rank,
+      "how pictures are compared: votes of nearest neighbours, or the paper's "
+      "histogram of words (default: neighbours)",
+      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   AddChoice<Verification>(
       *app, "--verify", search.verify,
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
@@ -154,7 +151,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "maximum number of instances of one object in the query picture")
       ->capture_default_str()
       ->check(Between(1, 100));
-  app->add_flag("--closer-look,!--no-closer-look", search.closer_look,
+  app->add_flag("--closer-look,!--no-closer-look", search.second_pass,
                 "where nothing is found, describe the picture once more at a finer scale, and give "
                 "the surer answer (default: yes)");
   app->add_option("--region", options->region,

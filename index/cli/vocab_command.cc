@@ -100,15 +100,22 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("vocab", "Train, list and switch vocabularies");
   app->require_subcommand(1);
-  AddDatabaseFlags(*app, options->engine, options->train.collection);
   app->footer(
       "Example:  pliant vocab train --db my.db --words 4000\n"
       "          pliant vocab list --db my.db");
-  app->add_flag("--json", options->json, "print one JSON document");
+  const auto add = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
+                       const std::string& example) {
+    CLI::App* sub = app->add_subcommand(name, help);
+    AddDatabaseFlag(*sub, options->engine);
+    AddCollectionFlag(*sub, options->train.collection);
+    sub->add_flag("--json", options->json, "print one JSON document");
+    sub->footer("Example:  pliant vocab " + example);
+    sub->callback([=, &status] { status = run(*options); });
+    return sub;
+  };
 
-  CLI::App* train = app->add_subcommand("train", "Train a new vocabulary on the stored pictures");
-  train->fallthrough();
-  train->footer("Example:  pliant vocab train --db my.db --words 4000 --use");
+  CLI::App* train = add("train", "Train a new vocabulary on the stored pictures", Train,
+                        "train --db my.db --words 4000 --use");
   train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
       ->capture_default_str()
       ->check(Between(0, static_cast<int>(kMaxWords)));
@@ -124,18 +131,11 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
       ->capture_default_str()
       ->check(Between(0, 1024));
   train->add_flag("--use", options->use_at_once, "activate it when it is ready");
-  train->callback([options, &status] { status = Train(*options); });
 
-  CLI::App* list = app->add_subcommand("list", "List the vocabularies");
-  list->fallthrough();
-  list->footer("Example:  pliant vocab list --db my.db");
-  list->callback([options, &status] { status = List(*options); });
-
-  CLI::App* use = app->add_subcommand("use", "Switch to another vocabulary");
-  use->fallthrough();
-  use->footer("Example:  pliant vocab use 2 --db my.db");
-  use->add_option("ID", options->id, "its number in `vocab list`")->required();
-  use->callback([options, &status] { status = Use(*options); });
+  add("list", "List the vocabularies", List, "list --db my.db");
+  add("use", "Switch to another vocabulary", Use, "use 2 --db my.db")
+      ->add_option("ID", options->id, "its number in `vocab list`")
+      ->required();
 }
 
 }  // namespace pliant::cli

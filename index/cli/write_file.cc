@@ -3,11 +3,14 @@
 #include "index/cli/write_file.h"
 
 #include <cerrno>
+#include <cstdint>
 #include <fstream>
 #include <iostream>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -21,6 +24,10 @@ namespace {
 
 std::filesystem::path TemporaryBeside(const std::filesystem::path& path) {
   return path.string() + ".new-" + std::to_string(::getpid());
+}
+
+bool IsJpeg(const std::filesystem::path& file) {
+  return file.extension() == ".jpg" || file.extension() == ".jpeg";
 }
 
 }  // namespace
@@ -92,6 +99,18 @@ void NewFile::Write(std::uint64_t offset, std::string_view bytes) {
 void NewFile::Publish() {
   if (const std::error_code error = PublishFile(temporary_, path_)) Fail(error.message());
   ::close(std::exchange(fd_, -1));
+}
+
+void CheckPictureName(const std::filesystem::path& file) {
+  if (file.extension() == ".png" || IsJpeg(file) || file == kStandardOutput) return;
+  throw Error(ErrorCode::kInvalidArgument, "bad_picture_name",
+              file.string() + " must end in .png or .jpg, or be - for standard output");
+}
+
+void WritePicture(const std::filesystem::path& file, const Image& picture) {
+  CheckPictureName(file);
+  const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(picture) : EncodePng(picture);
+  WriteFile(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 
 }  // namespace pliant::cli

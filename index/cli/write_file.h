@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "descriptor/image/image.h"
+
 namespace pliant::cli {
 
 // Replaces the file in one step (ReplaceFile); "-" is standard output (ClaimStandardOutput). Throws
@@ -44,5 +46,12 @@ class NewFile {
   const std::string temporary_;
   int fd_;
 };
+
+// PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument
+// "bad_picture_name" for another extension; to be called before the work whose result is written.
+void CheckPictureName(const std::filesystem::path& file);
+
+// Atomically replaces the file. Throws what CheckPictureName and WriteFile throw.
+void WritePicture(const std::filesystem::path& file, const Image& picture);
 
 }  // namespace pliant::cli

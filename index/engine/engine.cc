@@ -7,7 +7,6 @@
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine_impl.h"
-#include "index/files/text.h"
 #include "index/rank/memory_ranker.h"
 #include "index/store/open_store.h"
 
@@ -59,14 +58,25 @@ Engine::Impl::Impl(EngineOptions options) : options_(std::move(options)) {
   if (options_.load_descriptor) extractor();
   ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), options_.loading);
   if (options_.load_index) ranker_->Load();
-  if (!options_.read_only) store_->BeginWriting([this] { ranker_->Follow(); });
+  if (!options_.read_only) store_->BeginWriting([this] { Follow(); });
   follower_ = store_->FollowOthers([this] {
     try {
-      ranker_->Follow();
+      Follow();
     } catch (const Error&) {
       // The next search tries again, and says what is wrong.
     }
   });
+}
+
+void Engine::Impl::Follow() {
+  try {
+    ranker_->Follow();
+  } catch (const std::exception& error) {
+    if (options_.warn) {
+      options_.warn(std::string("the index cannot follow what was written: ") + error.what());
+    }
+    throw;
+  }
 }
 
 void Engine::Impl::CheckModel(const DescriptorInfo& info) const {
@@ -250,12 +260,12 @@ SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptio
 }
 
 SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options,
-                                    const CloserLook& closer) {
-  return impl_->SearchFeatures(features, options, closer);
+                                    const SecondPass& second) {
+  return impl_->SearchFeatures(features, options, second);
 }
 
-std::optional<Features> Engine::DescribeCloser(Bytes encoded, const Features& known, int threads) {
-  return impl_->DescribeCloser(encoded, known, threads);
+std::optional<Features> Engine::DescribeFiner(Bytes encoded, const Features& known, int threads) {
+  return impl_->DescribeFiner(encoded, known, threads);
 }
 
 SearchResult Engine::SearchExamples(const std::vector<std::string>& image_ids,

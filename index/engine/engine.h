@@ -64,6 +64,9 @@ struct EngineOptions {
   // Hears which share of the pictures is in memory while the index loads, 0..1, from the thread
   // that loads.
   std::function<void(double share)> loading;
+  // Hears of failures that no caller is told, from any thread: after them the index in memory is
+  // behind the database. Searches and writes try to catch up first, and throw what is wrong.
+  std::function<void(const std::string& failure)> warn;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
   // Pictures are refused (kNoSpace) when less than this would stay free on the disk of the database
   // or of the originals: removing takes space, too, before it gives some back.
@@ -79,8 +82,8 @@ inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string&
 
 class Engine {
  public:
-  // Opens or makes the database, migrates its schema and loads the index. Throws kNotFound,
-  // kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict, kUnavailable.
+  // Opens or makes the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
+  // database", "other_schema"), kConflict, kUnavailable.
   explicit Engine(EngineOptions options);
   ~Engine();
   Engine(const Engine&) = delete;
@@ -170,13 +173,13 @@ class Engine {
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
   // With features that were extracted elsewhere with the database's model (else kConflict
-  // "model_mismatch"): what Search gives for the picture they are of. `closer` is asked for those
-  // of a closer look where Search would take one; none: there is no more to be seen.
-  using CloserLook = std::function<std::optional<Features>(ExtractionTimings*)>;
+  // "model_mismatch"): what Search gives for the picture they are of. `second` gives the features
+  // of a second pass at high resolution, where Search would make one; none: there are no more.
+  using SecondPass = std::function<std::optional<Features>(ExtractionTimings*)>;
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
-                              const CloserLook& closer = {});
+                              const SecondPass& second = {});
   // Such features, of the picture that `known` are of (FeatureExtractor::LookCloser).
-  std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads);
+  std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads);
 
   // Whether two pictures show the same object, and where that of the first is in the second; no
   // picture is stored. Where not, the second is looked at more closely, as Search does. `threads`:

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "index/engine/engine.h"
-#include "index/rank/ranker.h"
+#include "index/rank/memory_ranker.h"
 #include "index/store/store.h"
 
 namespace pliant {
@@ -32,7 +32,9 @@ class Engine::Impl {
   // Pictures (engine_pictures.cc)
   std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
-  Features GetFeatures(const std::string& collection, const std::string& id);
+  Features GetFeatures(const std::string& collection, const std::string& id) {
+    return GetFeatures({catalogue().RequireCollection(collection).key, id}, collection);
+  }
   void ForEachFeatures(const PictureListing& list,
                        const std::function<void(const PicturePage&)>& look,
                        const std::function<void(const ImageRecord&, const Features&)>& take);
@@ -42,7 +44,7 @@ class Engine::Impl {
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 
-  // Collections (engine_collections.cc)
+  // Collections
   bool CreateCollection(const std::string& name);
   bool RemoveCollection(const std::string& name);
   void ChangeAliases(const AliasChanges& changes);
@@ -51,15 +53,15 @@ class Engine::Impl {
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
-                              const CloserLook& closer);
-  std::optional<Features> DescribeCloser(Bytes encoded, const Features& known, int threads) {
+                              const SecondPass& second);
+  std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads) {
     return query_extractor().LookCloser(encoded, known, {}, threads);
   }
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
   Comparison Compare(Bytes first, Bytes second, int threads);
 
-  // Locating (engine_locate.cc)
+  // Locating
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
                         int threads);
 
@@ -90,13 +92,11 @@ class Engine::Impl {
 
   // Everything about a new picture that takes time.
   PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
-  // `closer`: `features` and what a closer look added; the ranking stays that of `features`.
-  SearchResult Answer(Features features, const SearchOptions& options,
-                      const ExtractionTimings& timings, const Features* closer = nullptr);
-  // Asks once more with what `closer` sees, where `first` found nothing; the answer whose first hit
-  // has more evidence.
-  SearchResult LookCloser(SearchResult first, const Features& query, const SearchOptions& options,
-                          const CloserLook& closer);
+  Features GetFeatures(const PictureRef& ref, const std::string& collection);
+  // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
+  // the same ranking once more; the answer whose first hit has more evidence.
+  SearchResult Answer(const CollectionView& view, Features features, const SearchOptions& options,
+                      const ExtractionTimings& timings, const SecondPass& second = {});
   std::vector<PictureRef> PicturesOf(const std::string& collection, const std::string& object);
   std::vector<PictureRef> MostSimilar(const Features& query, const std::string& collection,
                                       const std::string& object, int threads,
@@ -105,6 +105,7 @@ class Engine::Impl {
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
                        const std::stop_token& stop, const std::function<void(double)>& progress);
   void DropUnfinished(Key vocabulary) noexcept;
+  void Follow();  // after a commit; what goes wrong is told to options_.warn and thrown
   VocabularyRecord StoreVocabulary(const CollectionState& collection,
                                    const std::shared_ptr<const Vocabulary>& vocabulary,
                                    const TrainOptions& options);
@@ -114,9 +115,9 @@ class Engine::Impl {
   std::unique_ptr<const Extractors> extractors_;
   bool limits_settled_ = false;  // guarded by it, too, once the constructor is done
   std::unique_ptr<Store> store_;
-  std::unique_ptr<Ranker> ranker_;  // follows store_, and goes first
-  std::mutex training_mutex_;       // one training at a time
-  std::jthread follower_;           // last: it uses the ranker
+  std::unique_ptr<MemoryRanker> ranker_;  // follows store_, and goes first
+  std::mutex training_mutex_;             // one training at a time
+  std::jthread follower_;                 // last: it uses the ranker
 };
 
 }  // namespace pliant

@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Engine: adding and reading pictures.
-#include <chrono>
 #include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/base/stopwatch.h"
+#include "index/engine/engine.h"
 #include "index/engine/engine_impl.h"
 #include "index/files/names.h"
 #include "index/files/text.h"
@@ -15,17 +16,6 @@
 
 namespace pliant {
 namespace {
-
-class Stopwatch {
- public:
-  double Ms() const {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
 
 constexpr std::size_t kGeneratedIdDigits = 32;
 
@@ -70,7 +60,7 @@ std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
   return [this, pending] {
     const Stopwatch writing;
     PutOutcome stored = writer().Put(*pending->put);
-    pending->result.timings.database_ms = writing.Ms();
+    pending->result.timings.database_ms = writing.ms();
     pending->result.outcome = stored.outcome;
     pending->result.image = std::move(stored.image);
     return pending->result;
@@ -89,7 +79,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
     const FeatureExtractor& extract = request.as_query ? query_extractor() : extractor();
     const Stopwatch decoding;
     const DecodedImage decoded = extract.Decode(request.bytes);
-    timings->extraction.decode_ms = decoding.Ms();
+    timings->extraction.decode_ms = decoding.ms();
     Features features = extract.Extract(decoded, request.threads, &timings->extraction);
     CheckEnough(features.keypoints.size());
     put.encoded = EncodeFeatures(features);
@@ -113,7 +103,7 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
     const Descriptors& descriptors = put.features.descriptors;
     put.bow =
         view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
-    timings->quantize_ms = quantizing.Ms();
+    timings->quantize_ms = quantizing.ms();
   }
   put.keep_content = options_.keep_originals;
   return put;
@@ -141,10 +131,9 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
   return writer().ChangeObject(collection, object, change);
 }
 
-Features Engine::Impl::GetFeatures(const std::string& collection, const std::string& id) {
-  const PictureRef ref{catalogue().RequireCollection(collection).key, id};
+Features Engine::Impl::GetFeatures(const PictureRef& ref, const std::string& collection) {
   const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) throw refusals::NoPicture(collection, id);
+  if (!found) throw refusals::NoPicture(collection, ref.id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;
@@ -159,5 +148,54 @@ void Engine::Impl::ForEachFeatures(
     take(record, features);
   });
 }
+
+bool Engine::Impl::CreateCollection(const std::string& name) {
+  CheckCollectionName(name);
+  return writer().CreateCollection(name);
+}
+
+void Engine::Impl::ChangeAliases(const AliasChanges& changes) {
+  for (const auto& [name, collection] : changes) {
+    if (collection) CheckAliasName(name);  // one that cannot be is not there
+  }
+  writer().ChangeAliases(changes);
+}
+
+bool Engine::Impl::RemoveCollection(const std::string& name) {
+  if (name == kDefaultCollection) {
+    throw Error(ErrorCode::kConflict, "collection_permanent",
+                "the collection \"default\" cannot be removed");
+  }
+  return writer().RemoveCollection(name);
+}
+
+bool Engine::CreateCollection(const std::string& name) { return impl_->CreateCollection(name); }
+
+std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().ListCollections(); }
+
+std::vector<CollectionLabel> Engine::ListLabels() { return impl_->catalogue().ListLabels(); }
+
+std::string Engine::CollectionName(const std::string& name_or_alias) {
+  return impl_->catalogue().RequireCollection(name_or_alias).name;
+}
+
+std::vector<AliasRecord> Engine::ListAliases() { return impl_->catalogue().ListAliases(); }
+
+void Engine::ChangeAliases(const AliasChanges& changes) { impl_->ChangeAliases(changes); }
+
+CollectionRecord Engine::ChangeCollection(const std::string& name, const CollectionChange& change) {
+  if (change.display_name) CheckDisplayName(*change.display_name);
+  return impl_->writer().ChangeCollection(name, change);
+}
+
+bool Engine::HasVocabulary(const std::string& collection) {
+  return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
+}
+
+CollectionRecord Engine::GetCollection(const std::string& name) {
+  return impl_->catalogue().DescribeCollection(name);
+}
+
+bool Engine::RemoveCollection(const std::string& name) { return impl_->RemoveCollection(name); }
 
 }  // namespace pliant

@@ -5,7 +5,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine_impl.h"
-#include "index/engine/vocabulary_size.h"
+#include "index/engine/training_policy.h"
 #include "index/store/quantize_batch.h"
 
 namespace pliant {

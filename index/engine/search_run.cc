@@ -3,16 +3,30 @@
 #include "index/engine/search_run.h"
 
 #include <algorithm>
+#include <iterator>
 #include <unordered_set>
 #include <utility>
 
-#include "index/engine/stopwatch.h"
+#include "descriptor/base/stopwatch.h"
+#include "index/store/feature_codec.h"
 #include "index/verify/expansion.h"
-#include "index/verify/places.h"
+#include "index/verify/suppression.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
+
+bool IsAdmitted(const Admission& admission, const ImageRecord& record) {
+  const auto& without = admission.without;
+  return std::find(without.begin(), without.end(), record.id) == without.end() &&
+         (!admission.object || *admission.object == record.object) &&
+         Passes(admission.filter, record.metadata);
+}
+
+// Features of so many pictures are in memory at a time.
+constexpr std::size_t kPicturesABatch = 256;
+// So many are looked at before it is asked whether they are enough.
+constexpr std::size_t kFirstPictures = 30;
 
 // An undecided search looks at so many times the pictures.
 constexpr std::size_t kDeeper = 2;
@@ -41,44 +55,125 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 
 }  // namespace
 
-SearchRun::SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view,
-                     const Features& query, const Features& closer, const SearchOptions& options)
+void PictureShelf::Fetch(std::span<const RankedPicture> pictures, Load what) {
+  std::vector<PictureRef> wanted;
+  for (const RankedPicture& picture : pictures) {
+    const auto here = pictures_.find(picture.ref.version);
+    const bool enough = here != pictures_.end() && (what == Load::kRecords || !here->second ||
+                                                    !here->second->features.empty());
+    if (!enough) wanted.push_back(picture.ref);
+  }
+  if (wanted.empty()) return;
+  std::vector<std::optional<StoredPicture>> loaded = source_.LoadPictures(wanted, what);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const bool other = loaded[i] && loaded[i]->version != wanted[i].version;
+    if (other && !IsAdmitted(admission_, loaded[i]->record)) loaded[i].reset();
+    pictures_[wanted[i].version] = std::move(loaded[i]);
+  }
+}
+
+void PictureShelf::DropFeatures() {
+  for (auto& [version, picture] : pictures_) {
+    if (picture) picture->features = {};
+  }
+}
+
+const ImageRecord* PictureShelf::Record(std::int64_t version) const {
+  const auto here = pictures_.find(version);
+  return here != pictures_.end() && here->second ? &here->second->record : nullptr;
+}
+
+std::optional<Features> PictureShelf::LoadFeatures(std::int64_t version) const {
+  const auto here = pictures_.find(version);
+  if (here == pictures_.end() || !here->second) return std::nullopt;
+  Features features = DecodeFeatures(here->second->features);
+  features.model_id = model_id_;
+  return features;
+}
+
+CandidateVerifier::CandidateVerifier(const Features& query, const SearchOptions& options,
+                                     PictureShelf* shelf, SearchTimings* timings)
+    : query_(query), options_(options), shelf_(*shelf), timings_(*timings) {}
+
+std::span<const RankedPicture> CandidateVerifier::FirstBatch(
+    std::span<const RankedPicture> candidates) const {
+  return candidates.first(std::min(candidates.size(), BatchAfter(0)));
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::Verify(std::vector<RankedPicture> candidates) {
+  return Run(std::move(candidates), /*all=*/options_.verify_depth != 0);
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::VerifyAll(std::vector<RankedPicture> candidates) {
+  return Run(std::move(candidates), /*all=*/true);
+}
+
+// How many pictures are looked at next, after so many.
+std::size_t CandidateVerifier::BatchAfter(std::size_t looked_at) const {
+  if (options_.verify_depth != 0) return kPicturesABatch;
+  return std::clamp(looked_at, kFirstPictures, kPicturesABatch);
+}
+
+void CandidateVerifier::VerifyBatch(std::vector<RankedPicture> batch,
+                                    std::vector<VerifiedPicture>* verified) {
+  {
+    const ScopedStopwatch watch(&timings_.database_ms);
+    if (!verified->empty()) shelf_.DropFeatures();
+    shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
+  }
+  const ScopedStopwatch watch(&timings_.verify_ms);
+  auto hits = Rerank(query_, std::move(batch),
+                     {.max_instances = options_.max_instances,
+                      .explain = options_.explain,
+                      .threads = options_.threads},
+                     [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
+  std::move(hits.begin(), hits.end(), std::back_inserter(*verified));
+}
+
+std::vector<VerifiedPicture> CandidateVerifier::Run(std::vector<RankedPicture> candidates,
+                                                    bool all) {
+  std::vector<VerifiedPicture> verified;
+  while (verified.size() < candidates.size()) {
+    const auto begin = candidates.begin() + static_cast<std::ptrdiff_t>(verified.size());
+    const auto left = static_cast<std::size_t>(candidates.end() - begin);
+    const auto end =
+        begin + static_cast<std::ptrdiff_t>(std::min(left, BatchAfter(verified.size())));
+    VerifyBatch({std::make_move_iterator(begin), std::make_move_iterator(end)}, &verified);
+    if (!all && IsEnough(verified)) break;
+  }
+  for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
+    const double score = candidates[i].score;
+    verified.push_back({.picture = std::move(candidates[i]), .ranking_score = score});
+  }
+  return verified;
+}
+
+SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
+                     const Features& query, const SearchOptions& options)
     : ranker_(*ranker),
       source_(*source),
       view_(view),
       query_(query),
-      closer_(closer),
       options_(options),
       bow_([&] {
-        const Stopwatch watch(&timings_.quantize_ms);
+        const ScopedStopwatch watch(&timings_.quantize_ms);
         return Quantize(query);
       }()),
       rank_([&] {
-        const Stopwatch watch(&timings_.rank_ms);
+        const ScopedStopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
       shelf_(source, &rank_.admission, query.model_id),
-      verifier_(closer, options, &shelf_, &timings_) {}
+      ranking_(Rank(rank_)) {}
 
-SearchResult SearchRun::Run() {
-  Ranking ranking;
-  {
-    const Stopwatch watch(&timings_.rank_ms);
-    ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
-  }
-  Fetch(ranking);
-  std::vector<VerifiedPicture> hits;
-  if (Verifies(options_)) {
-    hits = verifier_.Verify(std::move(ranking.candidates));
-    LookDeeper(&hits, &ranking);
-    SettleClaims(&hits);
-    if (ExpansionsOf(options_) > 0) Expand(&hits, &ranking);
-    DropHints(&hits);
-    SettlePlaces(closer_, &hits);
-    SortByScore(&hits);
-    std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
-    if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
-  }
+Ranking SearchRun::Rank(const RankOptions& options) {
+  const ScopedStopwatch watch(&timings_.rank_ms);
+  return ranker_.Rank(view_, {query_, bow_}, options);
+}
+
+SearchResult SearchRun::Run(const Features& features) {
+  Ranking ranking = ranking_;
+  std::vector<VerifiedPicture> hits = Verified(features, &ranking);
   SearchResult result;
   result.rank = rank_.method;
   result.total = hits.size() + ranking.total;
@@ -102,32 +197,40 @@ SearchResult SearchRun::Run() {
   return result;
 }
 
+std::vector<VerifiedPicture> SearchRun::Verified(const Features& features, Ranking* ranking) {
+  CandidateVerifier verifier(features, options_, &shelf_, &timings_);
+  depth_ = rank_.candidates;
+  Fetch(verifier);
+  if (!Verifies(options_)) return {};
+  std::vector<VerifiedPicture> hits = verifier.Verify(std::move(ranking->candidates));
+  VerifyDeeper(&verifier, &hits, ranking);
+  KeepExclusiveMatches(&hits);
+  if (ExpansionsOf(options_) > 0) Expand(&verifier, &hits, ranking);
+  DropWeakEvidence(&hits);
+  SuppressNonMaxima(features, &hits);
+  SortByScore(&hits);
+  std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
+  if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
+  return hits;
+}
+
 bool SearchRun::KnowsProbabilities() const {
   return Verifies(options_) && rank_.method == RankMethod::kNeighbours;
 }
 
+// Only histograms need words.
 Bow SearchRun::Quantize(const Features& features) const {
-  const Quantizer& quantizer = *view_.quantizer;
-  const Descriptors& descriptors = features.descriptors;
-  const int several = options_.tuning.assignments;
-  if (several == 1) {
-    return quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, options_.threads));
-  }
-  const auto words = quantizer.AssignSeveral(descriptors, several, options_.threads);
-  return quantizer.BowOf(descriptors, 0, words, static_cast<int>(words.size() / descriptors.rows));
+  if (options_.rank != RankMethod::kHistogram) return {};
+  return MakeBow(view_.quantizer->Assign(features.descriptors, options_.threads));
 }
 
 RankOptions SearchRun::ToRankOptions() const {
   RankOptions rank;
   rank.method = options_.rank;
-  if (rank.method == RankMethod::kNeighbours && view_.quantizer->coder() == nullptr) {
-    rank.method = RankMethod::kTfIdf;
-  }
   rank.group_by = options_.group_by;
   rank.keep = options_.limit == 0 ? 0 : options_.offset + options_.limit;
   rank.min_score = options_.min_score;
   rank.threads = options_.threads;
-  rank.signatures = options_.tuning.signatures;
   rank.admission =
       source_.Admit(view_.collection, options_.object, options_.filter, options_.without);
   if (Verifies(options_)) {
@@ -140,45 +243,49 @@ RankOptions SearchRun::ToRankOptions() const {
 
 // The first batch: what is verified, or else the page. Only a page that reaches behind the verified
 // pictures reads once more (PageOf).
-void SearchRun::Fetch(const Ranking& ranking) {
-  const Stopwatch watch(&timings_.database_ms);
-  const std::span<const RankedPicture> candidates = ranking.candidates;
+void SearchRun::Fetch(const CandidateVerifier& verifier) {
+  const ScopedStopwatch watch(&timings_.database_ms);
+  const std::span<const RankedPicture> candidates = ranking_.candidates;
   if (!candidates.empty()) {
-    shelf_.Fetch(verifier_.FirstBatch(candidates), Load::kRecordsAndFeatures);
+    shelf_.Fetch(verifier.FirstBatch(candidates), Load::kRecordsAndFeatures);
   } else {
-    const std::span<const RankedPicture> best = ranking.best;
+    const std::span<const RankedPicture> best = ranking_.best;
     shelf_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
   }
 }
 
 // Verifies more of the ranking where no picture agrees with the query and the depth is left to the
 // search. Depends on nothing but the query and the collection, so that pages fit together.
-void SearchRun::LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
-  if (IsDecided(*hits) || options_.verify_depth != 0 || hits->size() < rank_.candidates) return;
-  rank_.candidates *= kDeeper;
-  {
-    const Stopwatch watch(&timings_.rank_ms);
-    *ranking = ranker_.Rank(view_, {bow_, query_}, rank_);
+void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+                             Ranking* ranking) {
+  if (IsDecided(*hits) || options_.verify_depth != 0 || hits->size() < depth_) return;
+  depth_ *= kDeeper;
+  if (!deeper_) {
+    RankOptions deeper = rank_;
+    deeper.candidates = depth_;
+    deeper_ = Rank(deeper);
   }
+  *ranking = *deeper_;
   std::unordered_set<std::int64_t> looked_at;
   for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
   std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
     return looked_at.contains(picture.ref.version);
   });
-  for (VerifiedPicture& hit : verifier_.VerifyAll(std::move(ranking->candidates))) {
+  for (VerifiedPicture& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
     hits->push_back(std::move(hit));
   }
 }
 
 // Lifts the pictures that agree with the best verified ones, and takes those that were not looked
 // at before out of the ranking's other hits.
-void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
+void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+                       Ranking* ranking) {
   const auto nearest = [&](const Features& part, std::size_t depth) {
     RankOptions of_part = rank_;
     of_part.group_by = GroupBy::kImage;
     of_part.candidates = depth;
     of_part.keep = 1;
-    auto found = ranker_.Rank(view_, {Quantize(part), part}, of_part).candidates;
+    auto found = ranker_.Rank(view_, {part, Quantize(part)}, of_part).candidates;
     shelf_.Fetch(found, Load::kRecordsAndFeatures);
     return found;
   };
@@ -191,25 +298,26 @@ void SearchRun::Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking) {
   shelf_.Fetch(sources, Load::kRecordsAndFeatures);
   std::unordered_map<std::int64_t, Support> supports;
   {
-    const Stopwatch watch(&timings_.verify_ms);
+    const ScopedStopwatch watch(&timings_.verify_ms);
     supports = pliant::Expand(*hits, {.sources = most, .threads = options_.threads}, load, nearest);
   }
   std::unordered_set<std::int64_t> looked_at;
   for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
   RankOptions again = rank_;
+  again.candidates = depth_;
   for (const auto& [version, support] : supports) {
     if (!looked_at.contains(version)) again.also.push_back(version);
   }
   if (!again.also.empty()) {
     std::sort(again.also.begin(), again.also.end());
-    *ranking = ranker_.Rank(view_, {bow_, query_}, again);
+    *ranking = Rank(again);
     std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
       return !std::binary_search(again.also.begin(), again.also.end(), picture.ref.version);
     });
-    for (VerifiedPicture& hit : verifier_.VerifyAll(std::move(ranking->candidates))) {
+    for (VerifiedPicture& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
       hits->push_back(std::move(hit));
     }
-    SettleClaims(hits);
+    KeepExclusiveMatches(hits);
   }
   for (VerifiedPicture& hit : *hits) {
     const auto support = supports.find(hit.picture.ref.version);
@@ -227,7 +335,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
       options_.limit == 0 ? hits.size() : std::min(hits.size(), options_.offset + options_.limit);
   std::vector<RankedPicture> shown;
   for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].picture);
-  const Stopwatch watch(&timings_.database_ms);
+  const ScopedStopwatch watch(&timings_.database_ms);
   shelf_.Fetch(shown, Load::kRecords);
   std::vector<Hit> page;
   for (std::size_t i = begin; i < end; ++i) {

@@ -1,13 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One search: rank in memory, read what was ranked best in one batch, verify in memory. Private to
-// engine/.
+// One search: rank in memory, read what was ranked best in one batch, verify in memory. A second
+// pass verifies the same ranking with more features of the query. Private to engine/.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <unordered_map>
 #include <vector>
 
-#include "index/engine/candidate_verifier.h"
-#include "index/engine/picture_shelf.h"
+#include "index/rank/memory_ranker.h"
 #include "index/rank/ranker.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
@@ -15,38 +20,98 @@
 
 namespace pliant {
 
+// The pictures that one search looks at, read from the store in batches. Private to engine/.
+
+// A picture that was replaced since it was ranked stands on the shelf in its new state, under the
+// version that was ranked, so that no search misses it. Fetch: one thread. The rest: any, when no
+// Fetch runs.
+class PictureShelf {
+ public:
+  // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
+  PictureShelf(Catalogue* source, const Admission* admission, std::string model_id)
+      : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
+
+  // Reads those that are not there yet, all at once.
+  void Fetch(std::span<const RankedPicture> pictures, Load what);
+  void DropFeatures();
+
+  // nullptr, nullopt: the picture is gone.
+  const ImageRecord* Record(std::int64_t version) const;
+  std::optional<Features> LoadFeatures(std::int64_t version) const;
+
+ private:
+  Catalogue& source_;
+  const Admission& admission_;
+  std::string model_id_;
+  std::unordered_map<std::int64_t, std::optional<StoredPicture>> pictures_;  // by ranked version
+};
+
+// Verifies what was ranked, a batch of it at a time. Private to engine/.
+class CandidateVerifier {
+ public:
+  // All must outlive it. Times are added to `timings`.
+  CandidateVerifier(const Features& query, const SearchOptions& options, PictureShelf* shelf,
+                    SearchTimings* timings);
+
+  // Of so many candidates those that are surely looked at: worth reading with the first batch.
+  std::span<const RankedPicture> FirstBatch(std::span<const RankedPicture> candidates) const;
+
+  // In their order, the verified ones first: as many as it takes (IsEnough), or all where the
+  // search names its depth. The others as they were ranked.
+  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+
+  std::vector<VerifiedPicture> VerifyAll(std::vector<RankedPicture> candidates);
+
+ private:
+  std::size_t BatchAfter(std::size_t looked_at) const;
+  void VerifyBatch(std::vector<RankedPicture> batch, std::vector<VerifiedPicture>* verified);
+  std::vector<VerifiedPicture> Run(std::vector<RankedPicture> candidates, bool all);
+
+  const Features& query_;
+  const SearchOptions& options_;
+  PictureShelf& shelf_;
+  SearchTimings& timings_;
+};
+
 // Throws kInvalidArgument that names the option.
 void Validate(const SearchOptions& options);
 
 class SearchRun {
  public:
-  // All must outlive it. The view must have a vocabulary. Ranks by `query`, and verifies with
-  // `closer`: the same, or what a closer look has added to it.
-  SearchRun(Ranker* ranker, Catalogue* source, const CollectionView& view, const Features& query,
-            const Features& closer, const SearchOptions& options);
+  // All must outlive it. The view must have a vocabulary. Ranks by `query`.
+  SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
+            const Features& query, const SearchOptions& options);
 
-  SearchResult Run();
+  // Verifies with `features`: the query, or, in a second pass, what that has added to it. Timings
+  // are those of all passes so far.
+  SearchResult Run(const Features& features);
 
  private:
   bool KnowsProbabilities() const;
   Bow Quantize(const Features& features) const;
   RankOptions ToRankOptions() const;
-  void Fetch(const Ranking& ranking);
-  void LookDeeper(std::vector<VerifiedPicture>* hits, Ranking* ranking);
-  void Expand(std::vector<VerifiedPicture>* hits, Ranking* ranking);
+  Ranking Rank(const RankOptions& options);
+  void Fetch(const CandidateVerifier& verifier);
+  // `ranking` becomes the one whose best, behind the verified, are the other hits.
+  std::vector<VerifiedPicture> Verified(const Features& features, Ranking* ranking);
+  void VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+                    Ranking* ranking);
+  void Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
 
-  Ranker& ranker_;
+  MemoryRanker& ranker_;
   Catalogue& source_;
   const CollectionView& view_;
   const Features& query_;
-  const Features& closer_;
   const SearchOptions& options_;
   SearchTimings timings_;  // before what is timed while it is made
   const Bow bow_;
-  RankOptions rank_;
+  const RankOptions rank_;
   PictureShelf shelf_;
-  CandidateVerifier verifier_;
+  // By the query, for all passes.
+  Ranking ranking_;
+  std::optional<Ranking> deeper_;  // once a pass has needed it
+  std::size_t depth_ = 0;          // pictures that this pass sets apart for verification
 };
 
 }  // namespace pliant

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/engine/training_policy.h"
 
-#include "index/engine/vocabulary_size.h"
-
 namespace pliant {
 
 namespace {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <set>
 #include <system_error>
 
@@ -15,6 +14,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -246,7 +246,7 @@ const char* ToString(RetrievalProtocol protocol) {
 
 RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOptions& options) {
   Validate(options);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   std::vector<std::shared_ptr<const Descriptor>> descriptors;  // all, before the long work begins
   for (const std::string& name : options.descriptors) {
     descriptors.push_back(MakeDescriptor(name, options.descriptor_options));
@@ -282,7 +282,7 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
     if (product.empty()) continue;
     with_gallery(descriptor, true, [&](Run& run) { run.MeasureProduct(product, &report.results); });
   }
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return report;
 }
 

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -50,10 +51,7 @@ std::string Label(const fs::path& file) {
 }
 
 bool IsReference(const fs::path& file) {
-  std::string start = file.filename().string().substr(0, 3);
-  std::transform(start.begin(), start.end(), start.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return start == "ref";
+  return Lower(file.filename().string().substr(0, 3)) == "ref";
 }
 
 class Reader {

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
-#include "index/files/owned_json.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -15,6 +14,7 @@ namespace {
 
 constexpr std::size_t kMaxMetadataBytes = 64 * 1024;
 constexpr int kMaxMetadataDepth = 32;
+constexpr std::size_t kMaxMetadataNames = 1000;  // of one object
 
 [[noreturn]] void ThrowInvalid(const std::string& reason, const std::string& message) {
   throw Error(ErrorCode::kInvalidArgument, reason, message);
@@ -70,12 +70,8 @@ void CheckDisplayName(std::string_view name) {
   CheckLooks(name, "display_name");
 }
 
-void CheckStoredObject(std::string_view object) { CheckText(object, 512, "object"); }
-
-void CheckStoredSource(std::string_view source) { CheckText(source, 4096, "source"); }
-
 void CheckObject(std::string_view object) {
-  CheckStoredObject(object);
+  CheckText(object, 512, "object");
   CheckLooks(object, "object");
   if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
     ThrowInvalid("object_invalid", "object must be more than dots");
@@ -86,11 +82,11 @@ void CheckObject(std::string_view object) {
 }
 
 void CheckSource(std::string_view source) {
-  CheckStoredSource(source);
+  CheckText(source, 4096, "source");
   CheckLooks(source, "source");
 }
 
-std::string CanonicalMetadata(const std::string& metadata, std::size_t most_names) {
+std::string CanonicalMetadata(const std::string& metadata) {
   if (metadata.size() > kMaxMetadataBytes) {
     ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
   }
@@ -102,20 +98,27 @@ std::string CanonicalMetadata(const std::string& metadata, std::size_t most_name
     too_deep = too_deep || depth > kMaxMetadataDepth;
     if (event == Event::object_start) names.push_back(0);
     if (event == Event::object_end) names.pop_back();
-    if (event == Event::key && ++names.back() > most_names) too_many = true;
+    if (event == Event::key && ++names.back() > kMaxMetadataNames) too_many = true;
     return !too_deep && !too_many;
   };
-  OwnedJson json(nlohmann::json::parse(metadata, watch, false));
+  const auto json = nlohmann::json::parse(metadata, watch, false);
   if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
   if (too_many) {
     ThrowInvalid("metadata_invalid", "metadata has more than 1000 names in one object");
   }
-  if (!json->is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
-  std::string canonical = json->dump();  // may be longer: 1e9 is 1000000000.0
+  if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
+  std::string canonical = json.dump();  // may be longer: 1e9 is 1000000000.0
   if (canonical.size() > kMaxMetadataBytes) {
     ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
   }
   return canonical;
+}
+
+std::string MergeMetadata(const std::string& metadata, const std::string& patch) {
+  if (patch == "null") return "{}";
+  auto merged = nlohmann::json::parse(metadata);
+  merged.merge_patch(nlohmann::json::parse(CanonicalMetadata(patch)));
+  return CanonicalMetadata(merged.dump());
 }
 
 }  // namespace pliant

@@ -3,8 +3,6 @@
 // What names and metadata may be.
 #pragma once
 
-#include <cstddef>
-#include <limits>
 #include <string>
 #include <string_view>
 
@@ -20,16 +18,15 @@ void CheckDisplayName(std::string_view name);  // as an object, 200 bytes, or em
 void CheckObject(std::string_view object);
 void CheckSource(std::string_view source);
 
-// What an earlier Pliant may have stored, which had fewer characters in mind; else the same.
-void CheckStoredObject(std::string_view object);
-void CheckStoredSource(std::string_view source);
-
-// A JSON object of at most 64 KiB, 32 levels and `most_names` an object, rewritten with sorted keys
+// A JSON object of at most 64 KiB, 32 levels and 1000 names an object, rewritten with sorted keys
 // and no white space so that equal metadata compare equal. Throws kInvalidArgument
-// "metadata_invalid". An earlier Pliant may have stored metadata with any number of names.
-inline constexpr std::size_t kMostMetadataNames = 1000;
-inline constexpr std::size_t kAnyNumberOfNames = std::numeric_limits<std::size_t>::max();
-std::string CanonicalMetadata(const std::string& metadata,
-                              std::size_t most_names = kMostMetadataNames);
+// "metadata_invalid".
+std::string CanonicalMetadata(const std::string& metadata);
+
+// `metadata` with the JSON merge patch (RFC 7396) applied, canonical: null removes a key, objects
+// are merged, all else replaces. The patch "null" leaves {}. Throws kInvalidArgument
+// "metadata_invalid" for a patch that is neither an object nor null, and for a result beyond the
+// limits.
+std::string MergeMetadata(const std::string& metadata, const std::string& patch);
 
 }  // namespace pliant

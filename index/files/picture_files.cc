@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cerrno>
 #include <fstream>
 #include <set>
@@ -16,6 +15,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/format_bytes.h"
+#include "descriptor/base/strings.h"
 #include "descriptor/image/image.h"
 #include "index/files/durable_file.h"
 #include "index/files/text.h"
@@ -31,9 +31,7 @@ constexpr std::array<std::string_view, 19> kPictureExtensions = {
     ".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
 
 bool HasPictureName(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = Lower(path.extension().string());
   return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), extension) !=
          kPictureExtensions.end();
 }
@@ -78,7 +76,7 @@ class Walk {
 
  private:
   void VisitFolder(const fs::path& folder, int depth, const fs::path& below) {
-    struct stat info {};
+    struct stat info{};
     if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
       return;
     std::vector<fs::path> entries;

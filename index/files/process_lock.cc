@@ -10,8 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {
@@ -52,7 +52,7 @@ void RemoveAbandoned(const fs::path& database) {
   for (const fs::path& path : found) {
     const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (file < 0) continue;
-    struct stat info {};
+    struct stat info{};
     const bool may_be_ours =
         ::fstat(file, &info) == 0 && S_ISREG(info.st_mode) && info.st_size == 0;
     if (may_be_ours && LockNow(file, LOCK_EX)) ::unlink(path.c_str());
@@ -65,7 +65,7 @@ void RemoveAbandoned(const fs::path& database) {
 ProcessLock::ProcessLock(const fs::path& database)
     : database_(fs::weakly_canonical(fs::absolute(database))) {
   RemoveAbandoned(database_);
-  struct stat info {};
+  struct stat info{};
   do {  // until it is locked it looks as if its process were dead, and may be removed
     if (file_ >= 0) ::close(file_);
     id_ = NewId();
@@ -88,8 +88,8 @@ ProcessLock::~ProcessLock() {
 }
 
 bool ProcessLock::IsInPlace() const {
-  struct stat mine {};
-  struct stat named {};
+  struct stat mine{};
+  struct stat named{};
   return ::fstat(file_, &mine) == 0 && ::stat(path_.c_str(), &named) == 0 &&
          mine.st_dev == named.st_dev && mine.st_ino == named.st_ino;
 }

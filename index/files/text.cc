@@ -6,38 +6,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <random>
 #include <sstream>
 
 #include "descriptor/base/hex.h"
+#include "descriptor/base/utf8.h"
 
 namespace pliant {
 namespace {
-
-// Length of the valid UTF-8 sequence that `text` begins with; 0 = none (RFC 3629).
-std::size_t SequenceLength(std::string_view text) {
-  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char lead = at(0);
-  if (lead < 0x80) return 1;
-  const std::size_t length = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
-  if (lead < 0xC2 || lead > 0xF4 || text.size() < length) return 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((at(i) & 0xC0) != 0x80) return 0;
-  }
-  const unsigned char second = at(1);
-  const bool overlong = (lead == 0xE0 && second < 0xA0) || (lead == 0xF0 && second < 0x90);
-  const bool surrogate = lead == 0xED && second > 0x9F;
-  const bool too_large = lead == 0xF4 && second > 0x8F;
-  return overlong || surrogate || too_large ? 0 : length;
-}
-
-std::uint32_t CodePoint(std::string_view sequence) {
-  const auto lead = static_cast<unsigned char>(sequence[0]);
-  std::uint32_t point = sequence.size() == 1 ? lead : lead & (0x7FU >> sequence.size());
-  for (const char c : sequence.substr(1))
-    point = point << 6 | (static_cast<unsigned char>(c) & 0x3F);
-  return point;
-}
 
 struct Range {
   std::uint32_t first, last;
@@ -112,7 +87,7 @@ std::string Escaped(std::uint32_t point) {
 
 bool IsValidUtf8(std::string_view text) {
   while (!text.empty()) {
-    const std::size_t length = SequenceLength(text);
+    const std::size_t length = FirstCharacter(text).length;
     if (length == 0) return false;
     text.remove_prefix(length);
   }
@@ -127,11 +102,9 @@ bool HasControlCharacter(std::string_view text) {
 bool LooksAsItIs(std::string_view text) {
   DeceptionFinder finder;
   while (!text.empty()) {
-    const std::size_t length = SequenceLength(text);
-    if (finder.IsDeceptiveHere(CodePoint(text.substr(0, length)), text.size() == length)) {
-      return false;
-    }
-    text.remove_prefix(length);
+    const Utf8Character first = FirstCharacter(text);
+    if (finder.IsDeceptiveHere(first.point, text.size() == first.length)) return false;
+    text.remove_prefix(first.length);
   }
   return true;
 }
@@ -147,13 +120,12 @@ std::string ToDisplayText(std::string_view text) {
   std::string out;
   DeceptionFinder finder;
   while (!text.empty()) {
-    const std::size_t length = HasControlCharacter(text.substr(0, 1)) ? 0 : SequenceLength(text);
-    if (length == 0) {
+    const auto [point, length] = FirstCharacter(text);
+    if (length == 0 || HasControlCharacter(text.substr(0, 1))) {
       const auto byte = static_cast<std::uint8_t>(text[0]);
       out += "\\x" + ToHex({&byte, 1});
       finder.OnEscape();
-    } else if (const std::uint32_t point = CodePoint(text.substr(0, length));
-               finder.IsDeceptiveHere(point, text.size() == length)) {
+    } else if (finder.IsDeceptiveHere(point, text.size() == length)) {
       out += Escaped(point);
     } else {
       out += text.substr(0, length);
@@ -184,14 +156,6 @@ std::string PercentEncode(std::string_view text, std::string_view kept) {
     }
   }
   return out;
-}
-
-std::string RandomHex(std::size_t digits) {
-  constexpr const char* kDigits = "0123456789abcdef";
-  std::random_device random;
-  std::string text;
-  for (std::size_t i = 0; i < digits; ++i) text += kDigits[random() % 16];
-  return text;
 }
 
 }  // namespace pliant

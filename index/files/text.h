@@ -31,7 +31,4 @@ std::string Shown(std::string_view name, std::size_t most_bytes = kMostShownByte
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
 std::string PercentEncode(std::string_view text, std::string_view kept);
 
-// Hex digits of the system's random numbers, for names that nobody else has.
-std::string RandomHex(std::size_t digits);
-
 }  // namespace pliant

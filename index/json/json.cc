@@ -4,7 +4,8 @@
 
 #include <array>
 #include <cstdio>
-#include <ctime>
+
+#include "descriptor/base/unix_time.h"
 
 namespace pliant {
 
@@ -13,20 +14,10 @@ std::string ToText(const Json& json) {
 }
 
 std::string IsoTime(std::int64_t unix_ms) {
-  std::int64_t seconds = unix_ms / 1000;
-  std::int64_t ms = unix_ms % 1000;
-  if (ms < 0) {
-    ms += 1000;
-    --seconds;
-  }
-  const std::time_t time = seconds;
-  std::tm utc{};
-  gmtime_r(&time, &utc);
-  std::array<char, 32> date{};
-  std::strftime(date.data(), date.size(), "%Y-%m-%dT%H:%M:%S", &utc);
+  const auto ms = static_cast<int>((unix_ms % 1000 + 1000) % 1000);
   std::array<char, 8> fraction{};
-  std::snprintf(fraction.data(), fraction.size(), ".%03dZ", static_cast<int>(ms));
-  return std::string(date.data()) + fraction.data();
+  std::snprintf(fraction.data(), fraction.size(), ".%03dZ", ms);
+  return FormatUtc(unix_ms, "%Y-%m-%dT%H:%M:%S") + fraction.data();
 }
 
 Json TextOrNull(const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); }

@@ -54,8 +54,6 @@ const char* RankName(RankMethod method) {
   switch (method) {
     case RankMethod::kNeighbours:
       return "neighbours";
-    case RankMethod::kTfIdf:
-      return "tfidf";
     case RankMethod::kHistogram:
       return "histogram";
   }
@@ -110,7 +108,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"vocabulary", result.vocabulary},
                {"words", result.words},
                {"keypoints", result.keypoints},
-               {"looked_closer", result.looked_closer},
+               {"looked_closer", result.second_pass},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
                {"verdict", VerdictJson(result)},

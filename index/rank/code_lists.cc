@@ -8,16 +8,16 @@
 
 namespace pliant {
 
-std::shared_ptr<const CodeLists> CodeLists::Build(std::span<const IndexedPicture> pictures,
-                                                  std::size_t vocabulary_size,
-                                                  const ResidualCoder& coder) {
-  auto lists = std::make_shared<CodeLists>();
-  lists->bytes_ = coder.code_bytes();
-  lists->binary_ = coder.binary();
+CodeLists CodeLists::Build(std::span<const IndexedPicture> pictures, std::size_t vocabulary_size,
+                           const ResidualCoder& coder) {
+  CodeLists lists;
+  lists.bytes_ = coder.code_bytes();
+  lists.binary_ = coder.binary();
+  lists.SetPictures(pictures.size());
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
   std::vector<std::uint8_t> codes;
   for (const IndexedPicture& picture : pictures) {
-    if (picture.bow.codes.size() != picture.bow.total * lists->bytes_) {
+    if (picture.bow.codes.size() != picture.bow.total * lists.bytes_) {
       throw Error(ErrorCode::kCorrupt, "codes_missing",
                   "picture \"" + picture.id +
                       "\" has more or fewer codes than its vocabulary needs; train a new one");
@@ -31,64 +31,81 @@ std::shared_ptr<const CodeLists> CodeLists::Build(std::span<const IndexedPicture
   std::size_t at = 0;
   for (std::uint32_t p = 0; p < pictures.size(); ++p) {
     for (const WordCount& entry : pictures[p].bow.words) {
-      for (std::uint32_t i = 0; i < entry.count; ++i, at += lists->bytes_) {
+      for (std::uint32_t i = 0; i < entry.count; ++i, at += lists.bytes_) {
         entries[next[entry.word]++] = {p, coder.Bias(entry.word, codes.data() + at), at};
       }
     }
   }
-  lists->codes_.reserve(codes.size() + kCodePadding);
+  lists.codes_.reserve(codes.size() + kCodePadding);
+  lists.pictures_.reserve(entries.size());
+  if (!lists.binary_) lists.biases_.reserve(entries.size());
+  lists.offsets_.reserve(vocabulary_size * lists.pages_ + 1);
   for (std::size_t w = 0; w < vocabulary_size; ++w) {
-    lists->AddWord(std::span(entries).subspan(starts[w], starts[w + 1] - starts[w]), codes);
+    lists.AddWord(std::span(entries).subspan(starts[w], starts[w + 1] - starts[w]), codes);
   }
-  lists->Finish();
+  lists.Finish();
   return lists;
 }
 
-std::shared_ptr<const CodeLists> CodeLists::Merge(std::span<const Source> sources) {
-  auto merged = std::make_shared<CodeLists>();
+CodeLists CodeLists::Merge(std::span<const Source> sources) {
+  CodeLists merged;
   std::size_t words = 0;
+  std::size_t pictures = 0;
   for (const Source& source : sources) {
-    merged->bytes_ = source.lists->bytes_;
-    merged->binary_ = source.lists->binary_;
+    merged.bytes_ = source.lists->bytes_;
+    merged.binary_ = source.lists->binary_;
     words = std::max(words, source.lists->vocabulary_size());
+    for (const std::uint32_t position : *source.position) pictures += position != kGone ? 1 : 0;
   }
+  merged.SetPictures(pictures);
+  merged.offsets_.reserve(words * merged.pages_ + 1);
   std::vector<Entry> entries;
   std::vector<std::uint8_t> codes;
   for (std::uint32_t w = 0; w < words; ++w) {
     entries.clear();
     codes.clear();
     for (const Source& source : sources) {
-      if (w >= source.lists->vocabulary_size()) continue;
       const CodeList list = source.lists->List(w);
-      const std::uint16_t* pictures = source.lists->Pictures(w);
-      for (std::size_t i = 0; i < list.size; ++i) {
-        const std::uint32_t position = (*source.position)[pictures[i]];
-        if (position == kGone) continue;
-        entries.push_back(
-            {position, list.biases != nullptr ? list.biases[i] : std::int16_t{0}, codes.size()});
-        codes.resize(codes.size() + list.bytes);
-        CopyCode(list, i, codes.data() + codes.size() - list.bytes);
-      }
+      std::size_t next = 0;
+      source.lists->ForEachCount(w, [&](std::size_t picture, std::size_t count) {
+        const std::size_t begin = next;
+        next += count;
+        const std::uint32_t position = (*source.position)[picture];
+        if (position == kGone) return;
+        for (std::size_t i = begin; i < next; ++i) {
+          entries.push_back(
+              {position, list.biases != nullptr ? list.biases[i] : std::int16_t{0}, codes.size()});
+          codes.resize(codes.size() + list.bytes);
+          CopyCode(list, i, codes.data() + codes.size() - list.bytes);
+        }
+      });
     }
     std::stable_sort(entries.begin(), entries.end(),
                      [](const Entry& a, const Entry& b) { return a.picture < b.picture; });
-    merged->AddWord(entries, codes);
+    merged.AddWord(entries, codes);
   }
-  merged->Finish();
+  merged.Finish();
   return merged;
 }
 
 void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes) {
+  if (pictures_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error(ErrorCode::kInternal, "segment_too_large",
+                "an index segment got too many descriptors");
+  }
   std::vector<std::uint8_t> rows;
   rows.reserve(entries.size() * bytes_);
-  for (const Entry& entry : entries) {
-    pictures_.push_back(static_cast<std::uint16_t>(entry.picture));
-    if (!binary_) biases_.push_back(entry.bias);
-    rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry.code),
-                codes.begin() + static_cast<std::ptrdiff_t>(entry.code + bytes_));
+  auto entry = entries.begin();
+  for (std::size_t page = 0; page < pages_; ++page) {
+    for (; entry != entries.end() && entry->picture / kPage == page; ++entry) {
+      pictures_.push_back(static_cast<std::uint8_t>(entry->picture % kPage));
+      if (!binary_) biases_.push_back(entry->bias);
+      rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry->code),
+                  codes.begin() + static_cast<std::ptrdiff_t>(entry->code + bytes_));
+    }
+    offsets_.push_back(static_cast<std::uint32_t>(pictures_.size()));
   }
   AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
-  offsets_.push_back(pictures_.size());
 }
 
 void CodeLists::Finish() {
@@ -99,9 +116,36 @@ void CodeLists::Finish() {
 }
 
 CodeList CodeLists::List(std::uint32_t word) const {
-  const std::uint64_t first = offsets_[word];
+  const std::size_t first = First(word);
   return {codes_.data() + first * bytes_, binary_ ? nullptr : biases_.data() + first,
-          static_cast<std::size_t>(offsets_[word + 1] - first), bytes_};
+          First(word + 1) - first, bytes_};
+}
+
+std::uint32_t CodeLists::Picture(std::uint32_t word, std::size_t i) const {
+  const std::size_t code = First(word) + i;
+  const auto ends = offsets_.begin() + static_cast<std::ptrdiff_t>(word * pages_ + 1);
+  const auto page = std::upper_bound(ends, ends + static_cast<std::ptrdiff_t>(pages_), code) - ends;
+  return static_cast<std::uint32_t>(page) * kPage + pictures_[code];
+}
+
+Bow CodeLists::BowOf(std::size_t picture) const {
+  Bow bow;
+  for (std::uint32_t w = 0; w < vocabulary_size(); ++w) {
+    const std::size_t page = w * pages_ + picture / kPage;
+    const std::uint8_t* all = pictures_.data();
+    const auto [first, last] =
+        std::equal_range(all + offsets_[page], all + offsets_[page + 1], picture % kPage);
+    if (first == last) continue;
+    const auto count = static_cast<std::uint32_t>(last - first);
+    bow.words.push_back({w, count});
+    bow.total += count;
+    for (const std::uint8_t* code = first; code != last; ++code) {
+      bow.codes.resize(bow.codes.size() + bytes_);
+      CopyCode(List(w), static_cast<std::size_t>(code - all) - First(w),
+               bow.codes.data() + bow.codes.size() - bytes_);
+    }
+  }
+  return bow;
 }
 
 std::size_t CodeLists::memory_bytes() const {

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The codes of a segment's descriptors (vocab/residual_codes.h), word by word: what ranking by
-// nearest neighbours scans. Private to index/.
+// nearest neighbours scans, and what histograms count. Private to index/.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -17,29 +17,42 @@
 
 namespace pliant {
 
-// Immutable. Within a word codes come in order of the picture.
+// Immutable. Within a word codes come in order of the picture. Pictures lie on pages of 256, so
+// that a code's picture takes one byte.
 class CodeLists {
  public:
   static constexpr std::uint32_t kGone = std::numeric_limits<std::uint32_t>::max();
 
-  // pictures[p] is at position p, below 65536. Each must have a code for each of its descriptors
-  // (Bow::codes); throws kCorrupt "codes_missing" otherwise.
-  static std::shared_ptr<const CodeLists> Build(std::span<const IndexedPicture> pictures,
-                                                std::size_t vocabulary_size,
-                                                const ResidualCoder& coder);
+  // pictures[p] is at position p. Each must have a code for each of its descriptors (Bow::codes);
+  // throws kCorrupt "codes_missing" otherwise, kInternal "segment_too_large" for 2^32 codes.
+  static CodeLists Build(std::span<const IndexedPicture> pictures, std::size_t vocabulary_size,
+                         const ResidualCoder& coder);
   struct Source {
     const CodeLists* lists = nullptr;
     const std::vector<std::uint32_t>* position = nullptr;  // in the result, by picture; or kGone
   };
-  static std::shared_ptr<const CodeLists> Merge(std::span<const Source> sources);
+  static CodeLists Merge(std::span<const Source> sources);
 
-  std::size_t vocabulary_size() const { return offsets_.size() - 1; }
+  std::size_t vocabulary_size() const { return (offsets_.size() - 1) / pages_; }
   CodeList List(std::uint32_t word) const;
-  std::uint64_t First(std::uint32_t word) const { return offsets_[word]; }
-  // Of each code of the list, ascending.
-  const std::uint16_t* Pictures(std::uint32_t word) const {
-    return pictures_.data() + offsets_[word];
+  // The number of the list's first code, of all codes.
+  std::size_t First(std::uint32_t word) const { return offsets_[word * pages_]; }
+  // Of the i-th code of the list; ascending.
+  std::uint32_t Picture(std::uint32_t word, std::size_t i) const;
+  // Visits each picture that has the word, ascending, with how often it has it.
+  template <typename Visit>  // void(std::size_t picture, std::size_t count)
+  void ForEachCount(std::uint32_t word, Visit&& visit) const {
+    for (std::size_t page = 0; page < pages_; ++page) {
+      const std::size_t end = offsets_[word * pages_ + page + 1];
+      for (std::size_t i = offsets_[word * pages_ + page]; i < end;) {
+        const std::size_t first = i;
+        while (++i < end && pictures_[i] == pictures_[first]) continue;
+        visit(page * kPage + pictures_[first], i - first);
+      }
+    }
   }
+  // The words of a picture with their codes, as Build got them.
+  Bow BowOf(std::size_t picture) const;
   std::size_t memory_bytes() const;
 
  private:
@@ -48,15 +61,22 @@ class CodeLists {
     std::int16_t bias = 0;
     std::size_t code = 0;  // position in the bytes that go with the entries
   };
+  static constexpr std::size_t kPage = 256;
+
+  void SetPictures(std::size_t pictures) {
+    pages_ = std::max<std::size_t>(1, (pictures + kPage - 1) / kPage);
+  }
   // Words must come in ascending order, each once; entries ascending by picture.
   void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes);
-  void Finish();
+  void Finish();  // once all words are there
 
   std::size_t bytes_ = 0;  // per code
-  std::vector<std::uint64_t> offsets_{0};
-  std::vector<std::uint16_t> pictures_;
-  std::vector<std::int16_t> biases_;  // empty for binary descriptors
-  std::vector<std::uint8_t> codes_;   // in the layout of CodeList, and kCodePadding bytes
+  std::size_t pages_ = 1;
+  // Codes of word w on page p are [offsets_[w * pages_ + p], offsets_[w * pages_ + p + 1]).
+  std::vector<std::uint32_t> offsets_{0};
+  std::vector<std::uint8_t> pictures_;  // of each code, on its page
+  std::vector<std::int16_t> biases_;    // empty for binary descriptors
+  std::vector<std::uint8_t> codes_;     // in the layout of CodeList, and kCodePadding bytes
   bool binary_ = false;
 };
 

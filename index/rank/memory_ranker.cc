@@ -14,14 +14,7 @@
 namespace pliant {
 namespace {
 
-struct MemoryState : RankerState {
-  explicit MemoryState(std::shared_ptr<const IndexSnapshot> s) : snapshot(std::move(s)) {}
-  std::shared_ptr<const IndexSnapshot> snapshot;
-};
-
-const IndexSnapshot& SnapshotOf(const CollectionView& view) {
-  return *static_cast<const MemoryState&>(*view.state).snapshot;
-}
+const IndexSnapshot& SnapshotOf(const CollectionView& view) { return *view.snapshot; }
 
 }  // namespace
 
@@ -50,22 +43,21 @@ CollectionView MemoryRanker::View(const std::string& collection) {
 CollectionView MemoryRanker::ViewOf(const Entry& entry) {
   const Loaded& shown = *entry.shown;
   return {shown.collection, shown.vocabulary, shown.quantizer,
-          shown.index ? std::make_shared<const MemoryState>(shown.index->snapshot()) : nullptr};
+          shown.index ? shown.index->snapshot() : nullptr};
 }
 
 std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.state ? SnapshotOf(view).pictures : 0;
+  return view.snapshot ? SnapshotOf(view).pictures : 0;
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
                            const RankOptions& options) const {
   const IndexSnapshot& snapshot = SnapshotOf(view);
-  const bool by_neighbours =
-      options.method == RankMethod::kNeighbours && view.quantizer->coder() != nullptr;
   const std::vector<float> weights = ContrastWeights(query.features.keypoints);
-  Ranking ranking = by_neighbours ? RankByNeighbours(snapshot, *view.quantizer,
-                                                     {query.features.descriptors, weights}, options)
-                                  : pliant::Rank(snapshot, query.bow, options);
+  Ranking ranking = options.method == RankMethod::kHistogram
+                        ? RankByHistogram(snapshot, query.bow, options)
+                        : RankByNeighbours(snapshot, *view.quantizer,
+                                           {query.features.descriptors, weights}, options);
   for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
   for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
   return ranking;
@@ -226,15 +218,13 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position()};
   if (vocabulary == 0) return loaded;
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
-  const std::size_t words = loaded.quantizer->vocabulary().size();
-  loaded.index = std::make_shared<InvertedIndex>(words, loaded.quantizer);
-  view.ForEachPicture(vocabulary, words, 0, IndexSegment::kMaxPictures,
-                      [&](std::vector<IndexedPicture> chunk) {
+  loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
+  view.ForEachPicture(vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
                         const std::size_t pictures = chunk.size();
                         loaded.index->Append(std::move(chunk));
                         Progress(pictures);
                       });
-  loaded.index->Refresh();
   return loaded;
 }
 
@@ -264,6 +254,54 @@ std::size_t MemoryRanker::memory_bytes() const {
     if (entry.shown && entry.shown->index) bytes += entry.shown->index->snapshot()->memory_bytes();
   }
   return bytes;
+}
+
+std::vector<std::string> MemoryRanker::Check() {
+  struct Compared {
+    std::string name;
+    Loaded loaded;
+    std::shared_ptr<const IndexSnapshot> snapshot;
+  };
+  std::vector<Compared> compared;
+  std::unique_ptr<FeedView> view;
+  {
+    Lock lock(mutex_);
+    in_use_ = true;
+    const auto is_stale = [](const auto& entry) { return !entry.second.is_current(); };
+    do {
+      CatchUp();
+      LoadAll(lock);
+      view = feed_->Look();  // one state for memory and database
+      CatchUpWith(*view);
+    } while (std::any_of(entries_.begin(), entries_.end(), is_stale));
+    for (const auto& [name, entry] : entries_) {
+      if (entry.shown->index) {
+        compared.push_back({name, *entry.shown, entry.shown->index->snapshot()});
+      }
+    }
+  }
+  std::vector<std::string> problems;
+  for (const auto& [name, loaded, snapshot] : compared) {
+    std::size_t stored = 0;
+    const auto compare = [&, &in_memory = *snapshot](const std::vector<IndexedPicture>& chunk) {
+      stored += chunk.size();
+      for (const IndexedPicture& picture : chunk) {
+        const std::optional<Bow> bow = in_memory.Find(picture.key);
+        if (!bow || bow->words != picture.bow.words || bow->codes != picture.bow.codes) {
+          problems.push_back("picture \"" + picture.id +
+                             "\": index and database differ in its words");
+        }
+      }
+    };
+    view->ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                         IndexSegment::kMaxPictures, compare);
+    if (stored != snapshot->pictures) {
+      problems.push_back("collection \"" + name + "\": the index holds " +
+                         std::to_string(snapshot->pictures) + " pictures, the database " +
+                         std::to_string(stored));
+    }
+  }
+  return problems;
 }
 
 }  // namespace pliant

@@ -26,22 +26,35 @@
 
 namespace pliant {
 
-class MemoryRanker : public Ranker {
+// Thread-safe. Throws what a database throws.
+class MemoryRanker {
  public:
   // `loading` hears which share of the pictures is in memory while everything is loaded for the
   // first time; may be empty.
   explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
-  CollectionView View(const std::string& collection) override;
-  std::size_t Size(const CollectionView& view) const override;
+  // The present state: with everything that this process has written and, unless a collection is
+  // just being loaded anew, with what others have. kNotFound "collection_not_found".
+  CollectionView View(const std::string& collection);
+  std::size_t Size(const CollectionView& view) const;  // pictures; 0 without vocabulary
+  // The view must have a vocabulary.
   Ranking Rank(const CollectionView& view, const RankQuery& query,
-               const RankOptions& options) const override;
-  void Load() override;
-  void Follow() override;
-  std::shared_ptr<const void> Prepare(Key collection, Key vocabulary) override;
-  std::size_t memory_bytes() const override;
-  std::int64_t followed() const override { return followed_; }
-  std::vector<std::string> Check() override;
+               const RankOptions& options) const;
+
+  // Makes ready what a first search would wait for.
+  void Load();
+  // To be called after each commit of this process, before its writer returns: views that are made
+  // from then on show it. Does nothing before the first load.
+  void Follow();
+  // Loads what a switch to this vocabulary will need, so that the switch itself takes no time. Kept
+  // as long as the result is.
+  [[nodiscard]] std::shared_ptr<const void> Prepare(Key collection, Key vocabulary);
+
+  std::size_t memory_bytes() const;
+  // ChangeFeed::Version when it last caught up with the store; 0 = never. Waits for nobody.
+  std::int64_t followed() const { return followed_; }
+  // Differences between the ranker and the store, as sentences.
+  std::vector<std::string> Check();
 
  private:
   // Words of one collection in one vocabulary, as they were at a position of the feed.

@@ -87,9 +87,8 @@ void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* de
       query.table = &tables_[cell.row];
     }
     const std::size_t found = ScanCodes(list, query, near.data());
-    const std::uint16_t* pictures = lists.Pictures(cell.word);
     for (std::size_t i = 0; i < found; ++i) {
-      const std::uint16_t picture = pictures[near[i].index];
+      const std::uint32_t picture = lists.Picture(cell.word, near[i].index);
       const float weight = query.limit - near[i].squared_distance;
       if (dead != nullptr && (*dead)[picture]) continue;
       votes->push_back({cell.row, picture, lists.First(cell.word) + near[i].index, weight});

@@ -100,8 +100,9 @@ std::vector<Candidate> Joined(const std::vector<std::vector<Candidate>>& parts) 
   return all;
 }
 
-Ranking Rank(const IndexSnapshot& snapshot, const Bow& query, const RankOptions& options) {
-  return Chosen(ScoreByWords(snapshot, query, options), options);
+Ranking RankByHistogram(const IndexSnapshot& snapshot, const Bow& query,
+                        const RankOptions& options) {
+  return Chosen(ScoreByHistogram(snapshot, query, options), options);
 }
 
 Ranking RankByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,

@@ -20,13 +20,11 @@ struct Candidate {
 
 // The pictures that are hits at all and that options.admission admits, in no order. Neither depends
 // on how the pictures are spread over segments.
-std::vector<Candidate> ScoreByWords(const IndexSnapshot& snapshot, const Bow& query,
-                                    const RankOptions& options);
-// The query's votes for the pictures of each part, by row, then by picture. The snapshot must have
-// codes.
+std::vector<Candidate> ScoreByHistogram(const IndexSnapshot& snapshot, const Bow& query,
+                                        const RankOptions& options);
+// The query's votes for the pictures of each part, by row, then by picture.
 std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
                                             const IndexSnapshot& snapshot, int threads);
-// The snapshot must have codes.
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
                                          const Voters& query, const RankOptions& options);
 

@@ -28,9 +28,6 @@ struct Admission {
   std::shared_ptr<const std::vector<std::int64_t>> versions;  // ascending; nullptr = all
   std::vector<std::int64_t> without_versions;                 // ascending
 
-  bool everything() const {
-    return !nothing && !object_key && !versions && without_versions.empty();
-  }
   bool Admits(std::int64_t version, Key of_object) const {
     return !nothing && (!object_key || of_object == *object_key) &&
            (!versions || std::binary_search(versions->begin(), versions->end(), version)) &&

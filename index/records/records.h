@@ -109,7 +109,7 @@ struct VocabularyRecord {
 struct TrainOptions {
   std::string collection = kDefaultCollection;
   int words = 0;   // 0 = a tenth of the sample
-  int sample = 0;  // drawn at random; 0 = by engine/vocabulary_size.h, or ten a word (from 10 000)
+  int sample = 0;  // drawn at random; 0 = by engine/training_policy.h, or ten a word (from 10 000)
   std::uint64_t seed = 1;
   int threads = 0;
   std::function<void(double done, double loss)> progress;

@@ -19,30 +19,19 @@ inline constexpr const char* kDefaultCollection = "default";
 
 enum class RankMethod {
   // Votes of the query's descriptors for pictures with descriptors near them: 1 = a copy that is
-  // like
-  // nothing else, 0 = nothing nearer than usual. kTfIdf instead where the vocabulary has no codes
-  // (one that an earlier version trained): SearchResult::rank says so.
+  // like nothing else, 0 = nothing nearer than usual.
   kNeighbours,
-  kTfIdf,      // words weighted by how rare they are: 1 = the same, 0 = nothing in common
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
 enum class GroupBy { kObject, kImage };
 enum class Verification {
-  kAuto,  // kTps for neighbours and tf-idf; kNone for the paper's histogram, whose protocol has
-          // none
+  kAuto,  // kTps for neighbours; kNone for the paper's histogram, whose protocol has none
   kNone,
   kTps,  // one smooth warp, a thin-plate spline
 };
 
 struct Point {
   double x = 0, y = 0;
-};
-
-// How kTfIdf compares words. For experiments: the defaults are the best values measured.
-struct RankTuning {
-  // Compare binary signatures within a word, where the vocabulary has them (vocab/signature.h).
-  bool signatures = true;
-  int assignments = 1;  // nearest words that a query descriptor counts for; 1..16
 };
 
 inline constexpr int kMostExpansions = 20;
@@ -71,11 +60,10 @@ struct SearchOptions {
   // of an object that was found add nothing.
   std::optional<int> expand;
   int max_instances = 4;  // of one object in the query picture that are looked for; at least 1
-  RankTuning tuning;
-  // Of Engine::Search, with probabilities: where nothing is found, the query picture is described
-  // once more at a finer scale (FeatureExtractor::LookCloser), and the answer is the one whose
-  // first hit has more evidence.
-  bool closer_look = true;
+  // Of Engine::Search, with probabilities: where nothing is found, a second pass at high resolution
+  // describes the query picture once more (FeatureExtractor::LookCloser), and the answer is the one
+  // whose first hit has more evidence.
+  bool second_pass = true;
   std::optional<Region> region;  // of the query, in pixels of the upright original: only this part
   double min_score = 0;
   std::optional<std::string> object;  // only pictures of this object
@@ -141,8 +129,8 @@ struct SearchResult {
   std::optional<std::size_t> found;
   // Nothing is found, as objects that are alike share a probability that would do for one.
   bool undecided = false;
-  double evidence = 0;         // of the first hit of all, not of the page (VerifiedPicture)
-  bool looked_closer = false;  // SearchOptions::closer_look, whichever answer this is
+  double evidence = 0;       // of the first hit of all, not of the page (VerifiedPicture)
+  bool second_pass = false;  // SearchOptions::second_pass was made, whichever answer this is
   RankMethod rank = RankMethod::kNeighbours;  // that was used
   std::int64_t vocabulary = 0;                // id of the vocabulary that answered
   std::size_t words = 0;                      // its size

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The compact, checked byte form of features, as kept in the database. The format is described byte
-// by byte in index/README.md, section FORMAT.
+// by byte in index/FORMAT.md.
 #pragma once
 
 #include <cstdint>

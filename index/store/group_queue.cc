@@ -20,8 +20,8 @@ void GroupQueue::Run(Job& job, const Execute& execute) {
   while (!job.done) {
     changed_.wait(lock, [&] { return job.done || !busy_; });
     if (job.done) break;
-    // From here to the end of the loop nothing throws: the array needs no memory, and `execute`
-    // keeps what it catches. Whatever left busy_ set would block everybody for ever.
+    // Nothing throws before busy_ is false again, or everybody would wait for ever: `execute` keeps
+    // what it catches.
     busy_ = true;
     std::array<Job*, kMaxBatch> jobs;
     const std::size_t count = NextBatch();

@@ -23,12 +23,11 @@ struct StoreOptions {
   std::uint64_t reserve_bytes = 0;               // of the disk, which pictures may not take
 };
 
-// Throws kNotFound, kCorrupt ("not a Pliant database", "made by a newer Pliant"), kConflict
-// "old_schema", kUnavailable.
+// Throws kNotFound, kCorrupt ("not a Pliant database", "other_schema"), kUnavailable.
 std::unique_ptr<Store> OpenStore(const StoreOptions& options);
 
-// The database must exist; an older one is brought to the newest schema. Throws kNotFound
-// "database_not_found" and what OpenStore throws for files that are no database.
+// The database must exist. Throws kNotFound "database_not_found" and what OpenStore throws for
+// files that are no database.
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
 
 // Makes the tables of a database on a server, if they are not there: a URL (database_url.h). Throws

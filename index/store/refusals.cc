@@ -6,6 +6,15 @@
 
 namespace pliant::refusals {
 
+void CheckSchemaVersion(const std::string& database, std::int64_t version) {
+  if (version == kSchemaVersion) return;
+  throw Error(ErrorCode::kCorrupt, "other_schema",
+              "the database " + database + " has schema " + std::to_string(version) +
+                  "; this program reads schema " + std::to_string(kSchemaVersion) +
+                  ". Index your images again with `pliant index` into a new database, or use the "
+                  "Pliant that made this one");
+}
+
 Error NoCollection(const std::string& name) {
   return {ErrorCode::kNotFound, "collection_not_found",
           "there is no collection \"" + Shown(name) + "\""};

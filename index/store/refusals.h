@@ -9,7 +9,14 @@
 #include "descriptor/base/error.h"
 #include "index/records/records.h"
 
-namespace pliant::refusals {
+namespace pliant {
+
+inline constexpr std::int64_t kSchemaVersion = 1;  // of the tables, in a file and on a server
+
+namespace refusals {
+
+// Throws kCorrupt "other_schema" unless `version` is kSchemaVersion. `database`: as people read it.
+void CheckSchemaVersion(const std::string& database, std::int64_t version);
 
 Error NoCollection(const std::string& name);  // kNotFound "collection_not_found"
 // Throws NoCollection where the request means another of this name (collection_created_ms).
@@ -29,4 +36,5 @@ Error NoAliasTarget(const std::string& name, const std::string& other);
 // kConflict "collection_is_alias"
 Error CollectionIsAlias(const std::string& alias, const std::string& collection);
 
-}  // namespace pliant::refusals
+}  // namespace refusals
+}  // namespace pliant

@@ -8,7 +8,6 @@
 #include "descriptor/base/error.h"
 #include "index/store/blob_bytes.h"
 #include "index/store/word_codec.h"
-#include "vocab/signature.h"
 
 namespace pliant {
 namespace {
@@ -23,20 +22,10 @@ Bytes WordBytes(const Descriptors& words, std::size_t i) {
   return {reinterpret_cast<const std::uint8_t*>(row.data()), row.size_bytes()};
 }
 
-Bytes ThresholdBytes(const Vocabulary& vocabulary, std::size_t i) {
-  if (vocabulary.thresholds.empty()) return {};
-  return {reinterpret_cast<const std::uint8_t*>(vocabulary.thresholds.data() + i * kSignatureBits),
-          kSignatureBits * sizeof(float)};
-}
-
 std::uint32_t VocabularyChecksum(const Vocabulary& vocabulary) {
   std::uint32_t crc = 0;
   for (std::size_t i = 0; i < vocabulary.size(); ++i) {
     crc = Crc32(WordBytes(vocabulary.words, i), crc);
-  }
-  if (vocabulary.thresholds.empty()) return crc;
-  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
-    crc = Crc32(ThresholdBytes(vocabulary, i), crc);
   }
   return crc;
 }
@@ -60,30 +49,19 @@ VocabularyRows::VocabularyRows(const VocabularyHead& head)
   vocabulary_->origin = head.origin;
 }
 
-void VocabularyRows::Add(std::int64_t word, Bytes data, Bytes thresholds) {
+void VocabularyRows::Add(std::int64_t word, Bytes data) {
   if (added_ >= vocabulary_->size() || word != static_cast<std::int64_t>(added_)) {
     ThrowCorrupt(head_.key, "has a gap");
   }
   const Bytes target = WordBytes(vocabulary_->words, added_++);
   if (data.size() != target.size()) ThrowCorrupt(head_.key, "has a word of the wrong size");
   std::memcpy(const_cast<std::uint8_t*>(target.data()), data.data(), data.size());
-  if (thresholds.empty()) return;
-  if (thresholds.size() != kSignatureBits * sizeof(float)) {
-    ThrowCorrupt(head_.key, "has thresholds of the wrong size");
-  }
-  const std::size_t at = vocabulary_->thresholds.size();
-  vocabulary_->thresholds.resize(at + kSignatureBits);
-  std::memcpy(vocabulary_->thresholds.data() + at, thresholds.data(), thresholds.size());
 }
 
 std::shared_ptr<const Vocabulary> VocabularyRows::Finish(Bytes codebook) {
   Vocabulary& vocabulary = *vocabulary_;
   if (added_ != vocabulary.size()) ThrowCorrupt(head_.key, "has lost words");
-  if (!vocabulary.thresholds.empty() &&
-      vocabulary.thresholds.size() != vocabulary.size() * kSignatureBits) {
-    ThrowCorrupt(head_.key, "has lost thresholds");
-  }
-  if (!codebook.empty()) vocabulary.codebook = DecodeCodebook(codebook, vocabulary.words);
+  vocabulary.codebook = DecodeCodebook(codebook, vocabulary.words);
   if (VocabularyChecksum(vocabulary) != head_.checksum) {
     ThrowCorrupt(head_.key, "does not match its checksum");
   }

@@ -17,9 +17,7 @@ namespace pliant {
 
 // The bytes of word i.
 Bytes WordBytes(const Descriptors& words, std::size_t i);
-// Of word i; empty when there are none.
-Bytes ThresholdBytes(const Vocabulary& vocabulary, std::size_t i);
-// CRC-32 over the bytes of the words in order, and over those of their thresholds.
+// CRC-32 over the bytes of the words in order.
 std::uint32_t VocabularyChecksum(const Vocabulary& vocabulary);
 
 // What stands beside the words.
@@ -39,9 +37,9 @@ class VocabularyRows {
  public:
   explicit VocabularyRows(const VocabularyHead& head);
 
-  // In order, from word 0; `thresholds` may be empty.
-  void Add(std::int64_t word, Bytes data, Bytes thresholds);
-  // Once all words are there. `codebook` may be empty.
+  // In order, from word 0.
+  void Add(std::int64_t word, Bytes data);
+  // Once all words are there.
   std::shared_ptr<const Vocabulary> Finish(Bytes codebook);
 
   [[noreturn]] static void ThrowCorrupt(Key vocabulary, const std::string& what);

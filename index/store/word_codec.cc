@@ -11,27 +11,20 @@
 namespace pliant {
 namespace {
 
-constexpr std::uint8_t kBowVersion = 1;        // words only
-constexpr std::uint8_t kSignedBowVersion = 2;  // and a signature each
-constexpr std::uint8_t kCodedBowVersion = 3;   // and a code per descriptor
+constexpr std::uint8_t kBowVersion = 1;
 constexpr std::uint8_t kCodebookVersion = 1;
 
 }  // namespace
 
 std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
-  std::vector<std::uint8_t> out;
-  const bool is_signed = !bow.signatures.empty();
-  if (is_signed && bow.signatures.size() != bow.words.size()) {
-    throw Error(ErrorCode::kInternal, "bow_signatures",
-                "a bag of words has more or fewer signatures than words");
-  }
-  out.reserve(8 + 3 * bow.words.size() + 8 * bow.signatures.size());
-  const bool is_coded = !bow.codes.empty();
-  if (is_coded && (!is_signed || bow.total == 0 || bow.codes.size() % bow.total != 0)) {
+  const std::size_t code_bytes = bow.total == 0 ? 0 : bow.codes.size() / bow.total;
+  if (bow.codes.size() != code_bytes * bow.total || (code_bytes == 0) != (bow.total == 0)) {
     throw Error(ErrorCode::kInternal, "bow_codes",
                 "a bag of words has more or fewer codes than descriptors");
   }
-  out.push_back(is_coded ? kCodedBowVersion : is_signed ? kSignedBowVersion : kBowVersion);
+  std::vector<std::uint8_t> out;
+  out.reserve(8 + 3 * bow.words.size() + bow.codes.size());
+  out.push_back(kBowVersion);
   PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
   std::uint32_t next = 0;  // smallest word that may follow
   for (const WordCount& entry : bow.words) {
@@ -42,18 +35,15 @@ std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
     PutVarint(out, entry.count);
     next = entry.word + 1;
   }
-  for (const std::uint64_t signature : bow.signatures) PutValue(out, signature);
-  if (is_coded) {
-    PutVarint(out, static_cast<std::uint32_t>(bow.codes.size() / bow.total));
-    out.insert(out.end(), bow.codes.begin(), bow.codes.end());
-  }
+  PutVarint(out, static_cast<std::uint32_t>(code_bytes));
+  out.insert(out.end(), bow.codes.begin(), bow.codes.end());
   PutValue(out, Crc32(out));
   return out;
 }
 
 Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
   const Bytes body = CheckedBody(blob, "words");
-  if (body.empty() || body[0] < kBowVersion || body[0] > kCodedBowVersion) {
+  if (body.empty() || body[0] != kBowVersion) {
     ThrowCorruptBlob("words are of an unknown format version");
   }
   std::size_t offset = 1;
@@ -73,24 +63,12 @@ Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
   }
   if (total > std::numeric_limits<std::uint32_t>::max()) ThrowCorruptBlob("words are too many");
   bow.total = static_cast<std::uint32_t>(total);
-  if (body[0] >= kSignedBowVersion) {
-    if (body.size() - offset < std::size_t{distinct} * sizeof(std::uint64_t)) {
-      ThrowCorruptBlob("words have fewer signatures than they need");
-    }
-    for (std::uint32_t i = 0; i < distinct; ++i, offset += sizeof(std::uint64_t)) {
-      bow.signatures.push_back(GetValue<std::uint64_t>(body, offset));
-    }
+  const std::size_t code_bytes = GetVarint(body, offset, "words");
+  if ((code_bytes == 0) != (bow.total == 0) || body.size() - offset != code_bytes * bow.total) {
+    ThrowCorruptBlob("words have more or fewer codes than they need");
   }
-  if (body[0] == kCodedBowVersion) {
-    const std::size_t bytes = GetVarint(body, offset, "words");
-    if (bytes == 0 || body.size() - offset != bytes * bow.total) {
-      ThrowCorruptBlob("words have more or fewer codes than they need");
-    }
-    const auto codes = body.subspan(offset);
-    bow.codes.assign(codes.begin(), codes.end());
-    offset = body.size();
-  }
-  if (offset != body.size()) ThrowCorruptBlob("words are followed by something else");
+  const auto codes = body.subspan(offset);
+  bow.codes.assign(codes.begin(), codes.end());
   return bow;
 }
 
@@ -128,6 +106,7 @@ Codebook DecodeCodebook(Bytes blob, const Descriptors& words) {
     (i < rotation ? codebook.rotation : codebook.centroids)
         .push_back(GetValue<float>(body, offset));
   }
+  if (codebook.empty()) ThrowCorruptBlob("codebooks are empty");
   try {
     CheckCodebook(codebook, words);
   } catch (const Error& error) {

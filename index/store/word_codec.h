@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The compact, checked byte forms of bags of words and codebooks, as kept in the database. The
-// formats are described byte by byte in index/README.md, section FORMAT.
+// formats are described byte by byte in index/FORMAT.md.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,7 @@
 
 namespace pliant {
 
-// Throws kInternal for a bag that is not in order or has more or fewer signatures or codes than it
-// needs. One with codes must have signatures, too.
+// Throws kInternal for a bag that is not in order or lacks a code for a descriptor.
 std::vector<std::uint8_t> EncodeBow(const Bow& bow);
 
 // Throws kCorrupt also for a word of `vocabulary_size` or more.

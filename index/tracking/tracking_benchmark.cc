@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -11,14 +12,14 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
-#include "descriptor/evaluation/perceptual.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/warp/unwarp.h"
 #include "index/tracking/tracker.h"
-#include "index/tracking/tracking_truth.h"
 
 namespace pliant {
 namespace {
+
+constexpr int kSampleStep = 8;  // pixels of the template
 
 namespace fs = std::filesystem;
 using evaluation::TruthScene;
@@ -54,7 +55,6 @@ class Benchmark {
     for (const std::string& name : options.descriptors) {
       descriptors_.push_back(MakeDescriptor(name, {options.model}));
     }
-    if (!options.lpips.empty()) lpips_ = std::make_unique<PerceptualDistance>(options.lpips);
   }
 
   TrackingReport Go() {
@@ -174,10 +174,6 @@ class Benchmark {
       tracked.ssim += static_cast<double>(ssim[at]) / count;
     }
     tracked.tracked = tracked.error_px <= options_.tracked_error * truth.size_px;
-    if (lpips_) {
-      const std::lock_guard lock(lpips_mutex_);
-      tracked.lpips = lpips_->Distance(flat.image, reference.picture);
-    }
   }
 
   void Count(int views) {
@@ -193,14 +189,56 @@ class Benchmark {
   const std::vector<TrackingSequence>& sequences_;
   const TrackingBenchmarkOptions& options_;
   std::vector<std::shared_ptr<const Descriptor>> descriptors_;
-  std::mutex lpips_mutex_;  // guards lpips_, which is not thread-safe
-  std::unique_ptr<PerceptualDistance> lpips_;
   std::vector<Part> parts_;    // each written by one thread
   std::mutex progress_mutex_;  // guards done_ and the caller's progress
   std::uint64_t done_ = 0;
 };
 
 }  // namespace
+
+using evaluation::TruthScene;
+
+TemplateTruth FindTemplate(const TruthScene& scene) {
+  const Image& view = scene.Picture(0);
+  TemplateTruth found;
+  found.mask = {view.width, view.height, 1, {}};
+  found.mask.pixels.assign(view.pixels.size(), 0);
+  int left = view.width, top = view.height, right = -1, bottom = -1;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const Vec2 p{static_cast<double>(x), static_cast<double>(y)};
+      if (!scene.OnObject(0, p)) continue;
+      found.mask.pixels[static_cast<std::size_t>(y) * view.width + x] = 255;
+      left = std::min(left, x), right = std::max(right, x);
+      top = std::min(top, y), bottom = y;
+      if (x % kSampleStep == 0 && y % kSampleStep == 0) found.samples.push_back(p);
+    }
+  }
+  found.box = {left, top, right - left + 1, bottom - top + 1};
+  if (right < 0) return found;
+  found.picture = {found.box.width, found.box.height, 1, {}};
+  for (int y = top; y <= bottom; ++y) {
+    const auto row = view.pixels.begin() + static_cast<std::ptrdiff_t>(y) * view.width;
+    found.picture.pixels.insert(found.picture.pixels.end(), row + left, row + right + 1);
+  }
+  return found;
+}
+
+ViewTruth FindSeen(TruthScene& scene, const TemplateTruth& reference, int view) {
+  ViewTruth truth;
+  Vec2 low{1e9, 1e9};
+  Vec2 high{-1e9, -1e9};
+  for (const Vec2 p : reference.samples) {
+    const auto q = scene.Map(0, p, view);
+    if (!q) continue;
+    truth.samples.push_back({p.x - reference.box.x, p.y - reference.box.y});
+    truth.seen.push_back(*q);
+    low = {std::min(low.x, q->x), std::min(low.y, q->y)};
+    high = {std::max(high.x, q->x), std::max(high.y, q->y)};
+  }
+  if (!truth.seen.empty()) truth.size_px = std::max(high.x - low.x, high.y - low.y);
+  return truth;
+}
 
 std::vector<TrackingSequence> OpenTrackingSequences(const fs::path& folder) {
   std::vector<std::pair<std::string, fs::path>> places;
@@ -232,8 +270,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
                                            const std::function<bool(const TrackedView&)>& take) {
   std::vector<TrackingResult> results;
   std::vector<int> found(like.size(), 0);
-  std::vector<double> lpips(like.size(), 0);
-  std::vector<int> compared(like.size(), 0);
   for (const TrackingResult& result : like) {
     results.push_back({});
     results.back().descriptor = result.descriptor;
@@ -250,10 +286,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
       ++found[view.descriptor];
       result.error_px += view.error_px;
     }
-    if (view.lpips) {
-      ++compared[view.descriptor];
-      lpips[view.descriptor] += *view.lpips;
-    }
   }
   for (std::size_t d = 0; d < results.size(); ++d) {
     TrackingResult& result = results[d];
@@ -263,7 +295,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
     result.tracked_share /= result.frames;
     result.found_share = static_cast<double>(found[d]) / result.frames;
     if (found[d] > 0) result.error_px /= found[d];
-    if (compared[d] > 0) result.lpips = lpips[d] / compared[d];
   }
   return results;
 }

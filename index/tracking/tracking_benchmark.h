@@ -18,14 +18,38 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "descriptor/evaluation/dataset.h"
+#include "descriptor/evaluation/truth_scene.h"
+#include "index/tracking/tracker.h"
 #include "index/verify/locate.h"
 
 namespace pliant {
+
+// What is known about a simulated sequence: the object in its template (view 0), and where its
+// points are in the other views. Internal to this folder.
+
+// What of the template is the object.
+struct TemplateTruth {
+  PixelBox box;
+  Image mask;                 // of view 0's size
+  Image picture;              // the box of view 0
+  std::vector<Vec2> samples;  // every 8 pixels of view 0, on the object
+};
+
+// Without samples where view 0 shows no object.
+TemplateTruth FindTemplate(const evaluation::TruthScene& scene);
+
+// The sampled points that a view shows.
+struct ViewTruth {
+  std::vector<Vec2> samples;  // pixels of the template's box
+  std::vector<Vec2> seen;     // where they are in the view
+  double size_px = 0;
+};
+
+ViewTruth FindSeen(evaluation::TruthScene& scene, const TemplateTruth& reference, int view);
 
 struct TrackingSequence {
   std::string group;  // sub-folder of the set; may be empty
@@ -45,8 +69,6 @@ struct TrackingBenchmarkOptions {
   double tracked_error = 0.03;  // of the object's size
   int every = 1;                // only every n-th view after the template
   int jobs = 0;                 // threads, one sequence each; 0 = one per core
-  // ONNX file of LPIPS (see descriptor/evaluation/perceptual.h); empty: LPIPS is not measured.
-  std::filesystem::path lpips;
   // Called after each view, from any thread, never concurrently. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
 };
@@ -65,7 +87,6 @@ struct TrackedView {
   double size_px = 0;   // of the object
   bool tracked = false;
   double ssim = 0;
-  std::optional<double> lpips;  // only when found
 };
 
 // Means over views.
@@ -78,7 +99,6 @@ struct TrackingResult {
   double error_px = 0;  // over the views in which it was found
   double tracked_share = 0;
   double found_share = 0;
-  std::optional<double> lpips;  // over the views in which it was found; lower is better
 };
 
 struct TrackingReport {

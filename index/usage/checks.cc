@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "index/usage/closest_name.h"
+#include "index/usage/usage_error.h"
 
 namespace pliant::cli {
 namespace {
@@ -59,8 +59,7 @@ CLI::Validator AtLeast(double lowest) {
 }
 
 CLI::Validator AboveZero() {
-  return Number(
-      "more than 0", [](double value, double least) { return value > least; }, 0);
+  return Number("more than 0", [](double value, double least) { return value > least; }, 0);
 }
 
 CLI::Validator OneOf(std::vector<std::string> words) {

@@ -2,92 +2,76 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/usage/usage_error.h"
 
-#include <string_view>
-#include <vector>
-
-#include "index/usage/closest_name.h"
-#include "index/usage/option_words.h"
+#include <algorithm>
+#include <numeric>
+#include <utility>
 
 namespace pliant::cli {
 namespace {
 
-// The command that was begun: "pliant eval matching" is three apps.
-const CLI::App* Innermost(const CLI::App* app, std::string& path) {
-  path = app->get_name();
-  while (!app->get_subcommands().empty()) {
-    app = app->get_subcommands().front();
-    path += " " + app->get_name();
+// Levenshtein's distance: wrong, missing and additional characters.
+std::size_t TypingErrors(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = std::exchange(row[j + 1], std::min({replaced, row[j] + 1, row[j + 1] + 1}));
+    }
   }
-  return app;
+  return row.back();
 }
 
-std::vector<std::string> OptionNames(const CLI::App& app) {
+// What can follow: commands, or options if `word` begins with a dash.
+std::vector<std::string> Names(const CLI::App& app, const std::string& word) {
   std::vector<std::string> names;
-  for (const CLI::Option* option : DashedOptions(app)) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  if (word.starts_with('-')) {
+    for (const CLI::Option* option : app.get_options()) {
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    }
+  } else {
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+      names.push_back(sub->get_name());
+    }
   }
   return names;
 }
 
-// What nothing was made of, of any of the apps that were begun.
-std::vector<std::string> Leftover(const CLI::App* app) {
-  std::vector<std::string> words = app->remaining();
-  while (words.empty() && !app->get_subcommands().empty()) {
-    app = app->get_subcommands().front();
-    words = app->remaining();
-  }
-  return words;
-}
-
-// What is said about it; empty = there is nothing.
-std::string Unexpected(const CLI::App& app, const std::string& path,
-                       const std::vector<std::string>& words) {
-  const std::vector<std::string> commands = CommandNames(app);
-  for (const std::string& word : words) {
-    if (word.size() > 1 && word[0] == '-') {
-      const std::string name = word.substr(0, word.find('='));
-      return path + " has no option " + name + DidYouMean(name, OptionNames(app));
-    }
-    if (!commands.empty()) {
-      return path + " has no command " + word + DidYouMean(word, commands);
-    }
-  }
-  return words.empty() ? "" : path + " takes no further argument: " + words.front();
-}
-
-// A line of the configuration file that sets no flag. CLI11 ends its message with the name.
-std::string UnknownSetting(const CLI::App& app, const std::string& path, const std::string& what) {
-  std::string name = what.substr(what.rfind("parse ") + 6);
-  name = name.substr(0, name.rfind(".++"));  // of a table
-  return path + ": the configuration file sets \"" + name +
-         "\", which is no flag without its dashes" + DidYouMean("--" + name, OptionNames(app));
-}
-
 }  // namespace
 
+std::string DidYouMean(const std::string& word, const std::vector<std::string>& names) {
+  constexpr std::size_t kLongest = 100;  // the work grows with the product of both lengths
+  if (word.size() > kLongest) return "";
+  std::size_t fewest = (word.size() + 1) / 2 + 1;
+  std::string closest;
+  for (const std::string& name : names) {
+    const std::size_t errors = TypingErrors(word, name);
+    if (errors >= std::min(fewest, name.size())) continue;
+    fewest = errors;
+    closest = name;
+  }
+  return closest.empty() ? "" : "; did you mean " + closest + "?";
+}
+
 std::string UsageError(const CLI::App* program, const CLI::Error& error) {
-  std::string path;
-  const CLI::App& app = *Innermost(program, path);
-  const auto is = [&error](CLI::ExitCodes code) {
-    return error.get_exit_code() == static_cast<int>(code);
-  };
-  std::string text;
-  if (is(CLI::ExitCodes::RequiredError) || is(CLI::ExitCodes::ExtrasError)) {
-    text = Unexpected(app, path, Leftover(program));  // is more telling than what is missing
+  const CLI::App* app = program;  // then the innermost command: `pliant db check` is three apps
+  std::string path = app->get_name();
+  while (!app->get_subcommands().empty()) {
+    app = app->get_subcommands().front();
+    path += " " + app->get_name();
   }
-  if (text.empty() && is(CLI::ExitCodes::RequiredError) && !CommandNames(app).empty()) {
-    text = path + " needs a command:";
-    for (const std::string& name : CommandNames(app)) text += " " + name;
-  }
-  if (error.get_name() == "ConfigError" &&
-      std::string_view(error.what()).find("not able to parse") != std::string_view::npos) {
-    text = UnknownSetting(app, path, error.what());
-  }
-  if (text.empty()) text = error.what();
-  const std::size_t colon = text.find(": ");
-  if (is(CLI::ExitCodes::ArgumentMismatch) && text.ends_with("missing") &&
-      colon != std::string::npos) {
-    text = text.substr(0, colon) + " needs a value";
+  std::string text = error.what();
+  const std::vector<std::string> unknown = program->remaining(true);
+  const auto code = static_cast<CLI::ExitCodes>(error.get_exit_code());
+  if (code == CLI::ExitCodes::ConfigError) {
+    std::string name = text.substr(text.rfind(' ') + 1);
+    name = "--" + name.substr(0, name.rfind(".++"));  // of a table
+    text += DidYouMean(name, Names(*app, name));
+  } else if (!unknown.empty() &&
+             (code == CLI::ExitCodes::ExtrasError || code == CLI::ExitCodes::RequiredError)) {
+    const std::string word = unknown.front().substr(0, unknown.front().find('='));
+    text = path + " does not take " + word + DidYouMean(word, Names(*app, word));
   }
   return text + "\nRun " + path + " --help for more information.\n";
 }

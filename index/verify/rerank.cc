@@ -40,17 +40,17 @@ float ColourFactor(const std::optional<double>& difference) {
   return difference ? static_cast<float>(std::sqrt(kNoise + *difference)) : 0.0F;
 }
 
-std::vector<Claim> ClaimsOf(const VerificationResult& result) {
-  std::vector<Claim> claims;
+std::vector<QueryMatch> MatchesOf(const VerificationResult& result) {
+  std::vector<QueryMatch> matches;
   const auto add = [&](const auto& found) {
     const float factor = ColourFactor(found.colour_difference);
     for (std::size_t i = 0; i < found.inliers.size(); ++i) {
-      claims.push_back({found.inliers[i].query, found.distances[i], factor});
+      matches.push_back({found.inliers[i].query, found.distances[i], factor});
     }
   };
   add(result);
   for (const FurtherInstance& other : result.others) add(other);
-  return claims;
+  return matches;
 }
 
 std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPair>& inliers) {
@@ -87,7 +87,7 @@ std::vector<VerifiedPicture> Rerank(
       }
     }
     candidate.instances = InstancesOf(result);
-    candidate.claims = ClaimsOf(result);
+    candidate.matches = MatchesOf(result);
     candidate.seen = SeenPart(*features, result.inliers);
     candidate.by_chance = InliersByChance(query.keypoints.size());
     candidate.evidence = Evidence(result.independent, candidate.by_chance);
@@ -110,7 +110,7 @@ bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
   return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
 }
 
-void DropHints(std::vector<VerifiedPicture>* pictures) {
+void DropWeakEvidence(std::vector<VerifiedPicture>* pictures) {
   if (!IsDecided(*pictures)) return;
   for (VerifiedPicture& picture : *pictures) {
     if (Agrees(picture)) continue;
@@ -120,21 +120,21 @@ void DropHints(std::vector<VerifiedPicture>* pictures) {
   }
 }
 
-NearestClaims::Distances NearestClaims::Of(const Claim& claim) {
+NearestMatches::Distances NearestMatches::Of(const QueryMatch& match) {
   // What is the same in grey, to the last bit, is told apart by its colours, too.
   constexpr float kLeast = 0.05F;
-  return {.plain = claim.distance,
-          .with_colours = claim.colour_factor > 0 ? (kLeast + claim.distance) * claim.colour_factor
+  return {.plain = match.distance,
+          .with_colours = match.colour_factor > 0 ? (kLeast + match.distance) * match.colour_factor
                                                   : std::numeric_limits<float>::infinity()};
 }
 
-NearestClaims::NearestClaims(const std::vector<VerifiedPicture>& pictures) {
+NearestMatches::NearestMatches(const std::vector<VerifiedPicture>& pictures) {
   for (const VerifiedPicture& picture : pictures) {
     if (picture.picture.object == 0) continue;
-    for (const Claim& claim : picture.claims) {
-      const Distances distances = Of(claim);
+    for (const QueryMatch& match : picture.matches) {
+      const Distances distances = Of(match);
       const auto [at, is_new] =
-          nearest_[claim.keypoint].try_emplace(picture.picture.object, distances);
+          nearest_[match.keypoint].try_emplace(picture.picture.object, distances);
       if (is_new) continue;
       at->second.plain = std::min(at->second.plain, distances.plain);
       at->second.with_colours = std::min(at->second.with_colours, distances.with_colours);
@@ -142,12 +142,12 @@ NearestClaims::NearestClaims(const std::vector<VerifiedPicture>& pictures) {
   }
 }
 
-bool NearestClaims::Keeps(std::int64_t object, const Claim& claim) const {
+bool NearestMatches::Keeps(std::int64_t object, const QueryMatch& match) const {
   // Distances differ by more from one compression of a picture to another.
   constexpr float kAsNear = 1.03F;
-  const auto& claimants = nearest_.at(claim.keypoint);
-  const Distances own = claimants.at(object);
-  return std::all_of(claimants.begin(), claimants.end(), [&](const auto& entry) {
+  const auto& objects = nearest_.at(match.keypoint);
+  const Distances own = objects.at(object);
+  return std::all_of(objects.begin(), objects.end(), [&](const auto& entry) {
     const Distances& other = entry.second;
     const bool both = std::isfinite(own.with_colours) && std::isfinite(other.with_colours);
     return both ? own.with_colours <= kAsNear * other.with_colours
@@ -155,15 +155,15 @@ bool NearestClaims::Keeps(std::int64_t object, const Claim& claim) const {
   });
 }
 
-void SettleClaims(std::vector<VerifiedPicture>* pictures) {
-  const NearestClaims nearest(*pictures);
+void KeepExclusiveMatches(std::vector<VerifiedPicture>* pictures) {
+  const NearestMatches nearest(*pictures);
   for (VerifiedPicture& picture : *pictures) {
     const std::int64_t object = picture.picture.object;
-    if (object == 0 || picture.claims.empty()) continue;
+    if (object == 0 || picture.matches.empty()) continue;
     const auto kept =
-        std::count_if(picture.claims.begin(), picture.claims.end(),
-                      [&](const Claim& claim) { return nearest.Keeps(object, claim); });
-    const double share = static_cast<double>(kept) / static_cast<double>(picture.claims.size());
+        std::count_if(picture.matches.begin(), picture.matches.end(),
+                      [&](const QueryMatch& match) { return nearest.Keeps(object, match); });
+    const double share = static_cast<double>(kept) / static_cast<double>(picture.matches.size());
     picture.evidence = Evidence(picture.independent(), picture.by_chance) * std::sqrt(share);
     picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);
   }

@@ -20,7 +20,7 @@
 namespace pliant {
 
 // A key point of the query that a picture shows, too.
-struct Claim {
+struct QueryMatch {
   std::uint32_t keypoint = 0;  // of the query
   float distance = 0;          // between the two descriptors
   float colour_factor = 0;     // larger the more the colours there differ; 0 = they are not known
@@ -31,11 +31,11 @@ struct VerifiedPicture {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
-  double by_chance = 4.5;          // InliersByChance of the query that it was verified with
-  double probability = 0;          // that it is right (SettlePlaces)
-  double evidence = 0;             // of its own inliers, or through `via` where that is more
-  std::vector<Claim> claims = {};  // of the inliers of all instances
-  std::vector<Vec2> seen = {};     // hull of the inliers in this picture, original pixels
+  double by_chance = 4.5;                // InliersByChance of the query that it was verified with
+  double probability = 0;                // that it is right (SuppressNonMaxima)
+  double evidence = 0;                   // of its own inliers, or through `via` where that is more
+  std::vector<QueryMatch> matches = {};  // of the inliers of all instances
+  std::vector<Vec2> seen = {};           // hull of the inliers in this picture, original pixels
   std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
@@ -72,37 +72,37 @@ bool IsEnough(const std::vector<VerifiedPicture>& looked_at);
 // A few inliers are a hint where nothing better is known. In a decided search, pictures that have
 // no more (evidence below 1, their own or through `via`) have the ranking's score again: what is
 // left there is nearly all wrong, and not better ordered by what agrees by chance.
-void DropHints(std::vector<VerifiedPicture>* pictures);
+void DropWeakEvidence(std::vector<VerifiedPicture>* pictures);
 
-// Which objects claim the key points of the query, and how near they are.
-class NearestClaims {
+// Which objects match the key points of the query, and how near they are.
+class NearestMatches {
  public:
-  explicit NearestClaims(const std::vector<VerifiedPicture>& pictures);
+  explicit NearestMatches(const std::vector<VerifiedPicture>& pictures);
 
-  // Whether no other named object is clearly nearer. `claim`: of one of the pictures, of this
+  // Whether no other named object is clearly nearer. `match`: of one of the pictures, of this
   // object.
-  bool Keeps(std::int64_t object, const Claim& claim) const;
+  bool Keeps(std::int64_t object, const QueryMatch& match) const;
 
  private:
   struct Distances {
     float plain = 0;
     float with_colours = 0;  // infinite where no colours are known
   };
-  static Distances Of(const Claim& claim);
+  static Distances Of(const QueryMatch& match);
 
   // The nearest distances by key point and object.
   std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, Distances>> nearest_;
 };
 
-// What a key point of the query shows, it shows once: of the named objects whose pictures claim it,
-// the one with the nearest descriptor has it (of nearly equally near ones each). Between two whose
-// colours are both known, distances count more where the colours of what is seen differ
-// (index/verify/colour_difference.h). The evidence of a
-// picture is multiplied by the square root of the share of its claims that its object keeps, and
-// its score follows. Tells apart objects that have parts in common (notes of one series, packages
-// of one brand): the common part agrees with all of them, and where they differ the right one is
-// nearer. Pictures of one object, and those without a name, do not take from each other.
-void SettleClaims(std::vector<VerifiedPicture>* pictures);
+// Exclusive assignment of matches: of the named objects whose pictures match a key point of the
+// query, the one with the nearest descriptor has it (of nearly equally near ones each). Between two
+// whose colours are both known, distances count more where the colours of what is seen differ
+// (index/verify/colour_difference.h). The evidence of a picture is multiplied by the square root of
+// the share of its matches that its object keeps, and its score follows. Tells apart objects that
+// have parts in common (notes of one series, packages of one brand): the common part agrees with
+// all of them, and where they differ the right one is nearer. Pictures of one object, and those
+// without a name, do not take from each other.
+void KeepExclusiveMatches(std::vector<VerifiedPicture>* pictures);
 
 // By score, then id.
 void SortByScore(std::vector<VerifiedPicture>* pictures);

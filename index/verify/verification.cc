@@ -60,7 +60,7 @@ double MedianScale(const ThinPlateSpline& warp, const std::vector<Vec2>& points)
 
 std::vector<Vec2> PointsOf(const std::vector<Keypoint>& keypoints,
                            const std::vector<MatchedPair>& pairs,
-                           std::uint32_t MatchedPair::*which) {
+                           std::uint32_t MatchedPair::* which) {
   std::vector<Vec2> points;
   points.reserve(pairs.size());
   for (const MatchedPair& pair : pairs) {
@@ -113,9 +113,8 @@ class Found {
   bool Explains(std::uint32_t query_keypoint) const {
     const Keypoint& k = query_.keypoints[query_keypoint];
     return used_[query_keypoint] ||
-           std::any_of(outlines_.begin(), outlines_.end(), [&](const auto& outline) {
-             return IsInside({k.x, k.y}, outline);
-           });
+           std::any_of(outlines_.begin(), outlines_.end(),
+                       [&](const auto& outline) { return IsInside({k.x, k.y}, outline); });
   }
   // Whether half of the pairs or more show what some instance has shown.
   bool ShowsAgain(const std::vector<MatchedPair>& pairs) const {

@@ -99,7 +99,7 @@ class Verifier {
 };
 
 // How many independent inliers agree by chance, at most, but for few: 4.5, and more for queries
-// with over 2048 key points, up to 6 with 4096: a closer look finds twice the matches, wrong ones
+// with over 2048 key points, up to 6 with 4096: a second pass finds twice the matches, wrong ones
 // most of them.
 double InliersByChance(std::size_t query_keypoints);
 
@@ -107,7 +107,7 @@ double InliersByChance(std::size_t query_keypoints);
 // `independent` - `by_chance`, but never below 0.25; 0 for 0, which is no warp. Of the wrong
 // pictures of street photographs that have a warp at all, most have five inliers or fewer that
 // stand apart, one in 25 has more than 5.5, none of 124 had 7; so these move a picture up among its
-// neighbours, and no further (and see DropHints).
+// neighbours, and no further (and see DropWeakEvidence).
 double Evidence(double independent, double by_chance = 4.5);
 
 // The final score of a hit: evidence e multiplies the odds of the ranking's score s,

@@ -33,7 +33,6 @@ SearchOptions ToOptions(const py::dict& given, const std::string& collection) {
   options.offset = given["offset"].cast<std::size_t>();
   options.rank = Named("rank", given["rank"].cast<std::string>(),
                        std::array{std::pair{"neighbours", RankMethod::kNeighbours},
-                                  std::pair{"tfidf", RankMethod::kTfIdf},
                                   std::pair{"histogram", RankMethod::kHistogram}});
   options.group_by =
       Named("group_by", given["group_by"].cast<std::string>(),
@@ -45,7 +44,7 @@ SearchOptions ToOptions(const py::dict& given, const std::string& collection) {
   options.verify_depth = given["verify_depth"].cast<std::size_t>();
   options.expand = given["expand"].cast<std::optional<int>>();
   options.max_instances = given["instances"].cast<int>();
-  options.closer_look = given["closer_look"].cast<bool>();
+  options.second_pass = given["closer_look"].cast<bool>();
   if (const auto region = given["region"].cast<std::optional<std::array<double, 4>>>()) {
     options.region = Region{(*region)[0], (*region)[1], (*region)[2], (*region)[3]};
   }

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """A client of pliant-server, of Python's standard library alone: `import pliant.client` needs neither the compiled
-library nor NumPy. The reference of routes, parameters and codes is server/README.md; answers are its JSON as they come.
+library nor NumPy. The reference of routes, parameters and codes is server/reference/; answers are its JSON as they come.
 """
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ class Index:
         options:
             offset: hits to leave out before the first.
             group_by: "object" (each once, by its best picture) or "image".
-            rank: "neighbours", "tfidf" or "histogram".
+            rank: "neighbours" or "histogram".
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 30
                 and up to 100, or the square root of their number, as far as there are some that agree, and twice that
                 where none agrees; expand: query expansion through so many verified pictures, None = 3 by image, 0 by

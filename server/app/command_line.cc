@@ -11,12 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "descriptor/base/error.h"
 #include "index/usage/checks.h"
-#include "index/usage/closest_name.h"
-#include "index/usage/completion.h"
-#include "index/usage/help_format.h"
-#include "index/usage/manual.h"
 #include "index/usage/usage_error.h"
 
 namespace pliant::server {
@@ -25,7 +20,7 @@ namespace {
 
 struct NumberFlag {
   const char* flag;
-  int ServerOptions::*value;
+  int ServerOptions::* value;
   int lowest, highest;
   const char* help;
 };
@@ -45,9 +40,6 @@ constexpr NumberFlag kNumbers[] = {
     {"--queue-timeout", &ServerOptions::queue_timeout_s, 1, 3600,
      "Longest wait for a core in seconds; then 503"},
     {"--max-body-mb", &ServerOptions::max_body_mb, 1, 1024, "Largest body of a request in MiB"},
-    {"--max-backup-mb", &ServerOptions::max_backup_mb, 0, 1'000'000'000,
-     "Largest backup that may be uploaded in MiB; 0 = what the disk has room for beside "
-     "--reserve-mb"},
     {"--max-import-mb", &ServerOptions::max_import_mb, 0, 1'000'000'000,
      "Largest body of an import (images:import) in MiB; 0 = what the disk has room for beside "
      "--reserve-mb"},
@@ -164,7 +156,6 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
 }
 
 void Define(CLI::App& app, ServerOptions& options) {
-  app.formatter(std::make_shared<cli::HelpFormat>());
   DefineBasics(app, options);
   DefineDoors(app, options);
   for (const NumberFlag& number : kNumbers) AddNumber(app, number, options);
@@ -172,10 +163,6 @@ void Define(CLI::App& app, ServerOptions& options) {
   app.allow_config_extras(CLI::config_extras_mode::error);  // a name that is misspelt is no flag
   app.add_flag("--print-config")
       ->description("Print the effective configuration as a configuration file, and exit");
-  app.add_option("--completion")
-      ->description("Print a completion script for this shell, and exit")
-      ->option_text("bash|zsh|fish");
-  app.add_flag("--man")->description("Print the manual page (man -l), and exit");
   app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
   app.failure_message(cli::UsageError);
   app.footer(
@@ -221,25 +208,6 @@ std::string ConfigText(const CLI::App& app) {
   return text;
 }
 
-// The completion script and the manual page need no database, which is required otherwise.
-bool PrintsAboutItself(const CLI::App& app, int argc, const char* const* argv) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const std::string flag = argument.substr(0, argument.find('='));
-    if (flag == "--man") {
-      std::puts(cli::ManualPage(app, std::string("pliant-server ") + PLIANT_VERSION).c_str());
-      return true;
-    }
-    if (flag == "--completion") {
-      const std::string shell =
-          flag == argument ? (i + 1 < argc ? argv[i + 1] : "") : argument.substr(flag.size() + 1);
-      std::puts(cli::CompletionScript(app, shell).c_str());
-      return true;
-    }
-  }
-  return false;
-}
-
 }  // namespace
 
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
@@ -257,10 +225,6 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
                "pliant-server");
   Define(app, parsed.options);
   try {
-    if (PrintsAboutItself(app, argc, argv)) {
-      parsed.finished = true;
-      return parsed;
-    }
     app.parse(WithEnvironment(app, argc, argv));
     if (app.count("--print-config") > 0) {
       std::fputs(ConfigText(app).c_str(), stdout);
@@ -269,10 +233,6 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   } catch (const CLI::ParseError& error) {
     parsed.finished = true;
     parsed.exit_status = app.exit(error) == 0 ? 0 : 2;
-  } catch (const Error& error) {
-    std::fprintf(stderr, "pliant-server: %s\n", error.what());
-    parsed.finished = true;
-    parsed.exit_status = 2;
   }
   return parsed;
 }

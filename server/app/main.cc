@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <string_view>
 
-#include "descriptor/image/quiet_decoders.h"
+#include "descriptor/image/prepare_decoders.h"
 #include "server/app/command_line.h"
 #include "server/app/run_server.h"
 #include "server/auth/keys_command.h"

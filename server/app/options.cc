@@ -6,7 +6,6 @@
 #include <charconv>
 #include <filesystem>
 #include <regex>
-#include <sstream>
 #include <vector>
 
 #include <netdb.h>
@@ -14,6 +13,7 @@
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "index/store/database_url.h"
 
 namespace pliant::server {
@@ -22,13 +22,6 @@ namespace {
 
 constexpr std::size_t kKiB = 1024;
 constexpr std::size_t kMiB = 1024 * kKiB;
-
-std::vector<std::string> SplitAtCommas(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
-}
 
 bool IsLoopback(const sockaddr* address) {
   if (address->sa_family == AF_INET) {
@@ -106,7 +99,7 @@ void CheckFetching(const ServerOptions& options) {
     throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--fetch-" + why);
   };
   try {
-    const FetchHosts hosts(SplitAtCommas(options.fetch_hosts));
+    const FetchHosts hosts(Split(options.fetch_hosts, ','));
     if (options.fetch_private && hosts.AllowsAny()) {
       fail(
           "private needs named hosts: with --fetch-hosts * whoever may search could reach every "
@@ -121,7 +114,7 @@ void CheckFetching(const ServerOptions& options) {
 // Requests hold a thread while a picture is fetched for them; the others are for other requests.
 FetchOptions MakeFetchOptions(const ServerOptions& options) {
   constexpr int kShareOfThreads = 4;
-  return {.hosts = SplitAtCommas(options.fetch_hosts),
+  return {.hosts = Split(options.fetch_hosts, ','),
           .allow_private = options.fetch_private,
           .timeout = std::chrono::seconds(options.fetch_timeout_s),
           .max_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB,
@@ -138,7 +131,7 @@ void CheckOptions(const ServerOptions& options) {
   }
   CheckFetching(options);
   const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
-  for (const std::string& one : SplitAtCommas(options.allowed_hosts)) {
+  for (const std::string& one : Split(options.allowed_hosts, ',')) {
     if (!std::regex_match(one, host)) {
       Fail("allowed-hosts",
            "must be names like pictures.example without scheme and port, with "
@@ -147,7 +140,7 @@ void CheckOptions(const ServerOptions& options) {
     }
   }
   const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
-  for (const std::string& one : SplitAtCommas(options.cors_origins)) {
+  for (const std::string& one : Split(options.cors_origins, ',')) {
     if (!std::regex_match(one, origin)) {
       Fail("cors-origins",
            "must be like https://shop.example, separated by commas, or *, not '" + one + "'");
@@ -159,8 +152,8 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   HttpOptions http;
   http.tls_certificate = options.tls_cert;
   http.tls_key = options.tls_key;
-  http.allowed_origins = SplitAtCommas(options.cors_origins);
-  http.allowed_hosts = SplitAtCommas(options.allowed_hosts);
+  http.allowed_origins = Split(options.cors_origins, ',');
+  http.allowed_hosts = Split(options.allowed_hosts, ',');
   const std::size_t colon = options.listen.rfind(':');
   const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);
@@ -207,9 +200,7 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
                    .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
           .auto_train = options.auto_train,
           .import_dir = options.import_dir,
-          .backups = {.directory = options.backup_dir,
-                      .max_bytes = static_cast<std::uint64_t>(options.max_backup_mb) * kMiB,
-                      .reserve_bytes = static_cast<std::uint64_t>(options.reserve_mb) * kMiB},
+          .backup_dir = options.backup_dir,
           .bulk = {.database = IsDatabaseUrl(options.database)
                                    ? FolderOf(options.database) / "pliant-server"
                                    : std::filesystem::path(options.database),

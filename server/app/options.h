@@ -36,7 +36,6 @@ struct ServerOptions {
   int queue_timeout_s = 30;
 
   int max_body_mb = 32;
-  int max_backup_mb = 0;      // that is uploaded; 0 = as the disk has room
   int max_import_mb = 0;      // one body; 0 = as the disk has room
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;

@@ -112,7 +112,6 @@ int StopServing(HttpServer& http, Service& service, const ServerOptions& options
   spdlog::info("stopping: running requests have {} s to finish", options.shutdown_timeout_s);
   StartWatchdog(signals, deadline + kGraceAfterDeadline);
   service.fetcher.Stop();
-  service.backups.Stop();
   const std::size_t cut_off = http.Drain(deadline);
   if (cut_off > 0) {
     spdlog::warn("stopped: {} requests were cut off", cut_off);

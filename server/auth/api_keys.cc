@@ -2,18 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/auth/api_keys.h"
 
-#include <algorithm>
 #include <array>
-#include <cctype>
-#include <chrono>
 #include <string_view>
 
 #include <openssl/crypto.h>
 #include <openssl/rand.h>
 
+#include "descriptor/base/base64.h"
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/base/strings.h"
+#include "descriptor/base/unix_time.h"
 #include "index/files/names.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
@@ -46,9 +46,7 @@ std::string ShownKey(const Request& request) {
   const std::string authorization = request.header("Authorization");
   if (authorization.empty()) return shown;
   constexpr std::string_view kScheme = "bearer ";
-  const std::string scheme = authorization.substr(0, kScheme.size());
-  const bool bearer = std::equal(scheme.begin(), scheme.end(), kScheme.begin(), kScheme.end(),
-                                 [](unsigned char a, char b) { return std::tolower(a) == b; });
+  const bool bearer = EqualsIgnoringCase(authorization.substr(0, kScheme.size()), kScheme);
   if (!bearer || !shown.empty()) {
     throw ProblemError("unauthorized",
                        "Send the key as \"Authorization: Bearer KEY\" or as \"X-API-Key: KEY\", "
@@ -73,9 +71,7 @@ NewKey MakeApiKey(const std::string& name, Scope scope) {
   made.record.id = ToHex(id);
   made.record.name = name;
   made.record.scope = ScopeName(scope);
-  made.record.created_ms = std::chrono::duration_cast<std::chrono::milliseconds>(
-                               std::chrono::system_clock::now().time_since_epoch())
-                               .count();
+  made.record.created_ms = NowMs();
   made.key = std::string(kPrefix) + made.record.id + "_" +
              Base64UrlEncode({reinterpret_cast<const char*>(secret.data()), secret.size()});
   made.record.hash = HashOf(made.key);

@@ -14,7 +14,6 @@
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/usage/checks.h"
-#include "index/usage/help_format.h"
 #include "index/usage/usage_error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
@@ -31,7 +30,7 @@ struct Options {
   bool json = false;
 };
 
-// Keys may be wanted before the server was ever started. Whoever mistyped the name is told.
+// A key can be created before the server first starts. The message shows a mistyped name.
 void MakeDatabase(const Options& options) {
   EngineOptions engine = options.engine;
   engine.load_index = false;
@@ -46,9 +45,12 @@ void MakeDatabase(const Options& options) {
   engine.create = true;
   const Engine made(engine);
   const std::string name = engine.database.string();
-  fmt::print(stderr, "There was no database of this name: made a new one, {}\n",
-             IsDatabaseUrl(name) ? "on its server"
-                                 : ToDisplayText(std::filesystem::absolute(name).string()));
+  if (IsDatabaseUrl(name)) {  // may hold a password
+    fmt::print(stderr, "Created Pliant's tables in the database\n");
+  } else {
+    fmt::print(stderr, "Created a new database: {}\n",
+               ToDisplayText(std::filesystem::absolute(name).string()));
+  }
 }
 
 int Create(const Options& options) {
@@ -108,7 +110,6 @@ int Purge(const Options& options) {
 
 void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   app.require_subcommand(1);
-  app.formatter(std::make_shared<cli::HelpFormat>());
   app.failure_message(cli::UsageError);
   app.footer("Example:  pliant-server keys create --db my.db --name shop --scope read");
   const auto add = [&](const char* name, const char* help, int (*run)(const Options&),

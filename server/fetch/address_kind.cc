@@ -4,12 +4,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdint>
 #include <cstring>
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+
+#include "descriptor/base/strings.h"
 
 namespace pliant::server {
 
@@ -100,8 +101,7 @@ Kind KindOf6(const Bytes16& address) {
 }  // namespace
 
 std::string CanonicalHost(std::string host) {
-  std::transform(host.begin(), host.end(), host.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  host = Lower(host);
   if (host.size() < 2 || host.front() != '[' || host.back() != ']') return host;
   in6_addr address{};
   std::array<char, INET6_ADDRSTRLEN> text{};

@@ -3,10 +3,10 @@
 #include "server/fetch/fetch_hosts.h"
 
 #include <algorithm>
-#include <cctype>
 #include <regex>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "server/fetch/address_kind.h"
 
 namespace pliant::server {
@@ -16,12 +16,6 @@ namespace {
 constexpr int kLargestPort = 65535;
 
 int PortOf(const std::string& scheme) { return scheme == "https" ? 443 : 80; }
-
-std::string Lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 }  // namespace
 

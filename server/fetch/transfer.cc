@@ -4,14 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <memory>
 #include <mutex>
 #include <new>
+#include <stdexcept>
 #include <string_view>
 
 #include <curl/curl.h>
 
+#include "descriptor/base/strings.h"
 #include "server/fetch/address_kind.h"
 
 namespace pliant::server {
@@ -24,20 +25,23 @@ constexpr std::size_t kMaxHeaderBytes = 64 * 1024;
 constexpr std::size_t kMaxLocationBytes = 4096;
 constexpr long kOk = 200;
 
+// libcurl gives nullptr only when memory runs out.
+template <typename T>
+T* Required(T* made) {
+  if (made == nullptr) throw std::bad_alloc();
+  return made;
+}
+
 struct List {
   List() = default;
   ~List() { curl_slist_free_all(items); }
   List(const List&) = delete;
   List& operator=(const List&) = delete;
-  void Add(const std::string& text) {
-    curl_slist* longer = curl_slist_append(items, text.c_str());
-    if (longer == nullptr) throw std::bad_alloc();
-    items = longer;
-  }
+  void Add(const std::string& text) { items = Required(curl_slist_append(items, text.c_str())); }
   curl_slist* items = nullptr;
 };
 
-// What the library's callbacks work on. They are called from C: nothing may be thrown.
+// What the library's callbacks work on. C calls them: they throw nothing.
 struct Run {
   const TransferOptions& options;
   CURL* handle = nullptr;
@@ -45,7 +49,6 @@ struct Run {
   std::size_t header_bytes = 0;
   bool forbidden = false;  // an address was
   bool too_large = false;
-  bool no_memory = false;
 
   bool Permits(const sockaddr* address) const {
     const AddressKind kind = KindOf(address);
@@ -63,12 +66,10 @@ curl_socket_t OnSocket(void* run, curlsocktype, curl_sockaddr* address) {
 
 bool StartsWithName(std::string_view line, std::string_view name) {
   return line.size() > name.size() && line[name.size()] == ':' &&
-         std::equal(name.begin(), name.end(), line.begin(), [](char a, unsigned char b) {
-           return a == static_cast<char>(std::tolower(b));
-         });
+         EqualsIgnoringCase(line.substr(0, name.size()), name);
 }
 
-std::size_t OnHeader(const char* data, std::size_t, std::size_t size, void* user) {
+std::size_t OnHeader(const char* data, std::size_t, std::size_t size, void* user) noexcept {
   Run& run = *static_cast<Run*>(user);
   run.header_bytes += size;
   if (run.header_bytes > kMaxHeaderBytes) return 0;
@@ -77,19 +78,12 @@ std::size_t OnHeader(const char* data, std::size_t, std::size_t size, void* user
   if (line.starts_with("HTTP/")) run.result.location.clear();  // of an answer before: a 1xx
   if (!StartsWithName(line, kLocation) || !run.result.location.empty()) return size;
   line.remove_prefix(kLocation.size() + 1);
-  const auto is_space = [](unsigned char c) { return std::isspace(c) != 0; };
-  while (!line.empty() && is_space(line.front())) line.remove_prefix(1);
-  while (!line.empty() && is_space(line.back())) line.remove_suffix(1);
-  try {
-    run.result.location = line.substr(0, kMaxLocationBytes);
-  } catch (const std::bad_alloc&) {
-    run.no_memory = true;
-    return 0;
-  }
+  while (line.ends_with('\n') || line.ends_with('\r')) line.remove_suffix(1);
+  run.result.location = Trimmed(line).substr(0, kMaxLocationBytes);
   return size;
 }
 
-std::size_t OnBody(const char* data, std::size_t, std::size_t size, void* user) {
+std::size_t OnBody(const char* data, std::size_t, std::size_t size, void* user) noexcept {
   Run& run = *static_cast<Run*>(user);
   long status = 0;
   curl_easy_getinfo(run.handle, CURLINFO_RESPONSE_CODE, &status);
@@ -97,12 +91,7 @@ std::size_t OnBody(const char* data, std::size_t, std::size_t size, void* user) 
   std::vector<std::uint8_t>& body = run.result.body;
   run.too_large = body.size() + size > run.options.max_bytes;
   if (run.too_large) return 0;
-  try {
-    body.insert(body.end(), data, data + size);
-  } catch (const std::bad_alloc&) {
-    run.no_memory = true;
-    return 0;
-  }
+  body.insert(body.end(), data, data + size);
   return size;
 }
 
@@ -112,7 +101,8 @@ int OnProgress(void* user, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
 
 template <typename T>
 void Set(CURL* handle, CURLoption option, T value) {
-  if (curl_easy_setopt(handle, option, value) == CURLE_OUT_OF_MEMORY) throw std::bad_alloc();
+  const CURLcode code = curl_easy_setopt(handle, option, value);
+  if (code != CURLE_OK) throw std::runtime_error(curl_easy_strerror(code));
 }
 
 void SetRequest(CURL* handle, const WebAddress& address, const TransferOptions& options) {
@@ -192,9 +182,8 @@ void PrepareTransfers() {
 }
 
 TransferResult Transfer(const WebAddress& address, const TransferOptions& options) {
-  const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle(curl_easy_init(),
+  const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle(Required(curl_easy_init()),
                                                                    curl_easy_cleanup);
-  if (!handle) throw std::bad_alloc();
   Run run{options, handle.get()};
   List headers;
   headers.Add("Accept: image/*");
@@ -209,7 +198,6 @@ TransferResult Transfer(const WebAddress& address, const TransferOptions& option
   if (resolve.items != nullptr) Set(handle.get(), CURLOPT_RESOLVE, resolve.items);
   Set(handle.get(), CURLOPT_ERRORBUFFER, text.data());
   const CURLcode code = curl_easy_perform(handle.get());
-  if (run.no_memory || code == CURLE_OUT_OF_MEMORY) throw std::bad_alloc();
   long status = 0;
   curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &status);
   run.result.status = static_cast<int>(status);

@@ -47,7 +47,6 @@ struct TransferResult {
 // The address that is connected to is looked at when the socket is made, after all resolving: no
 // name can mean another address than the one that was allowed. No cookies, proxies, keys or
 // passwords of the environment are used, nothing is decompressed, certificates are verified.
-// Throws std::bad_alloc.
 TransferResult Transfer(const WebAddress& address, const TransferOptions& options);
 
 // To be called before the first Transfer() of the process. Thread-safe.

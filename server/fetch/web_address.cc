@@ -65,8 +65,6 @@ WebAddress::WebAddress(Parts parts, const std::string& text) : parts_(std::move(
                        CURLU_URLENCODE | CURLU_DISALLOW_USER)) {
     case CURLUE_OK:
       break;
-    case CURLUE_OUT_OF_MEMORY:
-      throw std::bad_alloc();
     case CURLUE_USER_NOT_ALLOWED:
       ThrowInvalid("may not name a user.");
     default:

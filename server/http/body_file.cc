@@ -43,7 +43,7 @@ BodyFile::BodyFile(const std::filesystem::path& file)
   const Error absent(ErrorCode::kNotFound, "file_not_found", "there is no file " + file.string());
   if (fd_ < 0 && (errno == ENOENT || errno == ELOOP || errno == ENXIO)) throw absent;
   if (fd_ < 0) ThrowFileError(file, errno);
-  struct stat info {};
+  struct stat info{};
   if (::fstat(fd_, &info) != 0 || !S_ISREG(info.st_mode)) {
     ::close(fd_);
     throw absent;

@@ -4,14 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
-#include <charconv>
 #include <cstdint>
 #include <limits>
 #include <map>
 
 #include <brotli/encode.h>
 #include <zlib.h>
+
+#include "descriptor/base/strings.h"
+#include "server/http/accept.h"
 
 namespace pliant::server {
 
@@ -24,53 +25,6 @@ constexpr int kBrotliQuality = 5;
 constexpr int kBrotliQualityOfLong = 1;
 constexpr int kGzipWindowBits = 15 + 16;  // 16: a gzip header and trailer
 constexpr int kGzipMemory = 8;
-
-std::string_view Trimmed(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(" \t");
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t") + 1 - begin);
-}
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  std::transform(lower.begin(), lower.end(), lower.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return lower;
-}
-
-// "0", "0.5", "1.000" in thousandths; -1 = no q-value (RFC 9110, section 12.4.2).
-int ThousandthsOf(std::string_view text) {
-  if (text.empty() || text.size() > 5 || (text[0] != '0' && text[0] != '1')) return -1;
-  if (text.size() > 1 && text[1] != '.') return -1;
-  int value = 0;
-  for (std::size_t i = 0; i < 5; ++i) {
-    if (i == 1) continue;
-    const char digit = i < text.size() ? text[i] : '0';
-    if (digit < '0' || digit > '9') return -1;
-    value = value * 10 + (digit - '0');
-  }
-  return value > 1000 ? -1 : value;
-}
-
-// q of what a list names, in thousandths.
-std::map<std::string, int> ListedCodings(std::string_view list) {
-  std::map<std::string, int> listed;
-  while (!list.empty()) {
-    const std::size_t comma = std::min(list.find(','), list.size());
-    const std::string_view entry = list.substr(0, comma);
-    list.remove_prefix(std::min(comma + 1, list.size()));
-    const std::size_t semicolon = std::min(entry.find(';'), entry.size());
-    std::string name = Lower(Trimmed(entry.substr(0, semicolon)));
-    if (name == "x-gzip") name = "gzip";
-    int q = 1000;
-    if (semicolon < entry.size()) {
-      const std::string weight = Lower(Trimmed(entry.substr(semicolon + 1)));
-      q = weight.starts_with("q=") ? ThousandthsOf(std::string_view(weight).substr(2)) : -1;
-    }
-    if (q >= 0 && !name.empty()) listed.emplace(name, q);
-  }
-  return listed;
-}
 
 std::string Gzipped(const std::string& body) {
   z_stream stream{};
@@ -127,7 +81,10 @@ const char* CodingName(Coding coding) {
 }
 
 Coding ChooseCoding(std::string_view accept_encoding) {
-  const std::map<std::string, int> listed = ListedCodings(accept_encoding);
+  std::map<std::string, int> listed = WeightsOf(accept_encoding);
+  if (const auto old = listed.find("x-gzip"); old != listed.end()) {
+    listed.emplace("gzip", old->second);  // its earlier name (RFC 9110, section 8.4.1.3)
+  }
   const auto others = listed.find("*");
   const auto weight = [&](Coding coding) {
     const auto it = listed.find(CodingName(coding));

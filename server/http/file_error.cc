@@ -33,7 +33,7 @@ void ThrowFileError(const std::filesystem::path& path, int number) {
 
 void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
                       std::uint64_t reserve) {
-  struct statvfs disk {};
+  struct statvfs disk{};
   if (::statvfs(directory.c_str(), &disk) != 0) ThrowFileError(directory, errno);
   const std::uint64_t available = std::uint64_t{disk.f_bavail} * disk.f_frsize;
   if (available >= reserve && available - reserve >= bytes) return;  // a sum could overflow

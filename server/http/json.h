@@ -3,10 +3,8 @@
 // JSON that comes in, with its limits; index/json makes what goes out.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <string>
-#include <string_view>
-#include <vector>
 
 #include "index/json/json.h"
 
@@ -24,16 +22,5 @@ inline constexpr std::size_t kMaxJsonNames = 1000;
 Json ParseJsonObject(const std::string& text, const std::string& name);
 // The same for an array.
 Json ParseJsonArray(const std::string& text, const std::string& name);
-
-std::string Base64(const void* data, std::size_t bytes);
-
-// RFC 4648 section 4, with or without padding; a "data:...;base64," before it is taken off. False
-// when the text is anything else.
-bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes);
-
-// RFC 4648 section 5, without padding.
-std::string Base64UrlEncode(const std::string& bytes);
-// False when the text is not base64url.
-bool Base64UrlDecode(const std::string& text, std::string* bytes);
 
 }  // namespace pliant::server

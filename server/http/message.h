@@ -124,8 +124,6 @@ struct Response {
   std::vector<std::pair<std::string, std::string>> headers = {};
   std::shared_ptr<const BodyFile> file = {};  // the body instead of `body`
   std::optional<Wait> wait = {};  // only of routes that take no body; then the rest means nothing
-  // Parts of it failed for the server's reasons: the same request, sent again, is done again.
-  bool unfinished = false;
 };
 
 }  // namespace pliant::server

@@ -3,11 +3,12 @@
 #include "server/http/router.h"
 
 #include <set>
-#include <sstream>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "descriptor/base/hex.h"
+#include "descriptor/base/strings.h"
 #include "index/files/text.h"
 #include "server/http/problem.h"
 
@@ -23,13 +24,6 @@ bool Fits(const std::vector<std::string>& pattern, const std::vector<std::string
     if (IsCapture(pattern[i]) ? segments[i].empty() : pattern[i] != segments[i]) return false;
   }
   return true;
-}
-
-int HexValue(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
 }
 
 std::string DecodeSegment(std::string_view text) {
@@ -106,10 +100,7 @@ std::vector<std::string> SplitPath(std::string_view path) {
 }
 
 std::vector<std::string> SplitPattern(const std::string& pattern) {
-  std::vector<std::string> segments;
-  std::istringstream text(pattern.substr(1));
-  for (std::string segment; std::getline(text, segment, '/');) segments.push_back(segment);
-  return segments;
+  return Split(std::string_view(pattern).substr(1), '/');
 }
 
 std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
@@ -134,11 +125,6 @@ void CheckContentType(const Route& route, const Request& request) {
     case BodyKind::kJson:
       if (json) return;
       throw ProblemError("unsupported_content_type", "The body must be application/json.");
-    case BodyKind::kImage:
-      if (image) return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be image/*, application/octet-stream or "
-                         "multipart/form-data.");
     case BodyKind::kImageOrJson:
       if (image || json) return;
       throw ProblemError("unsupported_content_type",
@@ -152,16 +138,10 @@ void CheckContentType(const Route& route, const Request& request) {
       if (IsNdjsonType(type) || type == kTarType) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be application/x-ndjson or application/x-tar.");
-    case BodyKind::kFile:
-      if (type.empty() || type == kFileType) return;
-      throw ProblemError("unsupported_content_type", "The body must be application/octet-stream.");
     case BodyKind::kPair:
       if (type == "multipart/form-data" || json) return;
       throw ProblemError("unsupported_content_type",
                          "The body must be multipart/form-data or application/json.");
-    case BodyKind::kImages:
-      if (type == "multipart/form-data") return;
-      throw ProblemError("unsupported_content_type", "The body must be multipart/form-data.");
   }
 }
 

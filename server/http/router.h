@@ -20,13 +20,10 @@ namespace pliant::server {
 enum class BodyKind {
   kNone,
   kJson,         // application/json, or no body
-  kImage,        // image/*, application/octet-stream or multipart/form-data
-  kImageOrJson,  // either
-  kImages,       // multipart/form-data with any number of pictures
-  kPair,         // the same with at most two, or application/json; parameters may be pictures
+  kImageOrJson,  // image/*, application/octet-stream, multipart/form-data or application/json
+  kPair,         // a form of two pictures, or application/json; parameters may be pictures
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
-  kFile,         // application/octet-stream, or without a type: see Route::receive
 };
 
 class Parameters;
@@ -51,10 +48,10 @@ struct Route {
   // explains. Run by a test.
   std::string example = {};
   Handler handler;
-  // Of kFile, and of others with bodies beyond the server's limit, or in chunks: called when the
-  // head is there and its parameters are right, for what takes the body, which the handler finds in
-  // Request::received. Throws what refuses it, also for its size (0: in chunks, not known yet): the
-  // limit does not hold for it.
+  // For bodies beyond the server's limit, or in chunks: called when the head is there and its
+  // parameters are right, for what takes the body, which the handler finds in Request::received.
+  // Throws what refuses it, also for its size (0: in chunks, not known yet): the limit does not
+  // hold for it.
   Receive receive = {};
   bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
   bool needs_index = true;      // answered with "starting" while the index loads

@@ -25,7 +25,6 @@ constexpr std::size_t kMostTargetBytes = 8192;
 constexpr std::size_t kLoggedPathBytes = 256;
 constexpr std::size_t kShortBodyBytes = 16 * 1024;  // sent with the head
 constexpr std::size_t kMostParts = 64;
-constexpr std::size_t kMostBatchParts = 1000;  // of a route that takes many images
 
 bool IsRequestId(const std::string& id) {
   return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
@@ -95,9 +94,6 @@ bool Session::expects_continue() const {
 }
 
 bool Session::takes_body_first() const {
-  // A route can receive a body of these types by itself: see BodyKind::kFile.
-  const std::string& type = request_.content_type;
-  if (type.empty() || type == "application/octet-stream") return false;
   return head_.framing == BodyFraming::kLength && head_.length <= context_.max_body_bytes &&
          !expects_continue() && !request_.headers.contains("Content-Encoding") &&
          context_.admitted.Has(request_);
@@ -167,9 +163,6 @@ std::optional<Response> Session::Check() {
     request_.body = {};
   }
   if (request_.has_body && ReceivesItself()) {
-    if (head_.framing == BodyFraming::kChunked && route_->body == BodyKind::kFile) {
-      throw ProblemError("length_required", "The body of this request needs Content-Length.");
-    }
     const Parameters parameters(*route_, request_);  // are right
     request_.received = route_->receive(request_, head_.length);
   }
@@ -202,7 +195,6 @@ void Session::Admit() {
 }
 
 bool Session::ReceivesItself() const {
-  if (route_->body == BodyKind::kFile) return true;
   // Chunks can become any number of bytes.
   return route_->receive &&
          (head_.framing == BodyFraming::kChunked || head_.length > context_.max_body_bytes);
@@ -210,10 +202,8 @@ bool Session::ReceivesItself() const {
 
 void Session::RunHandler() {
   if (!request_.received && request_.has_body && request_.is_multipart()) {
-    const bool many = route_->body == BodyKind::kImages;
-    request_.parts =
-        ParseMultipart(request_.header("Content-Type"), std::exchange(request_.body, {}),
-                       many ? kMostBatchParts : kMostParts);
+    request_.parts = ParseMultipart(request_.header("Content-Type"),
+                                    std::exchange(request_.body, {}), kMostParts);
   }
   const Parameters parameters(*route_, request_);
   Response response = route_->handler(request_, parameters);

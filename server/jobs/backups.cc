@@ -11,7 +11,6 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/base/format_bytes.h"
 #include "index/store/open_store.h"
 
 namespace pliant::server {
@@ -43,37 +42,8 @@ std::string NameOfNow() {
   throw ProblemError("backup_not_found", "There is no backup of this name.");
 }
 
-[[noreturn]] void ThrowExists() {
-  throw ProblemError("backup_exists", "There is a backup of this name. Give another.");
-}
-
-// What the store says of a file that was sent, without telling clients where it lies.
-template <typename Work>
-void WithProblems(Work&& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    if (error.reason() == "backup_exists") ThrowExists();
-    if (error.reason() == "check_stopped") {
-      throw ProblemError("stopping", "The server is being stopped.");
-    }
-    if (error.code() != ErrorCode::kCorrupt) throw;
-    std::string detail = "What was sent is damaged.";
-    if (error.reason() == "not_a_database") detail = "What was sent is no database of Pliant's.";
-    if (error.reason() == "newer_schema") detail = "What was sent was made by a newer Pliant.";
-    if (error.reason() == "foreign_schema") {
-      detail = "What was sent has tables, views or triggers that are not Pliant's.";
-    }
-    if (error.reason() == "check_too_long") detail = "What was sent takes too long to be checked.";
-    if (error.reason() == "database_truncated") detail = "What was sent is cut short.";
-    Problem problem = ProblemError("backup_invalid", detail).problem();
-    problem.internal = error.reason() + ": " + error.what();
-    throw ProblemError(std::move(problem));
-  }
-}
-
 bool Stat(const fs::path& path, BackupFile* file) {
-  struct stat info {};
+  struct stat info{};
   if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return false;
   file->name = path.filename().string();
   file->bytes = static_cast<std::uint64_t>(info.st_size);
@@ -84,7 +54,7 @@ bool Stat(const fs::path& path, BackupFile* file) {
 }  // namespace
 
 void Backups::RequireDirectory() const {
-  if (!options_.directory.empty()) return;
+  if (!directory_.empty()) return;
   throw ProblemError("backups_off",
                      "The operator has named no directory for backups (--backup-dir).");
 }
@@ -92,7 +62,7 @@ void Backups::RequireDirectory() const {
 std::vector<BackupFile> Backups::List() const {
   RequireDirectory();
   std::vector<BackupFile> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(options_.directory)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
     BackupFile file;
     if (IsName(entry.path().filename().string()) && Stat(entry.path(), &file)) {
       files.push_back(std::move(file));
@@ -107,7 +77,7 @@ std::vector<BackupFile> Backups::List() const {
 BackupFile Backups::Get(const std::string& name) const {
   RequireDirectory();
   BackupFile file;
-  if (!IsName(name) || !Stat(options_.directory / name, &file)) ThrowNotFound();
+  if (!IsName(name) || !Stat(directory_ / name, &file)) ThrowNotFound();
   return file;
 }
 
@@ -115,7 +85,7 @@ std::shared_ptr<const BodyFile> Backups::Content(const std::string& name) const 
   RequireDirectory();
   if (!IsName(name)) ThrowNotFound();
   try {
-    return std::make_shared<BodyFile>(options_.directory / name);
+    return std::make_shared<BodyFile>(directory_ / name);
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kNotFound) ThrowNotFound();
     throw;
@@ -125,14 +95,14 @@ std::shared_ptr<const BodyFile> Backups::Content(const std::string& name) const 
 void Backups::Remove(const std::string& name) const {
   Get(name);  // or it is not there, or is no file
   std::error_code error;
-  const bool removed = fs::remove(options_.directory / name, error);
+  const bool removed = fs::remove(directory_ / name, error);
   if (!error && !removed) ThrowNotFound();  // somebody was faster
   if (!error) return;
   const bool read_only = error == std::errc::permission_denied ||
                          error == std::errc::operation_not_permitted ||
                          error == std::errc::read_only_file_system;
   throw Error(read_only ? ErrorCode::kReadOnly : ErrorCode::kInternal, "backup_not_removed",
-              (options_.directory / name).string() + ": " + error.message());
+              (directory_ / name).string() + ": " + error.message());
 }
 
 fs::path Backups::PathOfNew(const std::string& name) const {
@@ -142,38 +112,11 @@ fs::path Backups::PathOfNew(const std::string& name) const {
                        "name must be letters, digits, . _ - and end in \".db\".")
         .Parameter("name");
   }
-  const fs::path path = options_.directory / name;
-  if (fs::exists(fs::symlink_status(path))) ThrowExists();
+  const fs::path path = directory_ / name;
+  if (fs::exists(fs::symlink_status(path))) {
+    throw ProblemError("backup_exists", "There is a backup of this name. Give another.");
+  }
   return path;
-}
-
-std::shared_ptr<BackupUpload> Backups::Receive(const std::string& name, std::uint64_t bytes) const {
-  RequireDirectory();
-  if (options_.max_bytes > 0 && bytes > options_.max_bytes) {
-    throw ProblemError("body_too_large",
-                       fmt::format("A backup may have {}.", FormatBytes(options_.max_bytes)));
-  }
-  const fs::path path = PathOfNew(name);
-  const auto give_back = [uploads = uploads_](std::atomic<int>*) { --*uploads; };
-  if (++*uploads_ > kMostUploads) {
-    --*uploads_;
-    throw ProblemError("busy", "Other backups are being uploaded. Try again later.").RetryAfter(30);
-  }
-  std::unique_ptr<std::atomic<int>, decltype(give_back)> counted(uploads_.get(), give_back);
-  auto upload = std::make_shared<BackupUpload>(
-      ReceiveBackup(path, bytes, options_.reserve_bytes,
-                    [stopped = stopped_] { return stopped->load(); }),
-      uploads_);
-  counted.release();  // it gives that back itself
-  return upload;
-}
-
-void BackupUpload::Append(std::string_view bytes) {
-  WithProblems([&] { file_->Append(bytes); });
-}
-
-void BackupUpload::Publish() {
-  WithProblems([&] { file_->Publish(); });
 }
 
 JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
@@ -184,12 +127,12 @@ JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
 }
 
 void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
-  if (!options_.directory.empty()) {
-    const std::uint64_t removed = RemoveAbandonedBackups(options_.directory);
+  if (!directory_.empty()) {
+    const std::uint64_t removed = RemoveAbandonedBackups(directory_);
     if (removed > 0) spdlog::info("removed {} incomplete backups", removed);
   }
   JobKind kind;
-  kind.run = [directory = options_.directory, &engine](const JobStatus& job, const JobContext&) {
+  kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
     const std::string name = job.parameters.at("name");
     if (directory.empty()) throw ProblemError("backups_off", "Backups are off now (--backup-dir).");
     try {

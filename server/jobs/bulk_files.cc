@@ -6,7 +6,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <random>
 #include <set>
 #include <system_error>
 
@@ -18,8 +17,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include "descriptor/base/error.h"
 #include "descriptor/base/format_bytes.h"
+#include "descriptor/base/hex.h"
 #include "server/http/file_error.h"
 #include "server/http/problem.h"
 
@@ -33,11 +32,6 @@ constexpr const char* kMark = ".import-";
 constexpr std::size_t kIdDigits = 32;
 constexpr std::uint64_t kLookEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
 constexpr std::chrono::minutes kYoung{1};              // its upload may have made it just now
-
-std::string NewId() {
-  std::random_device random;
-  return fmt::format("{:08x}{:08x}{:08x}{:08x}", random(), random(), random(), random());
-}
 
 bool IsId(const std::string& text) {
   return text.size() == kIdDigits && std::all_of(text.begin(), text.end(), [](char c) {
@@ -67,7 +61,7 @@ std::set<std::string> IdsInUse(JobQueue& jobs) {
 }  // namespace
 
 MappedFile::MappedFile(int fd) {
-  struct stat info {};
+  struct stat info{};
   if (::fstat(fd, &info) != 0) ThrowFileError("fstat", errno);
   size_ = static_cast<std::size_t>(info.st_size);
   if (size_ == 0) return;
@@ -96,7 +90,7 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
         .RetryAfter(30);
   }
   std::unique_ptr<std::atomic<int>, decltype(give_back)> counted(uploads_.get(), give_back);
-  const std::string id = NewId();
+  const std::string id = RandomHex(kIdDigits);
   auto upload = std::make_shared<BulkUpload>(PathOf(id), id, options_, uploads_);
   counted.release();  // it gives that back itself
   return upload;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "descriptor/base/base64.h"
 #include "descriptor/base/format_bytes.h"
 #include "index/files/text.h"
 #include "server/http/json.h"

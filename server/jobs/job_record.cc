@@ -3,7 +3,6 @@
 #include "server/jobs/job_record.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "index/json/json.h"
 
@@ -89,12 +88,6 @@ JobStatus FromRecord(const JobRecord& record) {
     if (IsSkippedItem(item)) status.skipped.push_back({item[0], item[1], item[2]});
   }
   return status;
-}
-
-std::int64_t UnixMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
 }
 
 }  // namespace pliant::server

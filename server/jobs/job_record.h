@@ -12,6 +12,4 @@ JobRecord ToRecord(const JobStatus& status, const std::string& owner);
 // What is missing in the record's JSON, or of another type, is left out.
 JobStatus FromRecord(const JobRecord& record);
 
-std::int64_t UnixMs();  // now
-
 }  // namespace pliant::server

@@ -3,22 +3,19 @@
 #include "server/jobs/jobs.h"
 
 #include <algorithm>
-#include <random>
 #include <stdexcept>
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "descriptor/base/hex.h"
+#include "descriptor/base/unix_time.h"
 #include "server/jobs/job_record.h"
 
 namespace pliant::server {
 
 namespace {
 
-std::string NewId() {
-  std::random_device random;
-  return fmt::format("{:08x}{:08x}", random(), random());
-}
+constexpr std::size_t kIdDigits = 16;
 
 }  // namespace
 
@@ -109,11 +106,11 @@ std::optional<JobStatus> JobQueue::AddNew(const std::string& kind, const std::st
     }
   }
   auto job = std::make_shared<Job>();
-  job->status.id = NewId();
+  job->status.id = RandomHex(kIdDigits);
   job->status.kind = kind;
   job->status.collection = collection;
   job->status.parameters = parameters;
-  job->status.created_ms = UnixMs();
+  job->status.created_ms = NowMs();
   job->owner = owner_;
   const JobStatus added = job->status;
   if (!save(ToRecord(added, owner_))) return std::nullopt;  // what is promised must survive

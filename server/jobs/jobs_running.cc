@@ -7,6 +7,7 @@
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/jobs.h"
 
@@ -153,7 +154,7 @@ void JobQueue::Become(Job& job, JobStatus status) {
 }
 
 void JobQueue::BecomeNow(Job& job, JobStatus status) {
-  if (!IsActive(status.state)) status.finished_ms = UnixMs();
+  if (!IsActive(status.state)) status.finished_ms = NowMs();
   Save(job, status);
   bool own = false;
   {

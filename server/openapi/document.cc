@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "descriptor/base/strings.h"
 #include "server/http/problem.h"
 #include "server/openapi/parameters.h"
 #include "server/openapi/route_codes.h"
@@ -46,9 +47,7 @@ Json FormContent(const Route& route) {
   Json properties = Properties(route);
   const Json image = {{"type", "string"}, {"format", "binary"}, {"description", kBinaryImage}};
   const bool pair = route.body == BodyKind::kPair;
-  const bool many = route.body == BodyKind::kImages || pair;
-  properties["image"] = many ? Json{{"type", "array"}, {"items", image}} : image;
-  if (pair) properties["image"]["maxItems"] = 2;
+  properties["image"] = pair ? Json{{"type", "array"}, {"items", image}, {"maxItems", 2}} : image;
   Json schema = {{"type", "object"}, {"properties", properties}};
   if (!pair && !MayDoWithoutImage(route)) schema["required"] = {"image"};
   return {{"schema", schema}};
@@ -64,19 +63,13 @@ Json RequestBody(const Route& route) {
     return {{"required", true},
             {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
   }
-  if (route.body == BodyKind::kFile) {
-    return {{"required", true}, {"content", {{kFileType, Json::object()}}}};
-  }
   Json content = Json::object();
-  if (route.body == BodyKind::kImage || route.body == BodyKind::kImageOrJson) {
+  if (route.body == BodyKind::kImageOrJson) {
     content["image/*"] = Json::object();
     content["application/octet-stream"] = Json::object();
   }
   if (route.body != BodyKind::kJson) content["multipart/form-data"] = FormContent(route);
-  if (route.body == BodyKind::kJson || route.body == BodyKind::kImageOrJson ||
-      route.body == BodyKind::kPair) {
-    content["application/json"] = JsonContent(route);
-  }
+  content["application/json"] = JsonContent(route);
   return {{"required", route.body != BodyKind::kJson}, {"content", content}};
 }
 
@@ -178,19 +171,13 @@ Json Operation(const Route& route) {
   return operation;
 }
 
-std::string LowerCase(std::string method) {
-  std::transform(method.begin(), method.end(), method.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return method;
-}
-
 }  // namespace
 
 Json OpenApiDocument(const std::vector<Route>& routes) {
   Json paths = Json::object();
   for (const Route& route : routes) {
     if (route.name == "page" && route.pattern != "/") continue;  // parts of the page
-    paths[route.pattern][LowerCase(route.method)] = Operation(route);
+    paths[route.pattern][Lower(route.method)] = Operation(route);
   }
   const Json bearer = {{"type", "http"}, {"scheme", "bearer"}};
   const Json header = {{"type", "apiKey"}, {"in", "header"}, {"name", "X-API-Key"}};

@@ -3,7 +3,7 @@
 // The OpenAPI 3.1 document, generated from the route table.
 //
 // Each operation has an example as `x-codeSamples`: a shell command for a folder that holds the
-// pictures mug.png and cup.png and a backup copy.db, with these variables:
+// pictures mug.png and cup.png, with these variables:
 //   $PLIANT      address of the server, http://127.0.0.1:8080
 //   $IMAGE       id of a stored picture of the object "mug"
 //   $VOCABULARY  number of a vocabulary

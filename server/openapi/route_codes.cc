@@ -10,10 +10,6 @@ namespace {
 
 using Codes = std::set<std::string>;
 
-bool TakesImage(BodyKind body) {
-  return body == BodyKind::kImage || body == BodyKind::kImageOrJson || body == BodyKind::kPair;
-}
-
 bool Answers(const Route& route, int status) {
   return std::any_of(route.answers.begin(), route.answers.end(),
                      [&](const Answer& answer) { return answer.status == status; });
@@ -21,8 +17,8 @@ bool Answers(const Route& route, int status) {
 
 void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kNone) return;
-  codes.insert({"body_too_large", "length_required", "unsupported_content_type",
-                "unsupported_content_encoding", "unsupported_transfer_encoding"});
+  codes.insert({"body_too_large", "unsupported_content_type", "unsupported_content_encoding",
+                "unsupported_transfer_encoding"});
   const bool pictures_in_json =
       route.body == BodyKind::kImageOrJson || route.body == BodyKind::kPair;
   if (route.body == BodyKind::kJson || pictures_in_json) {
@@ -34,7 +30,7 @@ void AddBodyCodes(const Route& route, Codes& codes) {
   if (pictures_in_json) {
     codes.insert({"invalid_parameter", "fetch_off", "fetch_host_not_allowed", "fetch_failed"});
   }
-  if (!TakesImage(route.body)) return;
+  if (!pictures_in_json) return;
   if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
   codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",
                 "image_truncated", "image_corrupt", "image_too_small", "image_too_large",

@@ -19,8 +19,8 @@ const char* const kSearchSchemas = R"json({
     "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "looked_closer", "query", "total", "verdict", "found", "hits", "timings"],
     "properties": {
       "took_ms": {"type": "number"},
-      "rank": {"type": "string", "enum": ["neighbours", "tfidf", "histogram"],
-        "description": "the ranking that was used: tfidf in place of neighbours where the vocabulary is of an earlier version"},
+      "rank": {"type": "string", "enum": ["neighbours", "histogram"],
+        "description": "the ranking that was used"},
       "vocabulary": {"type": "integer", "description": "number of the one that answered"},
       "words": {"type": "integer", "description": "its size"},
       "keypoints": {"type": "integer", "description": "of the query, inside the region"},

@@ -3,9 +3,10 @@
 // Aliases: other names of collections, which can be moved from one to another at once.
 #include <algorithm>
 
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
+#include "server/routes/answers.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

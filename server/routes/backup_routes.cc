@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Backups while the server runs, into the operator's directory.
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -31,17 +32,6 @@ Response Content(Service& service, const Request& request) {
   return response;
 }
 
-Response Publish(Service& service, const Request& request) {
-  if (!request.received) {
-    throw ProblemError("missing_parameter", "The body is required: a backup.").Parameter("body");
-  }
-  const std::string& name = request.captures.at("b");
-  std::static_pointer_cast<BackupUpload>(request.received)->Publish();
-  Response response = JsonResponse(BackupJson(service.backups.Get(name)), 201);
-  response.headers.emplace_back("Location", "/v1/backups/" + name);
-  return response;
-}
-
 void AddBackupFileRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "backups.content",
                     .method = "GET",
@@ -56,23 +46,6 @@ void AddBackupFileRoutes(Service& service, std::vector<Route>& routes) {
                     .handler = [&service](const Request& request, const Parameters&) {
                       return Content(service, request);
                     }});
-  routes.push_back(
-      {.name = "backups.put",
-       .method = "PUT",
-       .pattern = "/v1/backups/{b}",
-       .summary = "Upload a backup; it is checked, and never replaces the database in use",
-       .scope = Scope::kAdmin,
-       .body = BodyKind::kFile,
-       .answers = {{201, "stored; Location has its address", "Backup"}},
-       .codes = {"backups_off", "backup_exists", "backup_invalid", "invalid_parameter",
-                 "missing_parameter"},
-       .example = R"(curl -T copy.db "$PLIANT/v1/backups/copy.db")",
-       .handler = [&service](const Request& request,
-                             const Parameters&) { return Publish(service, request); },
-       .receive =
-           [&service](const Request& request, std::uint64_t bytes) {
-             return service.backups.Receive(request.captures.at("b"), bytes);
-           }});
   routes.push_back({.name = "backups.delete",
                     .method = "DELETE",
                     .pattern = "/v1/backups/{b}",

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Pictures and objects, changed in place: names, labels.
+#include "index/json/record_json.h"
 #include "index/records/changes.h"
 #include "server/http/problem.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/objects.h"
 #include "server/routes/routes.h"
 

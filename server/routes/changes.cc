@@ -9,8 +9,9 @@
 #include "descriptor/base/sha256.h"
 #include "server/http/conditions.h"
 #include "server/http/json.h"
+#include "server/http/parameters.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 
 namespace pliant::server {
 

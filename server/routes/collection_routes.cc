@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Collections: separate pictures, objects and vocabularies.
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
+#include "server/routes/answers.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

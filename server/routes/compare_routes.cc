@@ -2,14 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Do two pictures show the same object?
 #include <array>
-#include <chrono>
 #include <memory>
 #include <utility>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/json/result_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 
@@ -71,15 +73,14 @@ Pair PairOf(const Request& request, const Parameters& parameters, Fetcher& fetch
 }
 
 Response Compare(Service& service, const Request& request, const Parameters& parameters) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const Pair images = PairOf(request, parameters, service.fetcher);
   Comparison comparison;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     comparison = service.engine().Compare(images[0].bytes, images[1].bytes, cores);
   });
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   const bool explain = parameters.Flag("explain").value_or(false);
-  return JsonResponse(ComparisonJson(comparison, took.count(), explain));
+  return JsonResponse(ComparisonJson(comparison, watch.ms(), explain));
 }
 
 }  // namespace

@@ -5,10 +5,10 @@
 #include <filesystem>
 
 #include "index/engine/collection_npz.h"
+#include "index/json/record_json.h"
 #include "index/store/database_url.h"
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
 #include "server/routes/lists.h"
 #include "server/routes/routes.h"
 

@@ -9,7 +9,7 @@
 
 #include "index/store/database_url.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -48,18 +48,17 @@ Response MetricsText(Service& service) {
 }  // namespace
 
 void AddHealthRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "livez",
-                    .method = "GET",
-                    .pattern = "/livez",
-                    .summary = "Whether the process runs",
-                    .scope = Scope::kPublic,
-                    .answers = {{200, "it does", "Status"}},
-                    .example = R"(curl "$PLIANT/livez")",
-                    .handler =
-                        [](const Request&, const Parameters&) {
-                          return JsonResponse({{"status", "alive"}});
-                        },
-                    .needs_index = false});
+  routes.push_back(
+      {.name = "livez",
+       .method = "GET",
+       .pattern = "/livez",
+       .summary = "Whether the process runs",
+       .scope = Scope::kPublic,
+       .answers = {{200, "it does", "Status"}},
+       .example = R"(curl "$PLIANT/livez")",
+       .handler = [](const Request&,
+                     const Parameters&) { return JsonResponse({{"status", "alive"}}); },
+       .needs_index = false});
   routes.push_back({.name = "readyz",
                     .method = "GET",
                     .pattern = "/readyz",

@@ -1,10 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What belongs to one picture: its original bytes, a thumbnail, its features.
+#include "descriptor/base/base64.h"
 #include "index/files/features_npz.h"
+#include "server/http/conditions.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -29,7 +31,7 @@ Response Content(Service& service, const Request& request, const Parameters& par
   Response response;
   AddPictureHeaders(response, '"' + image.sha256 + '"', image, parameters);
   response.headers.emplace_back("Accept-Ranges", "bytes");
-  if (IfNoneMatch(request, '"' + image.sha256 + '"')) {
+  if (!NamedByIfNoneMatch(request, '"' + image.sha256 + '"').empty()) {
     response.status = 304;
     return response;
   }
@@ -46,7 +48,7 @@ Response Thumbnail(Service& service, const Request& request, const Parameters& p
   const std::string etag = "\"" + image.sha256 + "-" + std::to_string(kThumbnailSidePx) + "\"";
   Response response;
   AddPictureHeaders(response, etag, image, parameters);
-  if (IfNoneMatch(request, etag)) {
+  if (!NamedByIfNoneMatch(request, etag).empty()) {
     response.status = 304;
     return response;
   }

@@ -4,16 +4,23 @@
 #include <utility>
 
 #include "descriptor/base/sha256.h"
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/routes/adding.h"
+#include "server/routes/answers.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/lists.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 
 namespace {
+
+std::string ImagePath(const ImageRecord& image) {
+  return "/v1/collections/" + EncodeSegment(image.collection) + "/images/" +
+         EncodeSegment(image.id);
+}
 
 // As AddOnPool; "same_bytes" says which picture has the bytes, so that a client can change that
 // one.

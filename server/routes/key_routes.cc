@@ -8,7 +8,7 @@
 #include "descriptor/base/error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

@@ -5,12 +5,16 @@
 #include <algorithm>
 
 #include "descriptor/base/sha256.h"
+#include "index/json/record_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
 
 namespace pliant::server {
 
 namespace {
+
+constexpr int kDefaultPage = 50;
+constexpr int kLargestPage = 500;
 
 std::vector<std::string> FacetsOf(const Parameters& parameters) {
   std::vector<std::string> keys;
@@ -34,6 +38,41 @@ std::vector<std::string> FacetsOf(const Parameters& parameters) {
 }
 
 }  // namespace
+
+Parameter CursorParameter() {
+  return {"cursor", "`next` of the page before, for the one after it"};
+}
+
+Parameter LimitParameter() {
+  return Parameter("limit", "entries a page").Integer(1, kLargestPage).Default("50");
+}
+
+int PageLimit(const Parameters& parameters) {
+  return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
+}
+
+std::string MakeCursor(const std::string& list, const std::string& after) {
+  return Base64UrlEncode(ToText(Json::array({list, after})));
+}
+
+std::string AfterFromCursor(const Parameters& parameters, const std::string& list) {
+  const auto cursor = parameters.Text("cursor");
+  if (!cursor || cursor->empty()) return {};
+  std::string text;
+  if (Base64UrlDecode(*cursor, &text)) {
+    const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+    if (json.is_array() && json.size() == 2 && json[0] == list && json[1].is_string()) {
+      return json[1].get<std::string>();
+    }
+  }
+  ThrowInvalidCursor();
+}
+
+void ThrowInvalidCursor() {
+  throw ProblemError("invalid_cursor",
+                     "The cursor is none that this list gave. Ask again without one.")
+      .Parameter("cursor");
+}
 
 Parameter FilterParameter() {
   return Parameter("filter", "only pictures whose metadata pass: a JSON object of conditions")

@@ -13,9 +13,19 @@
 #include "index/json/json.h"
 #include "index/records/listing.h"
 #include "server/http/parameters.h"
-#include "server/routes/common.h"
 
 namespace pliant::server {
+
+Parameter CursorParameter();
+Parameter LimitParameter();
+int PageLimit(const Parameters& parameters);
+
+// The position in a list. A cursor contains the parameters of its list, so it cannot be used with
+// another list.
+std::string MakeCursor(const std::string& list, const std::string& after);
+// Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
+std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
+[[noreturn]] void ThrowInvalidCursor();
 
 Parameter FilterParameter();  // "filter"
 Parameter TextParameter();    // "q"

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What the caller may do.
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

@@ -53,20 +53,20 @@ class Metrics::Impl {
   prometheus::Family<prometheus::Histogram>& stage_seconds =
       prometheus::BuildHistogram()
           .Name("pliant_stage_seconds")
-          .Help("Stages of searching and of adding a picture")
+          .Help("Stages of searching and of adding an image")
           .Register(registry);
   prometheus::Family<prometheus::Gauge>& queue =
       Gauges("pliant_queue_length", "Tasks that wait for a core, by lane");
   prometheus::Family<prometheus::Gauge>& jobs =
-      Gauges("pliant_jobs", "Background jobs that are remembered, by state");
+      Gauges("pliant_jobs", "Background jobs on record, by state");
   prometheus::Gauge& busy_cores = Gauge("pliant_busy_cores", "Cores in use by tasks and jobs");
-  prometheus::Gauge& decoders = Gauge("pliant_decoders", "Processes that decode pictures");
+  prometheus::Gauge& decoders = Gauge("pliant_decoders", "Child processes that decode images");
   prometheus::Family<prometheus::Counter>& decoders_ended =
       prometheus::BuildCounter()
           .Name("pliant_decoders_ended_total")
-          .Help("Decoders that ended, or had to be ended, by cause")
+          .Help("Child processes that ended, by cause")
           .Register(registry);
-  prometheus::Gauge& images = Gauge("pliant_images", "Pictures in the index");
+  prometheus::Gauge& images = Gauge("pliant_images", "Images in the index");
   prometheus::Gauge& objects = Gauge("pliant_objects", "Objects in the index");
   prometheus::Gauge& words =
       Gauge("pliant_vocabulary_words", "Words of the active vocabulary of the default collection");
@@ -75,18 +75,19 @@ class Metrics::Impl {
       Gauge("pliant_disk_free_bytes", "Free space on the disk of the database");
   // Of a database on PostgreSQL.
   prometheus::Family<prometheus::Gauge>& connections =
-      Gauges("pliant_database_connections", "Connections to the database that are open");
+      Gauges("pliant_database_connections", "Open connections to the database");
   prometheus::Family<prometheus::Gauge>& connection_waits =
       Gauges("pliant_database_connection_waits_total",
-             "Times that all reading connections were in use, since the start");
-  prometheus::Family<prometheus::Gauge>& feed_lag = Gauges(
-      "pliant_feed_lag", "Changes of the database that the index in memory has not seen yet");
+             "Times that all reading connections were in use since the start");
+  prometheus::Family<prometheus::Gauge>& feed_lag =
+      Gauges("pliant_feed_lag", "Changes of the database that the index in memory lacks");
   prometheus::Family<prometheus::Gauge>& replication_lag =
-      Gauges("pliant_replication_lag_seconds", "How far the slowest standby is behind the primary");
+      Gauges("pliant_replication_lag_seconds", "Delay of the slowest standby behind the primary");
   prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
   prometheus::Gauge& resident_bytes =
       Gauge("process_resident_memory_bytes", "Memory of the process");
-  prometheus::Gauge& cpu_seconds = Gauge("process_cpu_seconds_total", "Time on processors");
+  prometheus::Gauge& cpu_seconds =
+      Gauge("process_cpu_seconds_total", "Processor time of the process");
   prometheus::Family<prometheus::Gauge>& info =
       Gauges("pliant_info", "1, with the version, the descriptor and the model's id");
   prometheus::Family<prometheus::Gauge>& vocabulary_info =

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Counters, gauges and histograms for Prometheus; README.md lists them.
+// Counters, gauges and histograms for Prometheus; server/reference/flags.md lists them.
 #pragma once
 
 #include <map>

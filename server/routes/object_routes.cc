@@ -1,16 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Objects: what pictures show, and where one is in a picture.
-#include <chrono>
 
+#include "descriptor/base/stopwatch.h"
 #include "index/json/location_json.h"
+#include "index/json/record_json.h"
 #include "index/verify/locate.h"
 #include "server/http/problem.h"
+#include "server/routes/answers.h"
 #include "server/routes/changes.h"
-#include "server/routes/common.h"
 #include "server/routes/lists.h"
 #include "server/routes/objects.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 
@@ -76,16 +78,15 @@ Response Remove(Service& service, const Request& request) {
 }
 
 Response Locate(Service& service, const Request& request, const Parameters& parameters) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const UploadedImage image = ImageOf(request, parameters, service.fetcher);
   ObjectLocation found;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     found = service.engine().Locate(image.bytes, CollectionOf(service, request),
                                     request.captures.at("o"), cores);
   });
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   Json json = {{"object", found.object},       {"image_id", found.image_id},
-               {"took_ms", took.count()},      {"width", found.query_width},
+               {"took_ms", watch.ms()},        {"width", found.query_width},
                {"height", found.query_height}, {"compared", found.compared}};
   json.update(LocationJson(found.location));
   return JsonResponse(json);

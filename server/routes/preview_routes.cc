@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture looks like that is not stored: one that the server fetches, or that a browser
 // cannot read.
-#include "server/routes/common.h"
 #include "server/routes/routes.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 

@@ -148,7 +148,7 @@ Response DoOnce(Service& service, const RepeatableRequest& name, const Handler& 
   }
   Attempt attempt(service.store(), name);
   Response response = handler(request, parameters);
-  if (response.status < 300 && !response.unfinished) attempt.Answered(response);
+  if (response.status < 300) attempt.Answered(response);
   return response;
 }
 

@@ -17,8 +17,7 @@ std::vector<Route> MakeRoutes(Service& service) {
   AddImageRoutes(service, routes);
   AddImageDataRoutes(service, routes);
   AddChangeRoutes(service, routes);
-  AddBatchRoutes(service, routes);
-  AddBulkRoutes(service, routes);
+  AddImportRoutes(service, routes);
   AddObjectRoutes(service, routes);
   AddExportRoutes(service, routes);
   AddSearchRoutes(service, routes);

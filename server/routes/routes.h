@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "server/http/parameters.h"
 #include "server/http/router.h"
 #include "server/routes/service.h"
 
@@ -23,8 +24,7 @@ void AddAliasRoutes(Service& service, std::vector<Route>& routes);
 void AddImageRoutes(Service& service, std::vector<Route>& routes);
 void AddImageDataRoutes(Service& service, std::vector<Route>& routes);
 void AddChangeRoutes(Service& service, std::vector<Route>& routes);
-void AddBatchRoutes(Service& service, std::vector<Route>& routes);
-void AddBulkRoutes(Service& service, std::vector<Route>& routes);
+void AddImportRoutes(Service& service, std::vector<Route>& routes);
 void AddBackupRoutes(Service& service, std::vector<Route>& routes);
 void AddObjectRoutes(Service& service, std::vector<Route>& routes);
 void AddExportRoutes(Service& service, std::vector<Route>& routes);

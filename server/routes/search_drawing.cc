@@ -3,14 +3,15 @@
 #include "server/routes/search_drawing.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <sstream>
+#include <map>
+#include <string>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "descriptor/plot/drawing.h"
+#include "server/http/accept.h"
 
 namespace pliant::server {
 
@@ -19,23 +20,6 @@ namespace {
 constexpr int kLongerSide = 1600;
 constexpr int kJpegQuality = 90;
 constexpr std::size_t kMostLetters = 40;  // of a name
-
-// The weight that Accept gives a type by that name; 0 = not named.
-double WeightOf(const std::string& accept, const std::string& type) {
-  std::istringstream entries(accept);
-  for (std::string entry; std::getline(entries, entry, ',');) {
-    entry.erase(std::remove(entry.begin(), entry.end(), ' '), entry.end());
-    if (!entry.starts_with(type) || (entry.size() > type.size() && entry[type.size()] != ';')) {
-      continue;
-    }
-    const std::size_t q = entry.find(";q=");
-    if (q == std::string::npos) return 1;
-    double weight = 0;
-    std::from_chars(entry.data() + q + 3, entry.data() + entry.size(), weight);
-    return weight;
-  }
-  return 0;
-}
 
 // At most so many characters of UTF-8.
 std::string Shortened(const std::string& text) {
@@ -110,8 +94,9 @@ bool IsDrawn(const Hit& hit) {
 }  // namespace
 
 bool PrefersPng(const std::string& accept) {
-  const double png = WeightOf(accept, "image/png");
-  return png > 0 && png >= WeightOf(accept, "image/jpeg");
+  std::map<std::string, int> weights = WeightsOf(accept);
+  const int png = weights["image/png"];
+  return png > 0 && png >= weights["image/jpeg"];
 }
 
 std::string DrawSearch(Bytes query, DecodeOptions options, const ImageDecoder& decode,

@@ -40,7 +40,6 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
           .value_or(options.group_by);
   options.rank = parameters
                      .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
-                                                  {"tfidf", RankMethod::kTfIdf},
                                                   {"histogram", RankMethod::kHistogram}})
                      .value_or(options.rank);
   options.verify = parameters
@@ -57,7 +56,7 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
       static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
   options.explain = parameters.Flag("explain").value_or(options.explain);
-  options.closer_look = parameters.Flag("closer_look").value_or(options.closer_look);
+  options.second_pass = parameters.Flag("closer_look").value_or(options.second_pass);
   if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
   return options;
 }
@@ -135,9 +134,8 @@ std::vector<Parameter> SearchParameters() {
       Parameter("group_by", "each object once, by its best picture, or each picture")
           .Choice({"object", "image"})
           .Default("object"),
-      Parameter("rank",
-                "votes of nearest neighbours, words by tf-idf, or the paper's histogram distance")
-          .Choice({"neighbours", "tfidf", "histogram"})
+      Parameter("rank", "votes of nearest neighbours, or the paper's histogram distance")
+          .Choice({"neighbours", "histogram"})
           .Default("neighbours"),
       Parameter("verify",
                 "whether the best hits must agree with the query on one smooth warp; by "

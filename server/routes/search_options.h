@@ -9,7 +9,7 @@
 
 #include "index/records/search.h"
 #include "server/http/parameters.h"
-#include "server/routes/common.h"
+#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 

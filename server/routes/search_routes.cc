@@ -5,11 +5,13 @@
 
 #include <spdlog/spdlog.h>
 
+#include "descriptor/base/base64.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/stopwatch.h"
 #include "index/json/result_json.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/common.h"
-#include "server/routes/item_result.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 #include "server/routes/search_drawing.h"
 #include "server/routes/search_options.h"
@@ -129,7 +131,7 @@ void CheckPictures(const SearchQuery& query, bool draws, bool previews) {
 }
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const SearchQuery query =
       SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
@@ -137,8 +139,7 @@ Response Search(Service& service, const Request& request, const Parameters& para
   CheckPictures(query, draws, previews);
   const SearchResult result = SearchOnPool(service, query);
   if (draws) return Drawing(service, request, query, result);
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  Json answer = SearchResultJson(result, took.count());
+  Json answer = SearchResultJson(result, watch.ms());
   if (previews) answer["query"]["preview"] = Preview(service, query);
   return JsonResponse(answer);
 }
@@ -157,8 +158,8 @@ const Route& SingleSearch() {
 
 Json ResultOf(Service& service, const Request& batch, const std::string& collection,
               const Json& item) {
-  const auto start = std::chrono::steady_clock::now();
-  return ItemResult([&]() -> Json {
+  const Stopwatch watch;
+  try {
     if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
     Request request;
     request.id = batch.id;
@@ -169,9 +170,12 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
     const SearchQuery query =
         SearchQueryOf(request, parameters, collection, service.fetcher, Fetcher::For::kBatch);
     const SearchResult found = SearchOnPool(service, query);
-    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-    return {{"status", 200}, {"answer", SearchResultJson(found, took.count())}};
-  });
+    return {{"status", 200}, {"answer", SearchResultJson(found, watch.ms())}};
+  } catch (...) {
+    const Problem problem = CurrentProblem();
+    LogProblem(problem);
+    return {{"status", problem.status}, {"problem", ProblemSummary(problem)}};
+  }
 }
 
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {

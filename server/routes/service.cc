@@ -19,7 +19,7 @@ namespace pliant::server {
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
-      backups(options.backups),
+      backups(options.backup_dir),
       bulk_files(options.bulk),
       fetcher(options.fetch) {}
 
@@ -57,6 +57,7 @@ void Service::Open() {
   EngineOptions engine_options = options.engine;
   engine_options.extraction.decoder = decode_;
   engine_options.loading = [this](double share) { loaded_ = share; };
+  engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
   engine_ = std::make_unique<Engine>(engine_options);
   if (IsSetAside(engine_options.database)) {
     spdlog::info(
@@ -76,7 +77,7 @@ void Service::Open() {
   RegisterImportJob(*jobs, *engine_, pool,
                     {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
   RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, bulk_files, on_added);
-  RegisterDemonstrationJob(*jobs, *engine_, pool, crumpled_pictures, on_added);
+  RegisterDemonstrationJob(*jobs, *engine_, pool, on_added);
   backups.RegisterJob(*jobs, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
   jobs->Start();
@@ -85,6 +86,10 @@ void Service::Open() {
   }
   loaded_ = 1;
   ready_ = true;
+}
+
+std::string CollectionOf(Service& service, const Request& request) {
+  return service.engine().CollectionName(request.captures.at("c"));
 }
 
 }  // namespace pliant::server

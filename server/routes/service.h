@@ -12,6 +12,7 @@
 #include "index/store/service_store.h"
 #include "server/decoder/decoder_pool.h"
 #include "server/fetch/fetcher.h"
+#include "server/http/message.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/bulk_files.h"
@@ -30,7 +31,7 @@ struct ServiceOptions {
   WorkerPoolOptions pool;
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
   std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
-  BackupOptions backups;             // over HTTP
+  std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
   BulkFileOptions bulk;              // of imports that are too large for the database
   FetchOptions fetch;                // of pictures that clients name by their address
 };
@@ -56,7 +57,6 @@ class Service {
   const ServiceOptions options;
   WorkerPool pool;
   ThumbnailCache thumbnails;
-  CrumpledPictures crumpled_pictures;
   Metrics metrics;
   const Backups backups;
   const BulkFiles bulk_files;
@@ -76,5 +76,9 @@ class Service {
   std::atomic<bool> ready_{false};
   std::atomic<double> loaded_{0};
 };
+
+// The collection that the {c} of the path names, by its name or by an alias: its name. Ask once a
+// request, since aliases can be moved meanwhile. kNotFound "collection_not_found".
+std::string CollectionOf(Service& service, const Request& request);
 
 }  // namespace pliant::server

@@ -4,9 +4,10 @@
 #include <charconv>
 #include <limits>
 
+#include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/jobs/training_job.h"
-#include "server/routes/common.h"
+#include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {

@@ -1,11 +1,12 @@
 # Writes OUT, a C++ file that holds the web page. Run as
 #   cmake -DWEB=<folder> -DOUT=<file> -DFILES=<names> -P EmbedFiles.cmake
 # FILES: names in the folder, separated by commas. index.html is served at /, NAME.html at /NAME, the others at
-# /assets/NAME; all are UTF-8.
+# /assets/NAME; texts are UTF-8.
 string(REPLACE "," ";" names "${FILES}")
-set(type_html text/html)
-set(type_css text/css)
-set(type_js text/javascript)
+set(type_html "text/html; charset=utf-8")
+set(type_css "text/css; charset=utf-8")
+set(type_js "text/javascript; charset=utf-8")
+set(type_jpg image/jpeg)
 
 set(arrays "")
 set(table "")
@@ -23,9 +24,9 @@ foreach(name IN LISTS names)
   file(READ "${WEB}/${name}" hex HEX)
   string(LENGTH "${hex}" length)
   math(EXPR bytes "${length} / 2")
-  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "'\\\\x\\1'," values "${hex}")
-  string(APPEND arrays "const char kFile${number}[] = {${values}};\n")
-  string(APPEND table "    {\"${path}\", \"${type}; charset=utf-8\", kFile${number}, ${bytes}, \"${hash}\"},\n")
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "\\\\x\\1" values "${hex}")
+  string(APPEND arrays "const char kFile${number}[] = \"${values}\";\n")
+  string(APPEND table "    {\"${path}\", \"${type}\", kFile${number}, ${bytes}, \"${hash}\"},\n")
   math(EXPR number "${number} + 1")
 endforeach()
 

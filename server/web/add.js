@@ -1,26 +1,90 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The view where pictures are added: many at once, each with its object's name.
+// The view for adding images: many at once, each with its object's name.
 import * as api from "./api.js";
-import { readable } from "./convert.js";
-import { byId, count, say } from "./dom.js";
+import { byId, count, fileSize, make, say, shorten, smallButton } from "./dom.js";
 import { renameOffer } from "./edit.js";
 import { offerObjectNames } from "./filters.js";
 import { refreshHeader } from "./header.js";
-import { acceptDrops, acceptPastes, fileAt } from "./incoming.js";
+import { accept, fileAt, readable } from "./incoming.js";
 import { parseLabels } from "./labels.js";
-import { defaultName } from "./names.js";
+import { defaultName, kLongestName } from "./names.js";
 import { isLeaving, notify, settle } from "./undo.js";
-import { kDone, kFailed, kSending, kWaiting, makeItem, nameOf, setState } from "./upload_row.js";
 
-const kAtOnce = 2;  // the server describes them one after the other anyway
+const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
+const kThumbPx = 128;
+const kAtOnce = 2;  // the server describes images one after the other anyway
+
+// --- one image of the list: its preview, its object's name, its progress
+
+// One after the other, and only those in view: images of 12 megapixels take time. Slow previews from the web do not hold
+// up the others.
+const painting = { here: Promise.resolve(), elsewhere: Promise.resolve() };
+const watcher = new IntersectionObserver((entries) => {
+  for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
+    watcher.unobserve(target);
+    const { place } = target;
+    painting[place] = painting[place].then(() => target.isConnected && target.paint()).catch((error) => {
+      target.classList.add("blank");
+      target.unseen(error);
+    });
+  }
+});
+
+// unseen(error) is called if there is no preview.
+function thumbnailOf(file, unseen) {
+  const canvas = make("canvas", { class: "upload-thumb", width: 1, height: 1, role: "img", "aria-label": `Preview of ${file.name}` });
+  return Object.assign(canvas, { place: file.address ? "elsewhere" : "here", unseen, async paint() {
+    const bytes = file.address ? await api.previewBlob(file.address) : file;
+    const bitmap = await createImageBitmap(bytes, { resizeHeight: kThumbPx, resizeQuality: "medium" });
+    canvas.width = bitmap.width;
+    canvas.height = bitmap.height;
+    canvas.getContext("2d").drawImage(bitmap, 0, 0);
+    bitmap.close();
+  } });
+}
+
+// `name`: the object's default name. onRemove(item) is called when the item leaves the list.
+function makeItem(file, name, onRemove) {
+  const input = make("input", { type: "text", maxlength: kLongestName, autocomplete: "off", value: name, placeholder: "no name",
+                                list: "object-names", "aria-label": `Object in ${file.name}`, oninput: () => { item.typed = true; } });
+  const bar = make("progress", { max: 1, value: 0, "aria-label": `Progress of ${file.name}` });
+  const note = make("span", { class: "note", text: file.address ? "from the web" : fileSize(file.size) });
+  const remove = smallButton("Remove", () => {
+    const neighbour = row.nextElementSibling ?? row.previousElementSibling;
+    row.remove();
+    (neighbour?.querySelector("button:not([hidden])") ?? byId("add-clear")).focus();
+    onRemove(item);
+  }, { class: "small", "aria-label": `Remove ${file.name} from the list` });
+  const thumbnail = thumbnailOf(file, ({ message }) => {  // the browser's message on a file helps nobody
+    if (file.address && item.state === kWaiting) note.textContent = `from the web; no preview: ${message}`;
+  });
+  const row = make("li", {}, thumbnail, input, make("span", { class: "file-name quiet", text: shorten(file.name), title: file.name }), note, bar, remove);
+  const item = { file, input, bar, note, remove, row, state: kWaiting, proposed: name, typed: false };
+  row.dataset.state = kWaiting;
+  byId("add-list").append(row);
+  watcher.observe(thumbnail);
+  return item;
+}
+
+const nameOf = (item) => item.input.value.trim();
+
+function setState(item, state, text) {
+  item.state = item.row.dataset.state = state;
+  say(item.note, text, state === kFailed);
+  item.input.disabled = state === kSending || state === kDone;
+  item.remove.hidden = state === kSending;
+  if (state !== kSending) item.bar.value = state === kDone ? 1 : 0;
+}
+
+// --- the list
 
 let items = [];
 let stopper = null;  // AbortController while uploads run
 
-// --- the list
+const inState = (state) => items.filter((item) => item.state === state);
 
-// The way to its folder from the one that was chosen; what lies directly in that one has its name.
+// The path from the chosen folder; files directly in that folder have its name.
 function folderOf(file) {
   const [chosen, ...below] = (file.webkitRelativePath || "").split("/").slice(0, -1);
   return below.join("/") || chosen || "";
@@ -30,10 +94,8 @@ const commonName = () => byId("add-object").value.trim();
 
 // found: [{ file, folder }]
 function enqueue(found) {
-  const pictures = found.filter(({ file }) => !file.name.startsWith("."));
-  if (!pictures.length) return;
   const taken = items.map(nameOf);
-  for (const { file, folder } of pictures) {
+  for (const { file, folder } of found.filter((one) => !one.file.name.startsWith("."))) {
     const name = defaultName(file, folder || folderOf(file), taken);
     taken.push(name);
     items.push(makeItem(file, name, (gone) => {
@@ -42,113 +104,108 @@ function enqueue(found) {
     }));
   }
   giveCommonName();
-  byId("add-form").hidden = false;
   say(byId("add-status"), "");
   showTotal();
 }
 
-// One name for all, as it is typed; what was typed for one picture stays.
+// While it is typed; a name that was typed for one image stays.
 function giveCommonName() {
   for (const item of items) {
-    if (!item.typed && item.state !== kDone && item.state !== kSending) {
-      item.input.value = commonName() || item.proposed;
-    }
+    if (!item.typed && item.state !== kDone && item.state !== kSending) item.input.value = commonName() || item.proposed;
   }
 }
 byId("add-object").addEventListener("input", giveCommonName);
 
-// "24 pictures added", "1 of 4 pictures added, 2 were there already, 1 failed"
-function countWords(beginning = () => "") {
-  const of = (state) => items.filter((item) => item.state === state).length;
+// "24 images added", "1 of 4 images added, 2 already stored, 1 failed"
+function countWords(of = "") {
   const known = items.filter((item) => item.known).length;
-  const added = beginning(of(kDone) - known) || `${count(of(kDone) - known, "picture")} added`;
-  return [added, known ? `${known} ${known === 1 ? "was" : "were"} there already` : "",
-          of(kFailed) ? `${of(kFailed)} failed` : ""].filter(Boolean).join(", ");
+  const added = inState(kDone).length - known;
+  const failed = inState(kFailed).length;
+  return [of ? `${added} of ${of} added` : `${count(added, "image")} added`, known ? `${known} already stored` : "",
+          failed ? `${failed} failed` : ""].filter(Boolean).join(", ");
 }
 
 function showTotal() {
-  const of = (state) => items.filter((item) => item.state === state).length;
-  const over = of(kDone) + of(kFailed);
-  const partly = items.filter((item) => item.state === kSending)
-    .reduce((sum, item) => sum + (item.bar.position > 0 ? item.bar.position / 2 : 0), 0);
+  const [waiting, done, failed] = [kWaiting, kDone, kFailed].map((state) => inState(state).length);
+  const partly = inState(kSending).reduce((sum, { bar }) => sum + Math.max(0, bar.position) / 2, 0);
+  const running = Boolean(stopper);
+  byId("add-form").hidden = !items.length;
   byId("add-bar").max = items.length || 1;
-  byId("add-bar").value = over + partly;
-  byId("add-summary").textContent = countWords((added) => `${added} of ${count(items.length, "picture")} added`);
-  byId("add-start").hidden = Boolean(stopper) || of(kWaiting) === 0;
-  byId("add-start").textContent = `Add ${count(of(kWaiting), "picture")}`;
-  byId("add-stop").hidden = !stopper;
-  byId("add-retry").hidden = Boolean(stopper) || of(kFailed) === 0;
-  byId("add-clear").hidden = Boolean(stopper);
-  byId("add-next").hidden = Boolean(stopper) || of(kDone) === 0 || of(kWaiting) > 0;
-  if (!items.length) byId("add-form").hidden = true;
+  byId("add-bar").value = done + failed + partly;
+  byId("add-summary").textContent = countWords(count(items.length, "image"));
+  byId("add-start").textContent = `Add ${count(waiting, "image")}`;
+  byId("add-start").hidden = running || !waiting;
+  byId("add-stop").hidden = !running;
+  byId("add-retry").hidden = running || !failed;
+  byId("add-clear").hidden = running;
+  byId("add-next").hidden = running || !done || waiting > 0;
 }
 
 // --- sending
 
-// The picture is stored by another name than was typed.
+// Whether someone typed the name.
+const wasNamed = (item) => item.typed || Boolean(commonName());
+
+// The image is stored under another name than was typed.
 function offerRename(item, id, labels, collection) {
   const object = wasNamed(item) ? nameOf(item) : "";
-  const offer = renameOffer({
+  item.note.append(" ", renameOffer({
     id, collection, object, metadata: labels,
     done() {
       item.known = true;
-      setState(item, kDone, object ? `is called ${object} now` : "has these labels now");
+      setState(item, kDone, object ? `renamed to ${object}` : "labels changed");
       showTotal();
       offerObjectNames();
     },
     failed(error) { setState(item, kFailed, error.message); },
-  });
-  item.note.append(" ", offer);
+  }));
 }
 
-// Whether somebody has said what it is, rather than its file's name.
-const wasNamed = (item) => item.typed || Boolean(commonName());
-
-// Uploads it. What was deleted a moment ago, the object or the very picture, does not take it along.
+// Uploads it. An object or image that is being deleted is deleted first, so that the new image stays.
 async function upload(item, given, { collection, ...more }) {
   const file = item.file.address ? item.file : await readable(item.file);
   await settle(api.objectPath(given.object, collection));
-  const add = () => api.addPicture({ file, collection, ...given }, more);
-  const leaving = (id) => id && isLeaving(api.imagePath(id, "", collection));
+  const add = () => api.addImage({ file, collection, ...given }, more);
+  const settled = async (id) => {
+    const path = id && api.imagePath(id, "", collection);
+    if (!path || !isLeaving(path)) return false;
+    await settle(path);
+    return true;
+  };
   try {
     const answer = await add();
-    if (answer.created || !leaving(answer.image.id)) return answer;
-    await settle(api.imagePath(answer.image.id, "", collection));
+    if (answer.created || !await settled(answer.image.id)) return answer;
   } catch (error) {
-    if (!leaving(error.imageId)) throw error;
-    await settle(api.imagePath(error.imageId, "", collection));
+    if (!await settled(error.imageId)) throw error;
   }
   return add();
 }
 
 async function send(item, labels, collection) {
-  const object = nameOf(item);
   setState(item, kSending, "sending…");
   try {
-    const { created, image } = await upload(
-      item, { object, metadata: labels }, {
-        collection,
-        signal: stopper.signal,
-        onProgress: (share) => {
-          item.bar.value = Math.min(share, 0.99);
-          item.note.textContent = share < 1 ? `sending, ${Math.round(100 * share)} %` : "looking at it…";
-          if (share >= 1) item.bar.removeAttribute("value");  // it moves until the answer comes
-          showTotal();
-        },
-        onWait: (seconds) => { item.note.textContent = `the server is busy; again in ${seconds} s`; },
-      });
+    const { created, image } = await upload(item, { object: nameOf(item), metadata: labels }, {
+      collection, signal: stopper.signal,
+      onProgress: (share) => {
+        item.bar.value = Math.min(share, 0.99);
+        item.note.textContent = share < 1 ? `sending, ${Math.round(100 * share)} %` : "processing…";
+        if (share >= 1) item.bar.removeAttribute("value");  // it moves until the answer comes
+        showTotal();
+      },
+      onWait: (seconds) => { item.note.textContent = `the server is busy; retrying in ${seconds} s`; },
+    });
     item.known = !created;
-    setState(item, kDone, created ? `added: ${count(image.keypoints, "key point")}` : "was there already");
+    setState(item, kDone, created ? `added: ${count(image.keypoints, "keypoint")}` : "already stored");
   } catch (error) {
     if (error.name === "AbortError") setState(item, kWaiting, "stopped");
     else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
       item.known = true;
-      setState(item, kDone, "was there already, by another name");
+      setState(item, kDone, "already stored under another name");
     } else {
       setState(item, kFailed, error.message);
       if (error.code === "same_bytes" && error.imageId) offerRename(item, error.imageId, labels, collection);
     }
-    if (error.status === 401 || error.status === 403) stopper.abort();  // all would fail alike
+    if (error.status === 401 || error.status === 403) stopper.abort();  // all others would fail too
   }
   showTotal();
 }
@@ -162,36 +219,35 @@ async function sendAll() {
     byId("add-labels").focus();
     return;
   }
-  const queue = items.filter((item) => item.state === kWaiting);
+  const queue = inState(kWaiting);
   stopper = new AbortController();
   const { signal } = stopper;
-  const collection = api.collectionName();  // the choice above may change meanwhile
+  const collection = api.collectionName();  // another one may be chosen meanwhile
   showTotal();
-  say(byId("add-status"), `Adding ${count(queue.length, "picture")}…`);
+  say(byId("add-status"), `Adding ${count(queue.length, "image")}…`);
   byId("add-stop").focus();
   const worker = async () => {
     for (let item; !signal.aborted && (item = queue.shift());) await send(item, labels, collection);
   };
   await Promise.all(Array.from({ length: kAtOnce }, worker));
-  const stopped = signal.aborted;
   stopper = null;
   showTotal();
-  const failed = items.filter((item) => item.state === kFailed);
-  say(byId("add-status"), `${stopped ? "Stopped" : "Finished"}: ${countWords()}.` +
-    (failed.length ? " The reasons stand beside them." : ""), failed.length > 0);
-  (byId("add-stop").contains(document.activeElement) || document.activeElement === document.body) &&
-    byId(failed.length ? "add-retry" : byId("add-next").hidden ? "add-clear" : "add-next").focus();
+  const failed = inState(kFailed).length;
+  say(byId("add-status"), `${signal.aborted ? "Stopped" : "Finished"}: ${countWords()}.${failed ? " See each image for the reason." : ""}`, failed > 0);
+  if ([byId("add-stop"), document.body].includes(document.activeElement)) {
+    byId(failed ? "add-retry" : byId("add-next").hidden ? "add-clear" : "add-next").focus();
+  }
   refreshHeader();
   offerObjectNames();
 }
 
 byId("add-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  if (!stopper && items.some((item) => item.state === kWaiting)) sendAll();
+  if (!stopper && inState(kWaiting).length) sendAll();
 });
 byId("add-stop").addEventListener("click", () => stopper?.abort());
 byId("add-retry").addEventListener("click", () => {
-  for (const item of items) if (item.state === kFailed) setState(item, kWaiting, "");
+  for (const item of inState(kFailed)) setState(item, kWaiting, "");
   sendAll();
 });
 byId("add-clear").addEventListener("click", () => {
@@ -201,25 +257,15 @@ byId("add-clear").addEventListener("click", () => {
   byId("add-title").focus();
 });
 
-// --- ways in
-
-for (const id of ["add-files", "add-folder", "add-camera"]) {
-  byId(id).addEventListener("change", (event) => {
-    enqueue([...event.target.files].map((file) => ({ file, folder: "" })));
-    event.target.value = "";
-  });
-}
-function enqueueReceived({ files, stored, address, problem }) {
-  if (stored) notify("This picture is in a collection already.", true);
+accept(byId("view-add"), ["add-files", "add-folder", "add-camera"], ({ files, stored, address, problem }) => {
+  if (stored) notify("This image is already stored.", true);
   else if (problem) notify(problem, true);
   else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files);
-}
-acceptDrops(byId("view-add"), enqueueReceived);
-acceptPastes(byId("view-add"), enqueueReceived);
+});
 addEventListener("beforeunload", (event) => { if (stopper) event.preventDefault(); });
 
 export const addView = {
-  title: "Add pictures",
+  title: "Add images",
   show(parameters) {
     if (parameters.has("object")) byId("add-object").value = parameters.get("object");
     offerObjectNames();

@@ -2,17 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page put together.
 import { addView as add } from "./add.js";
-import { objectsView, picturesView } from "./browse.js";
+import { refreshScope } from "./api.js";
+import { imagesView, objectView, objectsView } from "./browse.js";
 import { collectionView } from "./collection.js";
 import { byId } from "./dom.js";
 import { refreshHeader } from "./header.js";
 import { purgeQueries } from "./kept.js";
-import { refreshMe } from "./me.js";
 import { addView, showing, startRouter, whenCollectionChanges } from "./router.js";
 import { searchView } from "./search.js";
 import { notify } from "./undo.js";
 
-// A view whose files are fetched when it is first wanted. load() gives the view.
+// A view whose files are fetched at first use. load() gives the view.
 function addLater(name, title, load) {
   let view = null;
   addView(name, {
@@ -21,7 +21,7 @@ function addLater(name, title, load) {
       try {
         view ??= await load();
       } catch {
-        notify("A part of this page could not be fetched. Is the server running? Reload the page to try again.", true);
+        notify("A part of this page could not be loaded. Check that the server is running, and reload the page.", true);
         return;
       }
       if (showing() === name) await view.show(...given);
@@ -33,15 +33,15 @@ function addLater(name, title, load) {
 addView("search", searchView);
 addView("add", add);
 addView("objects", objectsView);
-addView("pictures", picturesView);
+addView("images", imagesView);
+addView("object", objectView);
 addView("collection", collectionView);
-addLater("object", "Object", async () => (await import("./object.js")).objectView);
+addLater("image", "Image", async () => (await import("./image.js")).imageView);
 addLater("camera", "Camera", async () => (await import("./camera.js")).cameraView);
 addLater("keys", "Keys", async () => (await import("./keys.js")).keysView);
 addLater("status", "Status", async () => (await import("./status.js")).statusView);
-addLater("picture", "Picture", async () => (await import("./picture.js")).pictureView);
 
-// A file dropped beside the frames must not replace the page.
+// A file that misses the drop area must not replace the page.
 for (const type of ["dragover", "drop"]) addEventListener(type, (event) => event.preventDefault());
 
 // The address behind # is the router's.
@@ -51,7 +51,7 @@ byId("skip").addEventListener("click", (event) => {
 });
 
 whenCollectionChanges(refreshHeader);
-purgeQueries().catch(() => {});  // where the browser keeps nothing there is nothing to purge
+purgeQueries().catch(() => {});  // the browser may keep nothing
 startRouter();
 refreshHeader();
-refreshMe().catch(() => {});  // the view says what is wrong
+refreshScope().catch(() => {});  // the view says what is wrong

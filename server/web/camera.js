@@ -1,44 +1,39 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The camera, live: frames are searched with until an object is found, which is then followed (located in each frame)
-// until it is lost. Frames go to the server one at a time and are not kept.
+// The live camera: frames are searched with until an object is found, and the object is then followed (located in each
+// frame) until it is lost. Frames go to the server one at a time and are not kept.
 import * as api from "./api.js";
-import { byId, make, say } from "./dom.js";
+import { byId, make, say, wait } from "./dom.js";
 import { drawOutline } from "./draw.js";
 import { objectName } from "./names.js";
 import { link } from "./router.js";
 import { isFound } from "./words.js";
 
-const kFrameSide = 640;      // longer side of what is sent, in pixels
+const kFrameSide = 640;      // longer side of a frame that is sent, in pixels
 const kQuality = 0.8;
 const kPauseMs = 60;         // between frames
-const kRestMs = 400;         // after a frame in which nothing was found
-const kLostAfter = 4;        // frames without the object that is followed
-const kShownForMs = 1500;    // an outline that is older says nothing
+const kRestMs = 400;         // after a frame without a find
+const kLostAfter = 4;        // frames without the followed object
+const kShownForMs = 1500;    // an older outline says nothing
 
-const video = byId("camera-video");
-const overlay = byId("camera-overlay");
-const status = byId("camera-status");
+const [video, overlay, status] = ["camera-video", "camera-overlay", "camera-status"].map(byId);
 
 let stream = null;
-let round = 0;          // of the loop; a number that has passed means stop
-let followed = null;    // { object, image_id, name }
+let round = 0;          // of the loop; a loop of an earlier round stops
+let followed = null;    // { object, name }
 let misses = 0;
 let outline = null;     // { polygon, width, height, at }
 let facing = "environment";
 let told = "";
 
-// --- the picture
-
-const failureWords = (error) => ({
-  NotAllowedError: "The browser does not let this page use the camera. Allow it in the browser's settings for this page, then start again.",
+const kFailures = {
+  NotAllowedError: "The browser does not allow this page to use the camera. Allow it in the browser's settings, then start again.",
   NotFoundError: "This device has no camera.",
-  NotReadableError: "Another program uses the camera.",
+  NotReadableError: "Another program is using the camera.",
   OverconstrainedError: "This camera cannot be used.",
-}[error.name] ?? "The camera cannot be started.");
-
-const kNotSecure = "Browsers give the camera only to pages that came over https, or from this computer itself. " +
-  "Ask whoever runs this server to turn on TLS (--tls-cert), or take a photo instead.";
+};
+const kNotSecure = "Browsers allow the camera only on pages over https, or from this computer itself. " +
+  "Ask the person who runs this server to turn on TLS (--tls-cert), or take a photo instead.";
 
 function tell(text, isError = false) {
   if (text === told) return;  // a screen reader says it once
@@ -58,10 +53,10 @@ async function start() {
   try {
     given = await navigator.mediaDevices.getUserMedia({ audio: false, video: { facingMode: facing, width: { ideal: 1280 }, height: { ideal: 720 } } });
   } catch (error) {
-    if (mine === round) tell(failureWords(error), true);
+    if (mine === round) tell(kFailures[error.name] ?? "The camera cannot be started.", true);
     return;
   }
-  if (mine !== round) {  // one has left meanwhile
+  if (mine !== round) {  // the view was left meanwhile
     for (const track of given.getTracks()) track.stop();
     return;
   }
@@ -72,17 +67,15 @@ async function start() {
   showButtons();
   const cameras = (await navigator.mediaDevices.enumerateDevices()).filter(({ kind }) => kind === "videoinput");
   byId("camera-switch").hidden = cameras.length < 2;
-  tell("Looking…");
+  tell("Searching…");
   draw(mine);
-  look(mine);
+  search(mine);
 }
 
 function stop(words = "") {
   ++round;
   for (const track of stream?.getTracks() ?? []) track.stop();
-  stream = null;
-  video.srcObject = null;
-  outline = null;
+  stream = video.srcObject = null;
   letGo();
   overlay.getContext("2d").clearRect(0, 0, overlay.width, overlay.height);
   showButtons();
@@ -91,42 +84,39 @@ function stop(words = "") {
 
 function showButtons() {
   byId("camera-start").hidden = Boolean(stream);
-  byId("camera-stop").hidden = !stream;
-  byId("camera-frame").hidden = !stream;
+  byId("camera-stop").hidden = byId("camera-frame").hidden = !stream;
   if (!stream) byId("camera-switch").hidden = true;
 }
 
-function grab() {
+async function grab() {
   const scale = Math.min(1, kFrameSide / Math.max(video.videoWidth, video.videoHeight));
   const canvas = new OffscreenCanvas(Math.round(video.videoWidth * scale), Math.round(video.videoHeight * scale));
   canvas.getContext("2d").drawImage(video, 0, 0, canvas.width, canvas.height);
-  return canvas.convertToBlob({ type: "image/jpeg", quality: kQuality })
-    .then((blob) => ({ file: new File([blob], "camera.jpg", { type: blob.type }), width: canvas.width, height: canvas.height }));
+  const blob = await canvas.convertToBlob({ type: "image/jpeg", quality: kQuality });
+  return { file: new File([blob], "camera.jpg", { type: blob.type }), width: canvas.width, height: canvas.height };
 }
 
-// --- looking and following
+// --- searching and following
 
-function follow(hit) {
-  followed = { object: hit.object, name: objectName(hit.object, hit.source), image_id: hit.image_id };
+function follow({ object, source, image_id: id }) {
+  followed = { object, name: objectName(object, source) };
   misses = 0;
   byId("camera-found").hidden = false;
-  byId("camera-name").replaceChildren(make("a", { href: followed.object ? link("object", { name: followed.object }) : link("picture", { id: hit.image_id }),
-                                                 text: followed.name }));
+  byId("camera-name").replaceChildren(make("a", { href: object ? link("object", { name: object }) : link("image", { id }), text: followed.name }));
 }
 
 function letGo() {
-  followed = null;
+  followed = outline = null;
   byId("camera-found").hidden = true;
 }
 
 const showOutline = (polygon, { width, height }) => { outline = polygon ? { polygon, width, height, at: performance.now() } : null; };
 
-// Whether anything was seen in this frame.
+// Whether this frame shows anything.
 async function searchFrame(frame) {
-  const { hits } = await api.search(frame, { limit: 1 });
-  const best = hits[0];
+  const { hits: [best] } = await api.search(frame, { limit: 1 });
   if (!best || !isFound(best)) {
-    tell("Looking…");
+    tell("Searching…");
     return false;
   }
   follow(best);
@@ -140,32 +130,31 @@ async function followFrame(frame) {
   if (!followed) return true;  // let go meanwhile
   if (where.found) {
     misses = 0;
-    showOutline(where.outline, { width: where.width, height: where.height });
+    showOutline(where.outline, where);
     tell(`Following: ${followed.name}.`);
     return true;
   }
   if (++misses >= kLostAfter) {
-    tell(`Lost: ${followed.name}. Looking…`);
+    tell(`Lost: ${followed.name}. Searching…`);
     letGo();
   }
   return false;
 }
 
-async function look(mine) {
+async function search(mine) {
   while (mine === round) {
-    let rest = kPauseMs;
+    let rest = kRestMs;
     try {
-      if (document.hidden || !video.videoWidth) rest = kRestMs;
-      else {
+      if (!document.hidden && video.videoWidth) {
         const frame = await grab();
         if (mine !== round) return;
-        const seen = followed?.object ? await followFrame(frame) : await searchFrame(frame);
-        rest = seen ? kPauseMs : kRestMs;
+        if (await (followed?.object ? followFrame(frame) : searchFrame(frame))) rest = kPauseMs;
       }
     } catch (error) {
       if (mine !== round) return;
+      rest = kPauseMs;
       if (error.code === "object_not_found") letGo();
-      else if (error.code === "too_few_features") tell("There is too little detail to see. Is it too dark?");
+      else if (error.code === "too_few_features") tell("There is too little detail. More light may help.");
       else if (error.status === 429 || error.status === 503) {
         tell("The server is busy…");
         rest = 1000 * Math.max(1, error.retryAfterS);
@@ -175,11 +164,9 @@ async function look(mine) {
         return;
       }
     }
-    await new Promise((wake) => setTimeout(wake, rest));
+    await wait(rest);
   }
 }
-
-// --- the outline over the picture
 
 function draw(mine) {
   if (mine !== round) return;
@@ -197,7 +184,7 @@ function draw(mine) {
 
 byId("camera-start").addEventListener("click", start);
 byId("camera-stop").addEventListener("click", () => { stop(); byId("camera-start").focus(); });
-byId("camera-let-go").addEventListener("click", () => { letGo(); outline = null; byId("camera-stop").focus(); });
+byId("camera-let-go").addEventListener("click", () => { letGo(); byId("camera-stop").focus(); });
 byId("camera-switch").addEventListener("click", () => {
   facing = facing === "environment" ? "user" : "environment";
   start();

@@ -1,218 +1,153 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A collection's page: how large, which vocabulary, what runs in the background.
+// The page of a collection: size, vocabularies, background jobs, and the other collections.
 import * as api from "./api.js";
-import { byId, count, make, say, shortTime } from "./dom.js";
+import { askFirst, attempt, byId, count, fact, figure, make, say, shortTime, smallButton } from "./dom.js";
 import { refreshHeader } from "./header.js";
-import { isActive, jobItem } from "./jobs.js";
+import { isActive, makeJobList } from "./jobs.js";
 import { collectionNameFor, shownName } from "./names.js";
 
 const kPollMs = 2000;
-const kShownJobs = 12;
-const kFullSample = 40_000;  // descriptors that training looks at unless told otherwise
-const kGrowth = 2;           // retraining pays when there are so many times as many
+const kFullSample = 40_000;  // descriptors that training samples by default
+const kGrowth = 2;           // retraining pays from this many times as many descriptors
 
 let timer = 0;
 
-// --- size and vocabulary
-
-function fact(name, value) {
-  return make("div", {}, make("dt", { text: name }), make("dd", { text: value }));
+// Runs the action and says its words, or what went wrong.
+async function tell(id, action) {
+  await attempt(byId(id), async () => say(byId(id), await action()));
+  refresh();
 }
+
+// --- size and vocabulary
 
 function showFacts(record) {
   byId("collection-title").textContent = `Collection: ${shownName(record)}`;
   const field = byId("collection-shown");
   if (document.activeElement !== field) field.value = record.display_name ?? "";
   byId("collection-facts").replaceChildren(
-    fact("Pictures", record.images.toLocaleString("en")),
-    fact("Objects", record.objects.toLocaleString("en")),
-    fact("Key points", record.descriptors.toLocaleString("en")),
-    fact("Visual words", record.vocabulary ? record.vocabulary.words.toLocaleString("en") : "none yet"),
-    fact("Since", new Date(record.created_at).toLocaleDateString("en", { dateStyle: "medium" })));
+    fact("Images", figure(record.images)), fact("Objects", figure(record.objects)), fact("Keypoints", figure(record.descriptors)),
+    fact("Visual words", record.vocabulary ? figure(record.vocabulary.words) : "none yet"),
+    fact("Created", new Date(record.created_at).toLocaleDateString("en", { dateStyle: "medium" })));
 }
 
-// What to do about the vocabulary, in words.
+// What to do about the vocabulary: { text, due }.
 export function recommendation({ images, descriptors, vocabulary }) {
-  if (!images) return { text: "Add pictures first: there is nothing to choose words from.", due: false };
-  if (!vocabulary) {
-    return { text: "There is none yet, so nothing can be found. Train one now.", due: true };
+  if (!images) return { text: "Add images first. The vocabulary is trained on them.", due: false };
+  if (!vocabulary) return { text: "There is no vocabulary yet, so a search finds nothing. Train one now.", due: true };
+  const growth = descriptors / Math.max(1, vocabulary.available);
+  if (growth >= kGrowth && vocabulary.sampled < kFullSample) {
+    return { due: true, text: `Retraining is recommended. The vocabulary was trained on ${count(vocabulary.sampled, "keypoint")}; ` +
+      `the collection now has ${growth.toFixed(1)} times as many.` };
   }
-  const { available, sampled } = vocabulary;
-  const growth = descriptors / Math.max(1, available);
-  if (growth >= kGrowth && sampled < kFullSample) {
-    return { due: true, text: `Retraining is recommended: it was chosen from ${count(sampled, "key point")}, ` +
-      `and there are ${growth.toFixed(1)} times as many now.` };
-  }
-  if (growth >= 5 * kGrowth) {
-    return { due: true, text: `Retraining may help: the collection is ${growth.toFixed(0)} times as large as ` +
-      "when the words were chosen." };
-  }
-  if (growth <= 1 / kGrowth) {
-    return { due: true, text: "Retraining may help: most of the pictures that the words were chosen from are gone." };
-  }
-  return { text: "Nothing to do: the words were chosen from a collection much like today's.", due: false };
+  const due = growth >= 5 * kGrowth || growth <= 1 / kGrowth;
+  return { due, text: due ? "Retraining may help. The collection has changed much since the last training." : "The vocabulary fits this collection." };
 }
 
-function vocabularyRow(vocabulary) {
-  const use = make("td");
-  if (vocabulary.active) use.append("yes");
-  else {
-    use.append(make("button", {
-      type: "button", class: "small", text: "Use", "data-needs": "write", "aria-label": `Use vocabulary ${vocabulary.id}`,
-      onclick: () => change(
-        () => api.ask(api.address(`/vocabularies/${vocabulary.id}/active`), { method: "PUT" }),
-        ({ state }) => (state ? "The switch has begun: pictures are written in its words first." :
-                                `Vocabulary ${vocabulary.id} is in use.`)),
-    }));
-  }
-  return make("tr", {}, make("th", { scope: "row", text: vocabulary.id }),
-              make("td", { text: vocabulary.words.toLocaleString("en") }),
-              make("td", { text: `${vocabulary.sampled.toLocaleString("en")} of ` +
-                `${vocabulary.available.toLocaleString("en")} key points` }),
-              make("td", { text: shortTime(vocabulary.created_at) }), use);
+function vocabularyRow({ id, active, words, sampled, available, created_at: created }) {
+  const use = () => tell("retrain-status", async () => {
+    const { state } = await api.ask(api.address(`/vocabularies/${id}/active`), { method: "PUT" });
+    return state ? "The switch has started. Searches use the old vocabulary until it ends." : `Vocabulary ${id} is in use.`;
+  });
+  return make("tr", {}, make("th", { scope: "row", text: id }), make("td", { text: figure(words) }),
+    make("td", { text: `${figure(sampled)} of ${figure(available)} keypoints` }), make("td", { text: shortTime(created) }),
+    make("td", {}, active ? "yes" : smallButton("Use", use, { class: "small", "data-needs": "write", "aria-label": `Use vocabulary ${id}` })));
 }
 
-// done(answer): what to say then.
-async function change(action, done) {
-  const status = byId("retrain-status");
-  try {
-    say(status, done(await action()));
-  } catch (error) {
-    say(status, error.message, true);
-  }
-  refresh();
-}
-
-byId("retrain").addEventListener("click", () => change(
-  () => api.askJson(api.address("/vocabularies"), "POST", {}),
-  () => "Training has begun. Searches go on with the old words until it is done."));
-
-// --- jobs
-
-let jobsText = "";  // what is shown, so that a button keeps the focus while nothing changes
-
-function showJobs(jobs) {
-  const text = JSON.stringify(jobs);
-  if (text === jobsText) return;
-  jobsText = text;
-  const mine = jobs.slice(0, kShownJobs);
-  byId("jobs").replaceChildren(...mine.map((job) => jobItem(job, refresh)));
-  if (!mine.length) byId("jobs").append(make("li", { class: "quiet", text: "None." }));
-}
+byId("retrain").addEventListener("click", () => tell("retrain-status", async () => {
+  await api.askJson(api.address("/vocabularies"), "POST", {});
+  return "Training has started. Searches use the old vocabulary until it ends.";
+}));
 
 // --- collections
 
 function collectionItem(label) {
   const { name, display_name: shown, aliases } = label;
-  const item = make("li", {});
+  const href = `#/collection${name === "default" ? "" : `?${new URLSearchParams({ in: name })}`}`;
   const here = [name, ...aliases].includes(api.collectionName());
-  if (here) item.append(make("strong", { text: `${shownName(label)} (this one)` }));
-  else item.append(make("a", { href: name === "default" ? "#/collection" :
-                               `#/collection?${new URLSearchParams({ in: name })}`, text: shownName(label) }));
+  const item = make("li", {}, here ? make("strong", { text: `${shownName(label)} (this one)` }) : make("a", { href, text: shownName(label) }));
   const others = [...(shown ? [name] : []), ...aliases];
   if (others.length) item.append(" ", make("span", { class: "quiet beside", text: others.join(", ") }));
   if (name !== "default") {
-    item.append(" ", make("button", {
-      type: "button", class: "small", text: "Delete", "data-needs": "admin", "aria-label": `Delete the collection ${name}`,
-      onclick: (event) => askBeforeDeleting(event.target, name),
-    }));
+    item.append(" ", smallButton("Delete", ({ target }) => askFirst(target, {
+      label: `Delete ${name}?`, question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => remove(name) }),
+      { class: "small", "data-needs": "admin", "aria-label": `Delete the collection ${name}` }));
   }
   return item;
 }
 
-// All that is in it goes at once and for good, so this asks instead of offering to undo.
-function askBeforeDeleting(button, name) {
-  const sure = make("button", { type: "button", class: "small danger", text: "Yes, delete all in it" });
-  const no = make("button", { type: "button", class: "small", text: "Keep it" });
-  const question = make("span", { class: "row", role: "group", "aria-label": `Delete ${name}?` },
-                        make("span", { text: "With all its pictures, for good?" }), no, sure);
-  button.replaceWith(question);
-  no.focus();
-  no.addEventListener("click", () => { question.replaceWith(button); button.focus(); });
-  sure.addEventListener("click", async () => {
-    try {
-      await api.deletePath(api.address("", name));
-      say(byId("collection-made"), `The collection ${name} is deleted.`);
-      if (name === api.collectionName()) location.hash = "#/collection";
-      else showCollections().catch(() => {});  // refresh() says what is wrong
-    } catch (error) {
-      say(byId("collection-made"), error.message, true);
-    }
-    refresh();
-    refreshHeader();
-  });
-}
+// Runs an action on collections, says its words, and shows the collections again.
+const changeCollections = (action) => tell("collection-made", async () => {
+  const words = await action();
+  refreshHeader();
+  await showCollections();
+  return words;
+});
 
-byId("collection-form").addEventListener("submit", async (event) => {
+const remove = (name) => changeCollections(async () => {
+  await api.deletePath(api.address("", name));
+  if (name === api.collectionName()) location.hash = "#/collection";
+  return `Collection ${name} deleted.`;
+});
+
+byId("collection-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  const typed = byId("collection-name").value.trim();
-  try {
+  changeCollections(async () => {
+    const typed = byId("collection-name").value.trim();
     const { labels } = await api.collections();
     const name = collectionNameFor(typed, labels.flatMap((label) => [label.name, ...label.aliases]));
     await api.ask(api.address("", name), { method: "PUT" });
     if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
-    say(byId("collection-made"), `The collection ${typed} is there.`);
     byId("collection-name").value = "";
-    showCollections();
-    refreshHeader();
-  } catch (error) {
-    say(byId("collection-made"), error.message, true);
-  }
+    return `Collection ${typed} created.`;
+  });
 });
 
-byId("collection-rename").addEventListener("submit", async (event) => {
+byId("collection-rename").addEventListener("submit", (event) => {
   event.preventDefault();
-  const shown = byId("collection-shown").value.trim();
-  try {
+  changeCollections(async () => {
+    const shown = byId("collection-shown").value.trim();
     await api.askJson(api.address(), "PATCH", { display_name: shown || null });
-    say(byId("collection-made"), shown ? `It is called ${shown} now.` : "It is called by its name in addresses again.");
     document.activeElement?.blur();
-    await showCollections();
-    refresh();
-    refreshHeader();
-  } catch (error) {
-    say(byId("collection-made"), error.message, true);
-  }
+    return shown ? `Renamed to ${shown}.` : `Renamed to ${api.collectionName()}.`;
+  });
 });
 
-let collectionsText = "";  // what is shown: while nothing changes, a question that is being answered stays
+let collectionsText = "";  // what is shown; an open question stays while nothing changes
 let latestCollections = 0;
 
 async function showCollections() {
   const number = ++latestCollections;
   const { labels } = await api.collections();
-  if (number !== latestCollections) return;
   const text = JSON.stringify([api.collectionName(), labels]);
-  if (text === collectionsText) return;
+  if (number !== latestCollections || text === collectionsText) return;
   collectionsText = text;
   byId("collections").replaceChildren(...labels.map(collectionItem));
 }
 
 // --- all of it
 
+const showJobs = makeJobList("jobs", refresh);
+
 async function refresh() {
   clearTimeout(timer);
   if (byId("view-collection").hidden) return;
-  try {
+  await attempt(byId("collection-status"), async () => {
     const [record, { vocabularies }, { jobs }] = await Promise.all([
-      api.collection(), api.ask(api.address("/vocabularies")), api.ask("/v1/jobs")]);
+      api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("/v1/jobs")]);
     showFacts(record);
-    const advice = recommendation(record);
-    byId("recommendation").textContent = advice.text;
-    byId("recommendation").classList.toggle("due", advice.due);
-    byId("retrain").classList.toggle("primary", advice.due);
+    const { text, due } = recommendation(record);
+    byId("recommendation").textContent = text;
+    byId("recommendation").classList.toggle("due", due);
+    byId("retrain").classList.toggle("primary", due);
     byId("retrain").textContent = record.vocabulary ? "Retrain" : "Train";
     const mine = jobs.filter((job) => job.collection === record.name);
-    const training = mine.some((job) => job.kind === "train" && isActive(job));
-    byId("retrain").disabled = training || !record.images;
+    byId("retrain").disabled = !record.images || mine.some((job) => job.kind === "train" && isActive(job));
     byId("vocabularies").replaceChildren(...vocabularies.map(vocabularyRow));
     showJobs(mine);
     say(byId("collection-status"), "");
     if (mine.some(isActive)) timer = setTimeout(refresh, kPollMs);
-  } catch (error) {
-    say(byId("collection-status"), error.message, true);
-  }
+  });
 }
 
 export const collectionView = {

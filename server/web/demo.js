@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The first visit: what to do, and demonstration objects to try it with.
+// The first visit: what to do, and demonstration objects.
 import * as api from "./api.js";
-import { byId, make, say } from "./dom.js";
-import { collectionWords, refreshHeader } from "./header.js";
+import { attempt, byId, count, make, makeButton, say } from "./dom.js";
+import { refreshHeader } from "./header.js";
 import { follow } from "./jobs.js";
 import { link } from "./router.js";
 
@@ -12,21 +12,18 @@ let loading = false;
 
 export const whenExampleIsChosen = (call) => { choose = call; };
 
-// Shows the welcome in an empty collection, and the crumpled pictures where their objects are.
+// Shows the welcome in an empty collection, and the crumpled photos if their objects are stored.
 export async function refreshDemonstration() {
   if (loading) return;
   byId("welcome-add").href = link("add");
-  try {
-    const [record, demo] = await Promise.all([api.collection(), api.ask(api.address("/demo"))]);
-    byId("welcome").hidden = record.images > 0;
-    byId("filters").hidden = record.images === 0;
+  await attempt(byId("search-status"), async () => {
+    const [{ images, objects }, demo] = await Promise.all([api.ask(api.address()), api.ask(api.address("/demo"))]);
+    byId("welcome").hidden = images > 0;
+    byId("filters").hidden = images === 0;
     showExamples(demo);
-    if (!byId("view-search").classList.contains("has-query")) {
-      say(byId("search-status"), record.images ? `${collectionWords(record)} to find.` : "");
-    }
-  } catch (error) {
-    say(byId("search-status"), error.message, true);
-  }
+    if (byId("view-search").classList.contains("has-query")) return;
+    say(byId("search-status"), images ? `${count(images, "image")} of ${count(objects, "object")} in this collection.` : "");
+  });
 }
 
 function showExamples(demo) {
@@ -34,46 +31,27 @@ function showExamples(demo) {
   if (!demo.loaded || byId("examples-list").children.length) return;
   byId("examples-list").replaceChildren(...demo.objects.map(({ object, crumpled }) => {
     const image = make("img", { alt: "", loading: "lazy", width: 160, height: 120 });
-    api.showPicture(image, crumpled);
-    return make("li", {}, make("button", {
-      type: "button", "aria-label": `Search with a crumpled picture of: ${object}`,
-      onclick: () => useExample(crumpled, object),
-    }, image));
+    api.showImage(image, crumpled);
+    const search = async () => choose(new File([await api.blobOf(crumpled)], `${object}.jpg`, { type: "image/jpeg" }));
+    const button = makeButton("", () => attempt(byId("search-status"), search), { "aria-label": `Search with the crumpled photo of ${object}` });
+    button.append(image);
+    return make("li", {}, button);
   }));
 }
 
-async function useExample(path, object) {
-  try {
-    const blob = await api.pictureBlob(path);
-    choose(new File([blob], `${object}.jpg`, { type: "image/jpeg" }));
-  } catch (error) {
-    say(byId("search-status"), error.message, true);
-  }
-}
-
 byId("demo-load").addEventListener("click", async () => {
-  const button = byId("demo-load");
-  const status = byId("demo-status");
   const bar = byId("demo-bar");
-  loading = true;
-  button.disabled = true;
+  loading = byId("demo-load").disabled = true;
   byId("demo-progress").hidden = false;
   bar.removeAttribute("value");
-  say(status, "");
-  try {
+  say(byId("demo-status"), "");
+  await attempt(byId("demo-status"), async () => {
     const job = await api.askJson(api.address("/demo"), "POST", {});
-    await follow(job.id, ({ done, total }) => {
-      bar.max = total || 1;
-      bar.value = done;
-    });
+    await follow(job.id, ({ done, total }) => { [bar.max, bar.value] = [total || 1, done]; });
     loading = false;
     await Promise.all([refreshDemonstration(), refreshHeader()]);
     byId("examples-list").querySelector("button")?.focus();
-  } catch (error) {
-    say(status, error.message, true);
-  } finally {
-    loading = false;
-    button.disabled = false;
-    byId("demo-progress").hidden = true;
-  }
+  });
+  loading = byId("demo-load").disabled = false;
+  byId("demo-progress").hidden = true;
 });

@@ -1,107 +1,147 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A reader of /v1/openapi.json: every operation with its parameters, bodies and answers, and a form to try it.
+// A reader of /v1/openapi.json: every operation with its parameters, bodies and responses, and a form to try it.
 import { ask, getKey, setKey } from "./api.js";
-import { schemaView, shortType } from "./docs_schema.js";
 import { tryForm } from "./docs_try.js";
-import { byId, count, make, say } from "./dom.js";
+import { attempt, byId, count, make, say } from "./dom.js";
 
+const kDeepest = 3;  // open levels of a schema; deeper ones are opened by hand
 const kMethods = ["get", "post", "put", "patch", "delete"];
-const kTags = { images: "Pictures", objects: "Objects", search: "Search", collections: "Collections",
-                vocabularies: "Vocabularies", jobs: "Background work", backups: "Backups", keys: "Keys", imports: "Imports",
-                demo: "Demonstration", health: "Health", page: "The page and this document" };
+const kTags = { jobs: "Background jobs", demo: "Demonstration", page: "The page and this document" };  // the others are words already
 
-// Code between ` becomes code; nothing becomes markup.
-function prose(text) {
-  const parts = String(text ?? "").split("`");
-  return make("span", {}, ...parts.map((part, i) => (i % 2 ? make("code", { text: part }) : part)));
+// --- schemas
+
+const nameOf = (ref) => ref.split("/").at(-1);
+const resolved = (schema, schemas) => (schema?.$ref ? schemas[nameOf(schema.$ref)] : schema) ?? {};
+
+// A few words: "integer 1 to 500, default 50", "list of Image".
+function shortType(schema, schemas) {
+  if (schema.$ref) return nameOf(schema.$ref);
+  const joined = (list, word) => list.map((one) => shortType(one, schemas)).join(word);
+  const choices = schema.anyOf ?? schema.oneOf;
+  const { minimum, maximum } = schema;
+  const parts = [
+    choices ? joined(choices, " or ") : schema.allOf ? joined(schema.allOf, " and ") :
+      schema.const !== undefined ? JSON.stringify(schema.const) : schema.enum ? schema.enum.map((one) => JSON.stringify(one)).join(" or ") :
+      schema.type === "array" ? `list of ${shortType(schema.items ?? {}, schemas)}` : [schema.type ?? "anything"].flat().join(" or ")];
+  if (schema.format) parts.push(`(${schema.format})`);
+  if (minimum !== undefined && maximum !== undefined) parts.push(`${minimum} to ${maximum}`);
+  else if (minimum !== undefined) parts.push(`at least ${minimum}`);
+  else if (maximum !== undefined) parts.push(`up to ${maximum}`);
+  return parts.join(" ") + (schema.default === undefined ? "" : `, default ${JSON.stringify(schema.default)}`);
 }
 
+const requiredMark = (isRequired) => (isRequired ? make("span", { class: "needed", text: " required" }) : "");
+const quiet = (text) => make("span", { class: "quiet", text });
+
+const propertyList = (properties, required, schemas, depth) => make("ul", { class: "schema" }, ...Object.entries(properties).map(([name, one]) =>
+  make("li", {}, make("code", { text: name }), requiredMark(required.includes(name)), " ", quiet(shortType(one, schemas)),
+    one.description ? ` – ${one.description}` : "", inner(one, schemas, depth + 1))));
+
+// The contents of a property, if it is more than a value.
+function inner(schema, schemas, depth) {
+  const target = resolved(schema, schemas);
+  const held = target.type === "array" ? target.items ?? {} : schema;
+  const object = resolved(held, schemas);
+  if (!object.properties && !object.allOf && !object.anyOf && !object.oneOf) return "";
+  if (depth < kDeepest && !held.$ref) return schemaView(held, schemas, depth);
+  const box = make("details", { class: "inner" }, make("summary", { text: held.$ref ? nameOf(held.$ref) : "properties" }));
+  box.addEventListener("toggle", () => {
+    if (box.open && box.children.length === 1) box.append(schemaView(object, schemas, 0));
+  });
+  return box;
+}
+
+function schemaView(schema, schemas, depth = 0) {
+  const target = resolved(schema, schemas);
+  const parts = target.allOf ?? target.anyOf ?? target.oneOf;
+  const view = make("div", { class: "schema-view" }, schema.$ref ? quiet(` ${nameOf(schema.$ref)}`) : "");
+  if (target.description && depth === 0) view.append(make("p", { class: "quiet", text: target.description }));
+  if (target.properties) view.append(propertyList(target.properties, target.required ?? [], schemas, depth));
+  else if (parts) view.append(...parts.map((one) => schemaView(one, schemas, depth + 1)));
+  else view.append(quiet(` ${shortType(target, schemas)}`), target.type === "array" ? inner(target, schemas, depth) : "");
+  return view;
+}
+
+// --- operations
+
+const titleOf = (tag) => kTags[tag] ?? tag[0].toUpperCase() + tag.slice(1);
+
+// Code between ` becomes code; nothing becomes markup.
+const prose = (text) => make("span", {}, ...String(text ?? "").split("`").map((part, i) => (i % 2 ? make("code", { text: part }) : part)));
 const heading = (text) => make("h3", { text });
 
 function parameterTable(parameters, schemas) {
-  const rows = parameters.map((one) => {
-    const schema = one.schema ?? one.content?.["application/json"]?.schema ?? {};
-    return make("tr", {},
-      make("th", { scope: "row" }, make("code", { text: one.name }), one.required ? make("span", { class: "needed", text: " needed" }) : ""),
-      make("td", { text: one.in }), make("td", { text: shortType(schema, schemas) }), make("td", {}, prose(one.description)));
-  });
-  return make("div", { class: "scroll wrap", role: "region", "aria-label": "Parameters", tabindex: "0" }, make("table", {},
-    make("thead", {}, make("tr", {}, ...["Name", "In", "Kind", "Meaning"].map((text) => make("th", { scope: "col", text })))),
-    make("tbody", {}, ...rows)));
+  const rows = parameters.map((one) => make("tr", {},
+    make("th", { scope: "row" }, make("code", { text: one.name }), requiredMark(one.required)), make("td", { text: one.in }),
+    make("td", { text: shortType(one.schema ?? one.content?.["application/json"]?.schema ?? {}, schemas) }), make("td", {}, prose(one.description))));
+  const titles = ["Name", "In", "Type", "Meaning"].map((text) => make("th", { scope: "col", text }));
+  return make("div", { class: "scroll wrap", role: "region", "aria-label": "Parameters", tabindex: "0" },
+    make("table", {}, make("thead", {}, make("tr", {}, ...titles)), make("tbody", {}, ...rows)));
 }
 
-function bodyView(body, schemas) {
-  const list = make("ul", { class: "plain" });
-  for (const [type, { schema }] of Object.entries(body.content)) {
-    list.append(make("li", {}, make("code", { text: type }), schema ? schemaView(schema, schemas) : " the bytes of a picture"));
-  }
-  return list;
-}
+const bodyView = (body, schemas) => make("ul", { class: "plain" }, ...Object.entries(body.content).map(([type, { schema }]) =>
+  make("li", {}, make("code", { text: type }), schema ? schemaView(schema, schemas) : " the bytes of an image")));
 
-function answersView(responses, schemas) {
-  return make("ul", { class: "plain answers" }, ...Object.entries(responses).map(([status, answer]) => {
-    const content = Object.entries(answer.content ?? {})[0];
-    const good = status < "400";
-    return make("li", {}, make("strong", { class: good ? "good" : "bad", text: status }), " ", prose(answer.description),
-                content && good ? make("span", { class: "quiet", text: ` ${content[0]}` }) : "",
-                content && good && content[1].schema ? schemaView(content[1].schema, schemas) : "");
-  }));
+const responsesView = (responses, schemas) => make("ul", { class: "plain answers" }, ...Object.entries(responses).map(([status, answer]) => {
+  const good = status < "400";
+  const [type, content] = (good && Object.entries(answer.content ?? {})[0]) || [];
+  return make("li", {}, make("strong", { class: good ? "good" : "bad", text: status }), " ", prose(answer.description),
+              type ? make("span", { class: "quiet", text: ` ${type}` }) : "", content?.schema ? schemaView(content.schema, schemas) : "");
+}));
+
+// A box that is opened by hand, and found by its words.
+function boxOf(id, words, ...summary) {
+  const box = make("details", { class: "operation", id }, make("summary", {}, ...summary));
+  box.words = words.toLowerCase();
+  return box;
 }
 
 function operationView(method, path, operation, schemas) {
-  const box = make("details", { class: "operation", id: operation.operationId });
-  box.append(make("summary", {}, make("span", { class: `method ${method}`, text: method.toUpperCase() }), " ",
-                  make("code", { text: path }), make("span", { class: "says" }, prose(operation.summary))));
+  const box = boxOf(operation.operationId, `${method} ${path} ${JSON.stringify(operation)}`,
+    make("span", { class: `method ${method}`, text: method.toUpperCase() }), " ", make("code", { text: path }),
+    make("span", { class: "says" }, prose(operation.summary)));
   const fill = () => {
-    if (box.children.length > 1) return;
-    const parameters = operation.parameters ?? [];
+    const { description, parameters = [], requestBody, responses, "x-scope": scope, "x-codeSamples": samples } = operation;
     const inside = make("div", { class: "inside" });
-    const scope = operation["x-scope"];
-    if (operation.description) inside.append(make("p", {}, prose(operation.description)));
-    if (scope) inside.append(make("p", { class: "quiet", text: scope === "public" ? "For everyone." : `Needs a key with scope ${scope}, where the server has keys.` }));
+    if (description) inside.append(make("p", {}, prose(description)));
+    const needs = scope === "public" ? "Needs no key." : `Needs a key with scope ${scope} if the server has keys.`;
+    if (scope) inside.append(make("p", { class: "quiet", text: needs }));
     if (parameters.length) inside.append(heading("Parameters"), parameterTable(parameters, schemas));
-    if (operation.requestBody) inside.append(heading("Body"), bodyView(operation.requestBody, schemas));
-    inside.append(heading("Answers"), answersView(operation.responses, schemas));
-    const sample = operation["x-codeSamples"]?.[0];
-    if (sample) inside.append(heading("Example"), make("pre", { tabindex: "0", text: sample.source }));
-    inside.append(tryForm(method, path, operation, schemas));
+    if (requestBody) inside.append(heading("Body"), bodyView(requestBody, schemas));
+    inside.append(heading("Responses"), responsesView(responses, schemas));
+    if (samples?.[0]) inside.append(heading("Example"), make("pre", { tabindex: "0", text: samples[0].source }));
+    inside.append(tryForm(method, path, operation));
     box.append(inside);
   };
   box.addEventListener("toggle", () => {
     if (!box.open) return;
-    fill();
+    if (box.children.length === 1) fill();
     history.replaceState(null, "", `#${operation.operationId}`);
   });
-  box.words = `${method} ${path} ${JSON.stringify(operation)}`.toLowerCase();
   return box;
 }
 
-function show(document) {
-  const { schemas } = document.components;
-  const meanings = new Map((document.tags ?? []).map(({ name, description }) => [name, description]));
+function show({ components: { schemas }, tags = [], paths, info }) {
+  const meanings = new Map(tags.map(({ name, description }) => [name, description]));
   const groups = new Map();
-  for (const [path, item] of Object.entries(document.paths)) {
+  for (const [path, item] of Object.entries(paths)) {
     for (const method of kMethods.filter((one) => item[one])) {
       const operation = item[method];
       const tag = operation.tags?.[0] ?? operation.operationId.split(".")[0];
-      if (!groups.has(tag)) groups.set(tag, []);
-      groups.get(tag).push(operationView(method, path, operation, schemas));
+      groups.set(tag, [...(groups.get(tag) ?? []), operationView(method, path, operation, schemas)]);
     }
   }
-  byId("docs-title").textContent = `HTTP interface of ${document.info.title} ${document.info.version}`;
+  const section = (title, ...inside) => make("section", { class: "panel", "aria-label": title }, make("h2", { text: title }), ...inside);
+  byId("docs-title").textContent = `HTTP API of ${info.title} ${info.version}`;
   byId("docs").replaceChildren(
-    ...(document.info.description ? [make("p", {}, prose(document.info.description))] : []),
-    ...[...groups].map(([tag, list]) => make("section", { class: "panel", "aria-label": kTags[tag] ?? tag },
-      make("h2", { text: kTags[tag] ?? tag[0].toUpperCase() + tag.slice(1) }),
-      make("p", { class: "quiet", text: meanings.get(tag) ?? "" }), ...list)),
-    make("section", { class: "panel", "aria-label": "Schemas" }, make("h2", { text: "Schemas" }),
-         ...Object.entries(schemas).map(([name, schema]) => {
-           const box = make("details", { class: "operation", id: `schema-${name}` }, make("summary", {}, make("code", { text: name })));
-           box.append(schemaView(schema, schemas));
-           box.words = `${name} ${JSON.stringify(schema)}`.toLowerCase();
-           return box;
-         })));
+    ...(info.description ? [make("p", {}, prose(info.description))] : []),
+    ...[...groups].map(([tag, list]) => section(titleOf(tag), make("p", { class: "quiet", text: meanings.get(tag) ?? "" }), ...list)),
+    section("Schemas", ...Object.entries(schemas).map(([name, schema]) => {
+      const box = boxOf(`schema-${name}`, `${name} ${JSON.stringify(schema)}`, make("code", { text: name }));
+      box.append(schemaView(schema, schemas));
+      return box;
+    })));
 }
 
 function openFromAddress() {
@@ -116,22 +156,18 @@ byId("docs-find").addEventListener("input", () => {
   let left = 0;
   for (const section of byId("docs").querySelectorAll("section")) {
     const boxes = [...section.querySelectorAll("details.operation")];
-    for (const box of boxes) {
-      box.hidden = !wanted.every((word) => box.words.includes(word));
-      left += box.hidden ? 0 : 1;
-    }
+    for (const box of boxes) box.hidden = !wanted.every((word) => box.words.includes(word));
+    left += boxes.filter((box) => !box.hidden).length;
     section.hidden = boxes.every((box) => box.hidden);
   }
-  say(byId("docs-status"), wanted[0] ? `${count(left, "entry", "entries")} left.` : "");
+  say(byId("docs-status"), wanted[0] ? `${count(left, "entry", "entries")} found.` : "");
 });
 byId("docs-tools").addEventListener("submit", (event) => event.preventDefault());
 byId("docs-key").value = getKey();
 byId("docs-key").addEventListener("change", () => setKey(byId("docs-key").value.trim()));
 
-try {
+attempt(byId("docs-status"), async () => {
   show(await ask("/v1/openapi.json"));
   openFromAddress();
   addEventListener("hashchange", openFromAddress);
-} catch (error) {
-  say(byId("docs-status"), error.message, true);
-}
+});

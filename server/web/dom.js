@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Small helpers for the document: making elements, saying things, numbers in words.
+// Small helpers for the document: elements, messages, questions, and numbers in words.
 
 export const byId = (id) => document.getElementById(id);
 
@@ -18,28 +18,59 @@ export function make(tag, properties = {}, ...children) {
   return made;
 }
 
+export const makeButton = (text, onclick, more = {}) => make("button", { type: "button", text, onclick, ...more });
+export const smallButton = (text, onclick, more = {}) => makeButton(text, onclick, { class: "small", ...more });
+
+// A name and a value in a <dl>.
+export const fact = (name, ...value) => make("div", {}, make("dt", { text: name }), make("dd", {}, ...value));
+
 // Writes into a live region; an error looks like one.
 export function say(place, text, isError = false) {
   place.textContent = text;
   place.classList.toggle("error", isError);
 }
 
-export const count = (n, word, words = `${word}s`) =>
-  `${n.toLocaleString("en")} ${n === 1 ? word : words}`;
+// Runs the action, and says what went wrong. Returns whether nothing did.
+export const attempt = (place, action) => Promise.resolve().then(action).then(() => true, (error) => {
+  say(place, error.message, true);
+  return false;
+});
+
+// The result of an action, or another value if it throws.
+export function resultOr(other, action) {
+  try {
+    return action();
+  } catch {
+    return other;
+  }
+}
+
+// Replaces `button` by a question, for what cannot be undone. act() runs after "yes".
+export function askFirst(button, { label, question, yes, act }) {
+  const keep = () => { group.replaceWith(button); button.focus(); };
+  const no = smallButton("Keep", keep);
+  const group = make("span", { class: "row", role: "group", "aria-label": label }, make("span", { text: question }), no,
+                     smallButton(yes, act, { class: "small danger" }));
+  button.replaceWith(group);
+  no.focus();
+}
+
+// Whether the browser allowed it; without https it does not.
+export const copyText = (text) => Promise.resolve(navigator.clipboard?.writeText(text) ?? Promise.reject()).then(() => true, () => false);
+
+export const figure = (n) => n.toLocaleString("en", { maximumFractionDigits: 1 });
+export const count = (n, word, words = `${word}s`) => `${figure(n)} ${n === 1 ? word : words}`;
 
 export function fileSize(bytes) {
   if (bytes < 1000) return count(bytes, "byte");
-  const [value, unit] = bytes < 1e6 ? [bytes / 1e3, "kB"] : bytes < 1e9 ? [bytes / 1e6, "MB"] :
-                                                                           [bytes / 1e9, "GB"];
-  return `${value.toLocaleString("en", { maximumFractionDigits: value < 10 ? 1 : 0 })} ${unit}`;
+  const [value, unit] = bytes < 1e6 ? [bytes / 1e3, "kB"] : bytes < 1e9 ? [bytes / 1e6, "MB"] : [bytes / 1e9, "GB"];
+  return `${figure(value < 10 ? value : Math.round(value))} ${unit}`;
 }
 
-export const shortTime = (iso) =>
-  new Date(iso).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
-
+export const shortTime = (iso) => new Date(iso).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
 export const wait = (ms) => new Promise((wake) => setTimeout(wake, ms));
 
-// Calls action(item) for each, a few at a time. Those that failed: [{ item, error }].
+// Calls action(item) for each item, a few at a time. Returns the failures: [{ item, error }].
 export async function eachOf(items, action, atOnce = 4) {
   const queue = [...items];
   const failed = [];
@@ -50,6 +81,5 @@ export async function eachOf(items, action, atOnce = 4) {
   return failed;
 }
 
-// The longest part of a name that fits; the middle goes first, so that the type stays visible.
-export const shorten = (name, most = 40) =>
-  name.length <= most ? name : `${name.slice(0, most - 14)}…${name.slice(-13)}`;
+// Cuts the middle, so that the file type stays visible.
+export const shorten = (name, most = 40) => (name.length <= most ? name : `${name.slice(0, most - 14)}…${name.slice(-13)}`);

@@ -1,37 +1,29 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures and outlines on canvases.
-import { pictureBlob } from "./api.js";
+// Images and outlines on canvases.
+import { blobOf } from "./api.js";
 
 const kLargestSide = 1280;  // of a canvas, in its own pixels
 const kMostPoints = 80;
-
-// Decodes upright; null where the browser cannot show this kind of picture (TIFF, mostly).
-export async function decode(blob) {
-  try {
-    return await createImageBitmap(blob);
-  } catch {
-    return null;
-  }
-}
-
-// Decoded pictures of the collection, the last few: original where the browser can show it, else the
-// preview.
-const kept = new Map();
 const kKept = 6;
 
-export async function storedPicture(path) {
+// Decodes upright; null for kinds that the browser cannot show (mostly TIFF).
+export const decode = (blob) => createImageBitmap(blob).catch(() => null);
+
+// The last decoded images of the collection: the original if the browser can show it, else the preview.
+const kept = new Map();
+
+export function storedImage(path) {
   if (!kept.has(path)) {
     if (kept.size >= kKept) kept.delete(kept.keys().next().value);
-    const loading = pictureBlob(`${path}/content`).then(decode, () => null)
-      .then((picture) => picture ?? pictureBlob(`${path}/thumbnail`).then(decode));
+    const loading = blobOf(`${path}/content`).then(decode, () => null).then((image) => image ?? blobOf(`${path}/thumbnail`).then(decode));
     kept.set(path, loading);
     loading.catch(() => kept.delete(path));
   }
   return kept.get(path);
 }
 
-// Sizes the canvas for a width x height picture; canvas pixels a picture pixel.
+// Sizes the canvas for an image of width x height; returns canvas pixels per image pixel.
 export function fitCanvas(canvas, width, height) {
   const scale = Math.min(1, kLargestSide / Math.max(width, height));
   canvas.width = Math.max(1, Math.round(width * scale));
@@ -41,8 +33,7 @@ export function fitCanvas(canvas, width, height) {
 
 export const kOutline = "#ffd84d";
 
-// An outline that shows on any picture: light on dark. Points in picture pixels, centres at
-// integers.
+// Light on dark, so that it shows on any image. Points are in image pixels with centres at integers.
 export function drawOutline(context, polygon, scale, colour = kOutline, weight = 1) {
   const thin = weight * Math.max(1.5, context.canvas.width / 320);
   context.save();
@@ -58,17 +49,16 @@ export function drawOutline(context, polygon, scale, colour = kOutline, weight =
   context.restore();
 }
 
-// Small dots where points agree; of very many only some, so that the picture stays visible.
+// Dots at inliers; of very many only some, so that the image stays visible.
 export function drawPoints(context, all, scale, colour = kOutline) {
   const step = Math.max(1, all.length / kMostPoints);
-  const points = Array.from({ length: Math.min(all.length, kMostPoints) },
-                            (_, i) => all[Math.floor(i * step)]);
   const radius = Math.max(1.5, context.canvas.width / 260);
   context.save();
   context.fillStyle = colour;
   context.strokeStyle = "#00201d";
   context.lineWidth = Math.max(0.75, radius / 3);
-  for (const [x, y] of points) {
+  for (let i = 0; i < Math.min(all.length, kMostPoints); ++i) {
+    const [x, y] = all[Math.floor(i * step)];
     context.beginPath();
     context.arc((x + 0.5) * scale, (y + 0.5) * scale, radius, 0, 2 * Math.PI);
     context.fill();

@@ -1,42 +1,39 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a search is limited to.
+// The limits of a search.
 import { address, ask } from "./api.js";
 import { byId, make } from "./dom.js";
 import { parseLabels } from "./labels.js";
 
 const form = byId("filters-form");
 let apply = () => {};
-
 export const whenFiltersChange = (call) => { apply = call; };
 
-// The parameters of the search. Throws an Error in words for labels that cannot be read.
-export function filterSettings() {
-  const settings = { limit: byId("filter-limit").value, group_by: byId("filter-group").value };
-  const object = byId("filter-object").value.trim();
-  if (object) settings.object = object;
-  if (byId("filter-score").value !== "0") settings.min_score = byId("filter-score").value;
-  const labels = parseLabels(byId("filter-labels").value, true);
-  if (labels) settings.filter = labels;
-  return settings;
-}
-
-// Whether some of the collection is left out.
-export const isFiltered = () => ["filter-object", "filter-labels"].some((id) => byId(id).value.trim()) ||
-                                byId("filter-score").value !== "0";
-
-// The fields as they stand in a search's address, by name; each says nothing where it has its first value.
-const kFields = { object: "filter-object", labels: "filter-labels", min_score: "filter-score", group_by: "filter-group", limit: "filter-limit" };
+// The fields by their names in the address of a search. A field with its first value is not in the address.
+const kFields = Object.fromEntries(Object.entries({
+  object: "filter-object", labels: "filter-labels", min_score: "filter-score", group_by: "filter-group", limit: "filter-limit",
+}).map(([name, id]) => [name, byId(id)]));
 const firstValue = (field) => (field.options ? field.options[0].value : "");
 
 export const filterParameters = () => Object.fromEntries(Object.entries(kFields)
-  .map(([name, id]) => [name, byId(id).value.trim()]).filter(([name, value]) => value !== firstValue(byId(kFields[name]))));
+  .map(([name, field]) => [name, field.value.trim()]).filter(([name, value]) => value !== firstValue(kFields[name])));
 
-// As an address says. Whether they were different before.
+// Those that leave out some of the collection.
+const limits = () => ["object", "labels", "min_score"].filter((name) => name in filterParameters());
+export const isFiltered = () => limits().length > 0;
+
+// The parameters of the search. Throws an Error with a sentence for labels that cannot be read.
+export function filterSettings() {
+  const { object, labels, min_score: score } = filterParameters();
+  const filter = parseLabels(labels ?? "", true);
+  return { limit: Number(kFields.limit.value), group_by: kFields.group_by.value, ...(object && { object }),
+           ...(score && { min_score: Number(score) }), ...(filter && { filter }) };
+}
+
+// Fills the fields from an address. Returns whether they changed.
 export function takeFilters(parameters) {
   const before = JSON.stringify(filterParameters());
-  for (const [name, id] of Object.entries(kFields)) {
-    const field = byId(id);
+  for (const [name, field] of Object.entries(kFields)) {
     field.value = parameters.get(name) ?? firstValue(field);
     if (field.options && field.selectedIndex < 0) field.selectedIndex = 0;  // no such choice
   }
@@ -45,27 +42,22 @@ export function takeFilters(parameters) {
 }
 
 function showHowMany() {
-  const set = [byId("filter-object").value.trim(), byId("filter-labels").value.trim(),
-               byId("filter-score").value !== "0"].filter(Boolean).length;
+  const set = limits().length;
   byId("filters-set").textContent = set ? `(${set} set)` : "";
 }
 
-form.addEventListener("submit", (event) => {
-  event.preventDefault();
+function change() {
   showHowMany();
   apply();
-});
-form.addEventListener("reset", () => setTimeout(() => {  // after the fields are empty
-  showHowMany();
-  apply();
-}));
+}
+form.addEventListener("submit", (event) => { event.preventDefault(); change(); });
+form.addEventListener("reset", () => setTimeout(change));  // after the fields are empty
 
-// Names to choose from while typing, here and where pictures are added.
+// Names to choose from while typing, here and for images.
 export async function offerObjectNames() {
   try {
     const { objects } = await ask(address("/objects?limit=500"));
-    byId("object-names").replaceChildren(
-      ...objects.filter(({ object }) => object).map(({ object }) => make("option", { value: object })));
+    byId("object-names").replaceChildren(...objects.filter(({ object }) => object).map(({ object }) => make("option", { value: object })));
   } catch {
     // names can still be typed
   }

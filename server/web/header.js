@@ -1,27 +1,23 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The top of the page: which collection, and the key where the server wants one.
+// The top of the page: the collection, and the key if the server needs one.
 import * as api from "./api.js";
-import { byId, count, make, say } from "./dom.js";
+import { byId, make, say } from "./dom.js";
 import { forgetQueries } from "./kept.js";
-import { refreshMe } from "./me.js";
 import { shownName } from "./names.js";
 import { go, showCurrent } from "./router.js";
 import { kWrongKey } from "./words.js";
 
 const choice = byId("collection-choice");
 const dialog = byId("key-dialog");
+let wanted = false;  // the server has asked for a key
 
-// Names and counts; called whenever something was added, deleted or made.
+// Called after everything that changes collections.
 export async function refreshHeader() {
-  let labels = [];
-  try {
-    ({ labels } = await api.collections());
-  } catch {
-    return;  // the view says what is wrong
-  }
+  const { labels } = await api.collections().catch(() => ({}));  // the view says what is wrong
+  if (!labels) return;
   const here = api.collectionName();
-  if (!labels.some(({ name }) => name === here)) labels.push({ name: here });  // an alias, or gone
+  if (!labels.some(({ name }) => name === here)) labels.push({ name: here });  // an alias, or deleted
   choice.replaceChildren(...labels.map((label) => make("option", { value: label.name, text: shownName(label) })));
   choice.value = here;
   byId("collection-label").hidden = labels.length < 2;
@@ -32,10 +28,13 @@ choice.addEventListener("change", () => {
   go("search");
 });
 
-let wanted = false;  // the server has asked for a key
+export const showKeyState = () => { byId("key-button").hidden = !api.getKey() && !wanted; };
 
-export function showKeyState() {
-  byId("key-button").hidden = !api.getKey() && !wanted;
+function setKey(key) {
+  const before = api.getKey();
+  api.setKey(key);
+  if (!key || (before && before !== key)) forgetQueries().catch(() => {});
+  showKeyState();
 }
 
 function openKeyDialog() {
@@ -54,19 +53,14 @@ document.addEventListener("pliant-key-wanted", () => {
 byId("key-button").addEventListener("click", openKeyDialog);
 byId("key-cancel").addEventListener("click", () => dialog.close());
 byId("key-forget").addEventListener("click", () => {
-  api.setKey("");
-  forgetQueries().catch(() => {});
-  showKeyState();
+  setKey("");
   dialog.close();
 });
 byId("key-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const before = api.getKey();
-  api.setKey(byId("key-input").value.trim());
-  if (before && before !== api.getKey()) forgetQueries().catch(() => {});
-  showKeyState();
+  setKey(byId("key-input").value.trim());
   try {
-    await refreshMe();
+    await api.refreshScope();
   } catch (error) {  // the dialog stays
     say(byId("key-problem"), error.message, true);
     byId("key-input").select();
@@ -77,7 +71,3 @@ byId("key-form").addEventListener("submit", async (event) => {
   showCurrent();
 });
 showKeyState();
-
-// "12 pictures of 8 objects"
-export const collectionWords = ({ images, objects }) =>
-  `${count(images, "picture")} of ${count(objects, "object")}`;

@@ -1,125 +1,166 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is dropped or pasted: files, folders, pictures dragged from another page, or only their addresses, which
-// the server fetches where its operator lets it.
-import { mayFetch } from "./me.js";
+// Files that are chosen, dropped or pasted, images dragged from a page, addresses that the server fetches, and images of
+// kinds that only the browser reads.
+import { mayFetch } from "./api.js";
+import { byId, resultOr } from "./dom.js";
 
-const kAddressOnly = "The browser handed over the picture's address only, and this page fetches nothing from elsewhere. " +
-  "Copy the picture itself and paste it here, or save it and drop the file.";
-const kNoPicture = "There is no picture in what was dropped.";
-const kNothingPasted = "There is no picture in what was pasted.";
+const kAddressOnly = "The browser gave only the address of this image, and this server fetches no images. " +
+  "Copy the image itself and paste it here, or save it and drop the file.";
 
-// A picture of this server's that is dragged from the page: { collection, id }, or null.
+// An image of this server: { collection, id }, or null.
 function storedAt(address) {
-  let url = null;
-  try {
-    url = new URL(address);
-  } catch {
-    return null;
-  }
-  if (url.origin !== location.origin) return null;
+  const url = resultOr(null, () => new URL(address));
+  if (url?.origin !== location.origin) return null;
   const part = /^\/v1\/collections\/([^/]+)\/images\/([^/]+)(?:\/(?:content|thumbnail))?$/.exec(url.pathname);
   if (part) return { collection: decodeURIComponent(part[1]), id: decodeURIComponent(part[2]) };
-  const view = /^#\/(?:picture|search)\?(.*)$/.exec(url.hash);
+  const view = /^#\/(?:image|search)\?(.*)$/.exec(url.hash);
   const query = new URLSearchParams(view?.[1] ?? "");
   const id = query.get("id") ?? query.get("image");
   return id ? { collection: query.get("in") ?? "default", id } : null;
 }
 
-// data:image/png;base64,… as a file; null for what is none.
+// data:image/png;base64,… as a file, or null.
 export function fileOfData(address) {
   const part = /^data:(image\/[a-z0-9.+-]+)((?:;[^;,]*)*),(.*)$/is.exec(address);
-  if (!part) return null;
-  try {
-    const text = part[2].toLowerCase().endsWith(";base64") ? atob(part[3]) :
-      decodeURIComponent(part[3].replace(/%(?![0-9a-f]{2})/gi, "%25"));
+  return part && resultOr(null, () => {
+    const text = part[2].toLowerCase().endsWith(";base64") ? atob(part[3]) : decodeURIComponent(part[3].replace(/%(?![0-9a-f]{2})/gi, "%25"));
     const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
     return new File([bytes], `image.${part[1].split("/")[1].replace(/\+.*/, "")}`, { type: part[1] });
-  } catch {
-    return null;
-  }
+  });
 }
 
-// The addresses that a drag or a paste brings along, the picture's own first.
+// The addresses in a drag or a paste, first the image's own.
 function addressesIn(transfer) {
   const page = new DOMParser().parseFromString(transfer.getData("text/html") || "", "text/html");  // an inert document
   const listed = (transfer.getData("text/uri-list") || "").split(/\r?\n/).filter((line) => line && !line.startsWith("#"));
-  const text = (transfer.getData("text/plain") || "").trim();
-  return [page.querySelector("img")?.getAttribute("src"), ...listed, text].filter(Boolean);
+  return [page.querySelector("img")?.getAttribute("src"), ...listed, (transfer.getData("text/plain") || "").trim()].filter(Boolean);
 }
 
-// A picture elsewhere as if it were a file, with its address in place of its bytes.
+// An image elsewhere as if it were a file: an address instead of bytes.
 export function fileAt(address) {
   const { pathname, host } = new URL(address);
-  let name = pathname.split("/").at(-1) || host;
-  try {
-    name = decodeURIComponent(name);
-  } catch {  // it stays as it is
-  }
-  return { name, address, size: 0, type: "", lastModified: Date.now() };
+  const last = pathname.split("/").at(-1) || host;
+  return { name: resultOr(last, () => decodeURIComponent(last)), address, size: 0, type: "", lastModified: Date.now() };
 }
 
-// { files: [{ file, folder }], stored: { collection, id } or null, address of a picture elsewhere or "",
-//   problem: words or "" }
-export async function received(transfer, isPaste = false) {
+// One of: files: [{ file, folder }], stored: { collection, id }, address, problem (a sentence).
+async function received(transfer, how) {
   const addresses = addressesIn(transfer);  // now: nothing can be read later
   const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
-  const plain = [...transfer.files].map((file) => ({ file, folder: "" }));
-  const stored = addresses.map(storedAt).find(Boolean) ?? null;
-  const nothing = { files: [], stored: null, address: "", problem: "" };
-  if (stored) return { ...nothing, stored };
-  let files = plain;
+  let files = [...transfer.files].map((file) => ({ file, folder: "" }));
+  const stored = addresses.map(storedAt).find(Boolean);
+  if (stored) return { stored };
   if (entries.some((entry) => entry?.isDirectory)) {
     files = [];
     for (const entry of entries) if (entry) await walk(entry, [], files);
   }
-  if (files.length) return { ...nothing, files };
-  const data = addresses.map(fileOfData).find(Boolean);
-  if (data) return { ...nothing, files: [{ file: data, folder: "" }] };
-  const elsewhere = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
-  if (elsewhere && await mayFetch()) return { ...nothing, address: elsewhere };
+  if (files.length) return { files };
+  const file = addresses.map(fileOfData).find(Boolean);
+  if (file) return { files: [{ file, folder: "" }] };
+  const address = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
+  if (address && await mayFetch()) return { address };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
-  return { ...nothing, problem: isAddress ? kAddressOnly : isPaste ? kNothingPasted : kNoPicture };
+  return { problem: isAddress ? kAddressOnly : `There is no image in what you ${how}.` };
 }
 
-// way: the folders that the entry lies in, from the one that was dropped.
-async function walk(entry, way, found) {
+// path: the folders around the entry, from the one that was dropped.
+async function walk(entry, path, found) {
   if (entry.isFile) {
     const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder: way.slice(1).join("/") || way[0] || "" });
+    if (!file.name.startsWith(".")) found.push({ file, folder: path.slice(1).join("/") || path[0] || "" });
     return;
   }
   const reader = entry.createReader();
   for (;;) {  // a reader gives at most 100 at once
     const some = await new Promise((done, fail) => reader.readEntries(done, fail));
     if (!some.length) return;
-    for (const inner of some) await walk(inner, [...way, entry.name], found);
+    for (const inner of some) await walk(inner, [...path, entry.name], found);
   }
 }
 
-// Lets files be dropped on `place`; use({ files, stored, address, problem }).
-export function acceptDrops(place, use) {
+// Calls use() with what is dropped on the view, pasted while it is shown, or chosen by the inputs; text for a field is
+// left alone.
+export function accept(view, inputs, use) {
   let depth = 0;  // dragenter and dragleave come for every child
   const mark = (change) => {
     depth = Math.max(0, depth + change);
-    place.classList.toggle("over", depth > 0);
+    view.classList.toggle("over", depth > 0);
   };
-  place.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
-  place.addEventListener("dragover", (event) => event.preventDefault());
-  place.addEventListener("dragleave", () => mark(-1));
-  place.addEventListener("drop", async (event) => {
+  view.addEventListener("dragenter", (event) => { event.preventDefault(); mark(1); });
+  view.addEventListener("dragleave", () => mark(-1));
+  view.addEventListener("drop", async (event) => {
     event.preventDefault();
     mark(-depth);
-    use(await received(event.dataTransfer));
+    use(await received(event.dataTransfer, "dropped"));
   });
-}
-
-// Calls use() with what is pasted while `view` is shown; text for a field is left alone.
-export function acceptPastes(view, use) {
   document.addEventListener("paste", async (event) => {
     if (view.hidden || event.target.closest?.("input, textarea, dialog")) return;
     const { clipboardData } = event;
-    if (!clipboardData.files.length && !clipboardData.types.length) return;
-    use(await received(clipboardData, true));
+    if (clipboardData.files.length || clipboardData.types.length) use(await received(clipboardData, "pasted"));
   });
+  for (const id of inputs) {
+    byId(id).addEventListener("change", ({ target }) => {
+      if (target.files.length) use({ files: [...target.files].map((file) => ({ file, folder: "" })) });
+      target.value = "";  // so that the same file can be chosen again
+    });
+  }
+}
+
+// --- kinds of files: the first bytes tell the kind, not the name. The browser converts images that the server does not read.
+
+const kQuality = 0.95;
+const kLongestSide = 8192;  // of a converted image, in pixels; canvases have an end
+
+const kServerReads = ["JPEG", "PNG", "WebP", "BMP", "TIFF"];
+const kAdvice = {
+  HEIC: "On an iPhone, choose Settings > Camera > Formats > Most Compatible. On a computer, export the photo as JPEG.",
+  SVG: "An SVG is a drawing, not a photo. Save it as PNG first.",
+  PDF: "A PDF is a document, not a photo. Save the page as PNG first.",
+  video: "A video is not a photo. Save a frame as JPEG first.",
+};
+
+const text = (bytes, from, to) => String.fromCharCode(...bytes.slice(from, to));
+
+// "JPEG", "HEIC", ...; null if unknown.
+export function kindOf(bytes) {
+  const starts = (...values) => values.every((value, i) => bytes[i] === value);
+  if (starts(0xff, 0xd8, 0xff)) return "JPEG";
+  if (starts(0x89, 0x50, 0x4e, 0x47)) return "PNG";
+  if (text(bytes, 0, 4) === "RIFF" && text(bytes, 8, 12) === "WEBP") return "WebP";
+  if (starts(0x42, 0x4d)) return "BMP";
+  if (["II*\0", "MM\0*"].includes(text(bytes, 0, 4))) return "TIFF";
+  if (text(bytes, 0, 4) === "GIF8") return "GIF";
+  if (text(bytes, 0, 4) === "%PDF") return "PDF";
+  if (starts(0, 0, 1, 0)) return "ICO";
+  if (starts(0xff, 0x0a) || text(bytes, 4, 8) === "JXL ") return "JPEG XL";
+  if (text(bytes, 4, 8) === "ftyp") {
+    const brands = text(bytes, 8, 64);
+    if (/^avi[fs]/.test(brands)) return "AVIF";
+    if (/^(hei|hev|mif1|msf1)/.test(brands)) return /avif/.test(brands) ? "AVIF" : "HEIC";
+    return "video";
+  }
+  if (starts(0x1a, 0x45, 0xdf, 0xa3)) return "video";
+  return /^\s*(<\?xml[^]*)?<svg/i.test(text(bytes, 0, 256)) ? "SVG" : null;
+}
+
+// The same file, or a converted one. Throws an Error with a sentence.
+export async function readable(file) {
+  const kind = kindOf(new Uint8Array(await file.slice(0, 256).arrayBuffer()));
+  if (kind === null || kServerReads.includes(kind)) return file;
+  const bitmap = kind === "SVG" ? null : await createImageBitmap(file).catch(() => null);
+  if (!bitmap) {
+    const advice = kAdvice[kind] ?? "Save it as JPEG or PNG first.";
+    throw new Error(["SVG", "PDF", "video"].includes(kind) ? advice : `${kind} images cannot be read here. ${advice}`);
+  }
+  const scale = Math.min(1, kLongestSide / Math.max(bitmap.width, bitmap.height));
+  const canvas = new OffscreenCanvas(Math.round(bitmap.width * scale), Math.round(bitmap.height * scale));
+  const context = canvas.getContext("2d");
+  context.fillStyle = "#fff";  // below transparent pixels
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  bitmap.close();
+  const [type, ending] = kind === "GIF" ? ["image/png", "png"] : ["image/jpeg", "jpg"];
+  const blob = await canvas.convertToBlob({ type, quality: kQuality });
+  return new File([blob], `${file.name.replace(/\.[^.]{1,5}$/, "")}.${ending}`, { type, lastModified: file.lastModified });
 }

@@ -1,53 +1,53 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Work that the server does in the background.
+// Background jobs of the server.
 import { ask, deletePath } from "./api.js";
-import { count, make, shortTime, wait } from "./dom.js";
+import { byId, count, make, makeButton, shortTime, wait } from "./dom.js";
 import { problemWords } from "./words.js";
 
 const kPollMs = 1000;
-
-const kKinds = {
-  train: "Choosing a vocabulary",
-  demo: "Loading demonstration objects",
-  import: "Adding pictures",
-  bulk_import: "Adding pictures that were sent",
-  activate: "Switching the vocabulary",
-  backup: "Backing up",
-};
-const kStates = { queued: "waiting", running: "running", done: "done", failed: "failed",
-                  cancelled: "stopped" };
+const kShown = 12;
+const kKinds = { train: "Preparing search", demo: "Loading demonstration objects", import: "Importing images", bulk_import: "Importing uploaded images",
+                 activate: "Switching the vocabulary", backup: "Creating a backup" };
+const kStates = { queued: "waiting", cancelled: "stopped" };  // the others are words already
 
 export const isActive = (job) => job.state === "queued" || job.state === "running";
+const pathOf = (id) => `/v1/jobs/${encodeURIComponent(id)}`;
 
-// Follows a job to its end; onProgress(job) is told each time. Throws when it failed.
-export async function follow(id, onProgress = () => {}) {
+// Follows a job to its end; onProgress(job) is told each time. Throws if the job failed.
+export async function follow(id, onProgress) {
   for (;;) {
-    const job = await ask(`/v1/jobs/${encodeURIComponent(id)}`);
+    const job = await ask(pathOf(id));
     onProgress(job);
-    if (job.state === "failed") throw new Error(job.problem ? problemWords(500, job.problem, 0) : "The work failed.");
-    if (!isActive(job)) return job;
+    if (job.state === "failed") throw new Error(job.problem ? problemWords(500, job.problem) : "The job failed.");
+    if (!isActive(job)) return;
     await wait(kPollMs);
   }
 }
 
-// One job as an item of a list.
-export function jobItem(job, onChange) {
+function jobItem(job, onChange) {
   const name = kKinds[job.kind] ?? job.kind;
-  const item = make("li", {}, make("strong", { text: name }),
-                    make("span", { class: "quiet", text: `${kStates[job.state] ?? job.state}, ` +
-                      shortTime(job.finished_at ?? job.created_at) }));
+  const state = `${kStates[job.state] ?? job.state}, ${shortTime(job.finished_at ?? job.created_at)}`;
+  const item = make("li", {}, make("strong", { text: name }), make("span", { class: "quiet", text: state }));
   if (job.failed) item.append(make("span", { class: "error", text: `${count(job.failed, "item")} failed` }));
-  if (job.problem) item.append(make("span", { class: "error", text: problemWords(500, job.problem, 0) }));
+  if (job.problem) item.append(make("span", { class: "error", text: problemWords(500, job.problem) }));
   if (!isActive(job)) return item;
-  item.append(make("progress", { max: job.total || 1, value: job.done, "aria-label": name }));
-  item.append(make("button", {
-    type: "button", text: "Stop", "data-needs": "write", "aria-label": `Stop: ${name}`,
-    onclick: async (event) => {
-      event.target.disabled = true;
-      await deletePath(`/v1/jobs/${encodeURIComponent(job.id)}`).catch(() => {});
-      onChange();
-    },
-  }));
+  item.append(make("progress", { max: job.total || 1, value: job.done, "aria-label": name }), makeButton("Stop", async ({ target }) => {
+    target.disabled = true;
+    await deletePath(pathOf(job.id)).catch(() => {});
+    onChange();
+  }, { "data-needs": "write", "aria-label": `Stop: ${name}` }));
   return item;
+}
+
+// show(jobs) for the list with this id. It draws only changes, so that buttons keep the focus.
+export function makeJobList(id, onChange) {
+  let shown = "";
+  return (jobs) => {
+    const some = jobs.slice(0, kShown);
+    if (JSON.stringify(some) === shown) return;
+    shown = JSON.stringify(some);
+    byId(id).replaceChildren(...some.map((job) => jobItem(job, onChange)));
+    if (!some.length) byId(id).append(make("li", { class: "quiet", text: "No background jobs." }));
+  };
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The last pictures that were searched with, kept in this browser, so that a search survives Reload and
-// Back. They never leave it but to be searched with. Those of people with a key are their tab's alone.
+// The last photos of searches, kept in this browser so that a search survives Reload and Back. With a key, only the tab
+// that searched can read them.
 import { getKey } from "./api.js";
 
 const kDatabase = "pliant";
@@ -29,38 +29,27 @@ function nameTab() {
   return thisTab();
 }
 
-// Throws away what is too old or too much.
+// Deletes what is too old or too much.
 async function purge(queries) {
   const all = (await done(queries.getAll())).sort((a, b) => b.at - a.at);
   for (const [i, entry] of all.entries()) if (i >= kMost || isOld(entry)) queries.delete(entry.key);
 }
 export const purgeQueries = async () => purge(await store("readwrite"));
 
-// Its key; null where the browser keeps nothing, as in some private windows.
-export async function keepQuery(file) {
-  try {
-    const queries = await store("readwrite");
-    const now = Date.now();
-    const key = `${now.toString(36)}-${Math.floor(Math.random() * 36 ** 4).toString(36)}`;
-    const tab = getKey() ? nameTab() : null;
-    await done(queries.put({ key, file, name: file.name, at: now, tab }));
-    await purge(queries);
-    return key;
-  } catch {
-    return null;
-  }
-}
+// The photo's key; null if the browser keeps nothing, as in some private windows.
+export const keepQuery = (file) => store("readwrite").then(async (queries) => {
+  const now = Date.now();
+  const key = `${now.toString(36)}-${Math.floor(Math.random() * 36 ** 4).toString(36)}`;
+  await done(queries.put({ key, file, name: file.name, at: now, tab: getKey() ? nameTab() : null }));
+  await purge(queries);
+  return key;
+}).catch(() => null);
 
-// The file; null when it is no longer there, too old or another tab's.
-export async function keptQuery(key) {
-  try {
-    const entry = await done((await store("readonly")).get(key));
-    const isOurs = entry && !isOld(entry) && (!entry.tab || entry.tab === thisTab());
-    return isOurs ? entry.file : null;
-  } catch {
-    return null;
-  }
-}
+// The file; null if it is deleted, too old or another tab's.
+export const keptQuery = (key) => store("readonly").then(async (queries) => {
+  const entry = await done(queries.get(key));
+  return entry && !isOld(entry) && (!entry.tab || entry.tab === thisTab()) ? entry.file : null;
+}).catch(() => null);
 
 export async function forgetQueries() {
   sessionStorage.removeItem(kTabName);

@@ -1,31 +1,25 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Keys, for those who may do everything: who has one, a new one (shown once), and the end of one.
+// Keys, for admins: created, shown once, revoked.
 import * as api from "./api.js";
-import { byId, make, say, shortTime } from "./dom.js";
+import { askFirst, attempt, byId, copyText, make, makeButton, say, shortTime, smallButton } from "./dom.js";
 import { showKeyState } from "./header.js";
-import { refreshMe } from "./me.js";
 
-const kScopes = { read: "search and look", write: "search, look, add, change and delete", admin: "everything" };
-
-let isFirst = false;  // there is no key yet, and the server answers everybody
+const tell = (...what) => say(byId("keys-status"), ...what);
+let isFirst = false;  // the server has no keys and answers everyone
 
 function showNew(made) {
   const text = make("input", { type: "text", readonly: true, value: made.key, "aria-label": "The new key", spellcheck: "false" });
   const copied = make("span", { role: "status" });
-  const copy = make("button", { type: "button", text: "Copy", onclick: async () => {
-    try {
-      await navigator.clipboard.writeText(made.key);
-      say(copied, "Copied.");
-    } catch {  // not allowed without https, for example
-      text.select();
-      say(copied, "Press Ctrl+C to copy it.");
-    }
-  } });
+  const copy = makeButton("Copy", async () => {
+    const done = await copyText(made.key);
+    if (!done) text.select();
+    say(copied, done ? "Copied." : "Press Ctrl+C to copy the key.");
+  });
   byId("keys-new").replaceChildren(
-    make("p", {}, make("strong", { text: `The key "${made.name}". ` }), "It is shown only now: the server keeps no key, only what it takes to know it again."),
+    make("p", {}, make("strong", { text: `Key "${made.name}" created. ` }), "Copy this key now. It will not be shown again."),
     make("div", { class: "row key-row" }, text, copy, copied),
-    ...(isFirst ? [make("p", { text: "From now on this server answers nobody without a key. This tab uses the new one." })] : []));
+    ...(isFirst ? [make("p", { text: "From now on this server needs a key. This tab uses the new key." })] : []));
   byId("keys-new").hidden = false;
   text.focus();
   text.select();
@@ -33,87 +27,64 @@ function showNew(made) {
 
 byId("keys-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const status = byId("keys-status");
   const name = byId("keys-name").value.trim();
   if (!name) {
-    say(status, "A key needs a name: what it is for, or whose it is.", true);
+    tell("Enter a name for the key.", true);
     byId("keys-name").focus();
     return;
   }
-  try {
+  await attempt(byId("keys-status"), async () => {
     const made = await api.askJson("/v1/keys", "POST", { name, scope: byId("keys-scope").value });
-    say(status, "");
+    tell("");
     byId("keys-name").value = "";
     if (isFirst) {
       api.setKey(made.key);
       showKeyState();
-      await refreshMe();
+      await api.refreshScope();
     }
     showNew(made);
-  } catch (error) {
-    say(status, error.message, true);
-  }
+  });
   refresh();
 });
 
-// What is revoked works for nobody from then on, so this asks.
-function askBeforeRevoking(button, key) {
-  const sure = make("button", { type: "button", class: "small danger", text: "Yes, revoke it" });
-  const no = make("button", { type: "button", class: "small", text: "Keep it" });
-  const question = make("span", { class: "row", role: "group", "aria-label": `Revoke ${key.name}?` },
-                        make("span", { text: "Whoever uses it is refused from then on." }), no, sure);
-  button.replaceWith(question);
-  no.focus();
-  no.addEventListener("click", () => { question.replaceWith(button); button.focus(); });
-  sure.addEventListener("click", async () => {
-    let failure = null;
-    try {
-      await api.deletePath(`/v1/keys/${encodeURIComponent(key.id)}`);
-    } catch (error) {
-      failure = error.message;
-    }
-    await refresh();  // first: what is said is seen in the list
-    say(byId("keys-status"), failure ?? `The key "${key.name}" is revoked.`, Boolean(failure));
-    byId("keys-title").focus();
-  });
+async function revoke(key) {
+  const failure = await api.deletePath(`/v1/keys/${encodeURIComponent(key.id)}`).then(() => null, (error) => error.message);
+  await refresh();  // the list first, then the words
+  tell(failure ?? `Key "${key.name}" revoked.`, Boolean(failure));
+  byId("keys-title").focus();
 }
 
 function row(key, mine) {
-  const last = make("td");
-  if (key.revoked_at) last.append(`revoked ${shortTime(key.revoked_at)}`);
-  else if (key.id === mine) last.append("this tab's");
-  if (!key.revoked_at) {
-    last.append(" ", make("button", { type: "button", class: "small", text: "Revoke", "aria-label": `Revoke the key ${key.name}`,
-                                      onclick: (event) => askBeforeRevoking(event.target, key) }));
-  }
-  return make("tr", { class: key.revoked_at ? "gone" : "" }, make("th", { scope: "row", text: key.name }), make("td", { text: kScopes[key.scope] ?? key.scope }),
-              make("td", {}, make("code", { text: key.id })), make("td", { text: shortTime(key.created_at) }), last);
+  const ask = ({ target }) => askFirst(target, {
+    label: `Revoke ${key.name}?`, question: "The key will stop working at once.", yes: "Revoke", act: () => revoke(key) });
+  const state = key.revoked_at ? [`revoked ${shortTime(key.revoked_at)}`] :
+    [key.id === mine ? "used by this tab " : "", smallButton("Revoke", ask, { class: "small", "aria-label": `Revoke the key ${key.name}` })];
+  return make("tr", { class: key.revoked_at ? "gone" : "" }, make("th", { scope: "row", text: key.name }), make("td", { text: key.scope }),
+              make("td", {}, make("code", { text: key.id })), make("td", { text: shortTime(key.created_at) }), make("td", {}, ...state));
 }
 
 async function refresh() {
-  try {
+  const done = await attempt(byId("keys-status"), async () => {
     const [{ keys }, me] = await Promise.all([api.ask("/v1/keys"), api.ask("/v1/me")]);
     isFirst = !me.keys_required;
-    byId("keys-scope").value = isFirst ? "admin" : byId("keys-scope").value;
+    if (isFirst) byId("keys-scope").value = "admin";
     for (const option of byId("keys-scope").options) option.disabled = isFirst && option.value !== "admin";
     byId("keys-none").hidden = !isFirst;
     byId("keys-table").hidden = !keys.length;
     byId("keys-list").replaceChildren(...keys.map((key) => row(key, me.key?.id)));
-  } catch (error) {
-    byId("keys-list").replaceChildren();
-    say(byId("keys-status"), error.message, true);
-  }
+  });
+  if (!done) byId("keys-list").replaceChildren();
 }
 
 export const keysView = {
   title: "Keys",
   show() {
-    say(byId("keys-status"), "");
+    tell("");
     return refresh();
   },
   hide() {
-    byId("keys-list").replaceChildren();  // who comes back must not press what is about to be drawn anew
-    byId("keys-new").replaceChildren();  // it was shown once
+    byId("keys-list").replaceChildren();  // on return, nobody must press what is about to be drawn again
+    byId("keys-new").replaceChildren();   // it is shown once
     byId("keys-new").hidden = true;
   },
 };

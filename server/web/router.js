@@ -1,43 +1,41 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Addresses behind the #, so that every view and every search by a stored picture has a link:
-//   #/search?image=ID   #/add   #/objects   #/object?name=NAME   #/pictures   #/picture?id=ID   #/collection
-// and in=NAME where the collection is not "default". Back leads to where one was, as far down as one was.
+// Addresses behind the #, so that every view and every search has a link: #/search?image=ID   #/add   #/objects
+// #/object?name=NAME   #/images   #/image?id=ID   #/collection, and in=NAME for collections other than "default". Back
+// leads to the same place of the page before.
 import { collectionName, setCollection } from "./api.js";
 import { byId } from "./dom.js";
 
 const views = new Map();
 
-// view: { title, show(params, { isNew, isReturn }), hide() }; its section has the id view-NAME. isNew:
-// another view was shown before; isReturn: by Back or Forward. show may give a promise: until its contents are there.
+// view: { title, show(parameters, { isNew, isReturn }), hide() }; its section has the id view-NAME. isNew: another view was
+// shown before; isReturn: by Back or Forward. show may return a promise that ends when the contents are there.
 export const addView = (name, view) => views.set(name, view);
 
 export function link(view, parameters = {}) {
   const query = new URLSearchParams();
   if (collectionName() !== "default") query.set("in", collectionName());
-  for (const [name, value] of Object.entries(parameters)) {
-    if (value !== undefined && value !== null) query.set(name, value);
-  }
+  for (const [name, value] of Object.entries(parameters)) if (value !== undefined && value !== null) query.set(name, value);
   const text = query.toString();
   return `#/${view}${text ? `?${text}` : ""}`;
 }
 
 export const go = (view, parameters) => { location.hash = link(view, parameters); };
 
-// --- where one was
+// --- places in the history
 
-// Entries of the browser's history that this page has made, by a number in their state; of each how far
-// down one was, and which link one followed.
+// This page's entries of the browser's history, by a number in their state: how far down the page was, and the link that
+// was followed.
 const places = new Map();
 let entry = null;
 let entries = 0;
+const nextEntry = () => { entry = `${Date.now()}-${++entries}`; };
 
 function leavePlace() {
-  if (entry === null) return;
-  places.set(entry, { down: scrollY, href: document.activeElement?.getAttribute?.("href") ?? null });
+  if (entry !== null) places.set(entry, { down: scrollY, href: document.activeElement?.getAttribute?.("href") ?? null });
 }
 
-// Whether it is an entry that was there before.
+// Whether the entry was there before.
 function enterPlace() {
   const known = history.state?.entry;
   if (known === entry && entry !== null) return false;
@@ -46,73 +44,64 @@ function enterPlace() {
     entry = known;
     return true;
   }
-  const before = entry;
-  entry = `${Date.now()}-${++entries}`;
-  history.replaceState({ entry, inside: before !== null }, "");
+  const inside = entry !== null;
+  nextEntry();
+  history.replaceState({ entry, inside }, "");
   return false;
 }
 
 function returnToPlace(name) {
   const place = places.get(entry);
   if (!place) return;
-  const followed = place.href && byId(`view-${name}`).querySelector(`a[href="${CSS.escape(place.href)}"]`);
-  followed?.focus({ preventScroll: true });
+  if (place.href) byId(`view-${name}`).querySelector(`a[href="${CSS.escape(place.href)}"]`)?.focus({ preventScroll: true });
   scrollTo(0, place.down);
 }
 
 // A new address for what is shown already.
 export function pushAddress(hash) {
   leavePlace();
-  entry = `${Date.now()}-${++entries}`;
+  nextEntry();
   history.pushState({ entry, inside: true }, "", hash);
 }
 
-// Another address for the same place in the history, of what is shown already.
+// Another address for the same entry.
 export const noteAddress = (hash) => history.replaceState(history.state, "", hash);
 
-// The same, and what it says.
+// The same, and shows it.
 export function replaceAddress(hash) {
-  history.replaceState(history.state, "", hash);
+  noteAddress(hash);
   return showCurrent();
 }
 
-// A link back: to where one came from, else to what its href says.
-export function makeBackLink(anchor) {
-  anchor.addEventListener("click", (event) => {
-    if (!history.state?.inside) return;
-    event.preventDefault();
-    history.back();
-  });
-}
+// A link back: to the page before, or for people who opened this page by its link, to its href.
+export const makeBackLink = (anchor) => anchor.addEventListener("click", (event) => {
+  if (!history.state?.inside) return;
+  event.preventDefault();
+  history.back();
+});
 
-function parse() {
-  const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
-  const name = views.has(path) ? path : "search";
-  return { name, parameters: new URLSearchParams(query) };
-}
+// --- views
 
 let shown = null;
+let onCollection = () => {};
+export const whenCollectionChanges = (call) => { onCollection = call; };
+export const showing = () => shown;
+export const setTitle = (text) => { document.title = `${text} – Pliant`; };
 
 function markNavigation(name) {
   byId("search-live").href = link("camera");
   for (const anchor of document.querySelectorAll("nav [data-view]")) {
-    anchor.href = link(anchor.dataset.view);
-    const here = anchor.dataset.view === name ||
-                 (anchor.dataset.view === "objects" && ["object", "pictures", "picture"].includes(name));
-    if (here) anchor.setAttribute("aria-current", "page");
+    const { view } = anchor.dataset;
+    anchor.href = link(view);
+    if (view === name || (view === "objects" && ["object", "images", "image"].includes(name))) anchor.setAttribute("aria-current", "page");
     else anchor.removeAttribute("aria-current");
   }
 }
 
-let onCollection = () => {};
-export const whenCollectionChanges = (call) => { onCollection = call; };
-
-export const showing = () => shown;
-export const setTitle = (text) => { document.title = `${text} – Pliant`; };
-
-// A promise of the view's, where it has one: until its contents are there.
 export function showCurrent() {
-  const { name, parameters } = parse();
+  const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
+  const name = views.has(path) ? path : "search";
+  const parameters = new URLSearchParams(query);
   const isReturn = enterPlace();
   const wanted = parameters.get("in") ?? "default";
   if (wanted !== collectionName()) {
@@ -123,9 +112,7 @@ export function showCurrent() {
   const first = shown === null;
   if (isNew) {
     views.get(shown)?.hide?.();
-    for (const section of document.querySelectorAll(".view")) {
-      section.hidden = section.id !== `view-${name}`;
-    }
+    for (const section of document.querySelectorAll(".view")) section.hidden = section.id !== `view-${name}`;
     shown = name;
   }
   markNavigation(name);
@@ -143,7 +130,6 @@ export function showCurrent() {
 
 export function startRouter() {
   history.scrollRestoration = "manual";
-  // Sent while the address changes, where hashchange comes later: what is given and noted in between would be lost.
-  addEventListener("popstate", showCurrent);
+  addEventListener("popstate", showCurrent);  // hashchange comes too late: noteAddress() would overwrite the new address
   return showCurrent();
 }

@@ -1,29 +1,25 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The query picture with everything that was found in it: each object outlined in a colour of its own,
-// with its name, which selects it.
-import { byId, make } from "./dom.js";
+// The photo with everything found in it: each object outlined in its own colour, with its name, which selects it.
+import { byId, makeButton } from "./dom.js";
 import { drawOutline, drawPoints, fitCanvas, kOutline } from "./draw.js";
 import { objectName } from "./names.js";
 import { isWeak } from "./words.js";
 
-// Seen on any picture (outlines have dark edges), and told apart by people who see fewer colours.
+// They show on any image (outlines have dark edges), also to people who see fewer colours.
 export const kColours = [kOutline, "#4dd2ff", "#ff8ad8", "#8dff7a", "#ff9d4d", "#c0a8ff"];
 const kSlipPx = 6;  // a pointer that moved further has drawn, not tapped
 
-const canvas = byId("stage-canvas");
-const tags = byId("stage-tags");
-const stage = byId("stage");
+const [canvas, tags, stage] = ["stage-canvas", "stage-tags", "stage"].map(byId);
 
 let shown = [];  // [{ hit, polygon }] that can be tapped
-let pictureWidth = 1;
+let photoWidth = 1;
 let pick = () => {};
 
 export const whenHitIsPicked = (call) => { pick = call; };
 
-// An object may be in the picture more than once.
-const outlinesOf = (hit) =>
-  [hit.polygon, ...(hit.instances ?? []).slice(1).map((one) => one.polygon)].filter(Boolean);
+// An object may be in the photo more than once.
+const outlinesOf = (hit) => [hit.polygon, ...(hit.instances ?? []).slice(1).map((one) => one.polygon)].filter(Boolean);
 
 // Map from image ids to colours, of the hits that are outlined without being chosen.
 export function coloursOf(hits) {
@@ -31,21 +27,20 @@ export function coloursOf(hits) {
   return new Map(outlined.map((hit, i) => [hit.image_id, kColours[i % kColours.length]]));
 }
 
-// query: { picture, width, height }. All hits with a colour, and the chosen one with its points.
+// query: { bitmap, width, height }. Draws all hits with a colour, and the chosen one with its inliers.
 export function drawStage(query, hits, chosen) {
   const note = byId("stage-note");
   const focused = shown[[...tags.children].indexOf(document.activeElement)]?.polygon;
   tags.replaceChildren();
   shown = [];
-  if (!query?.picture) {
-    note.textContent = query?.url ? "The server is fetching this picture." :
-                                    "This browser cannot show this kind of picture. Searching works all the same.";
+  if (!query?.bitmap) {
+    note.textContent = query?.url ? "The server is fetching this image." : "This browser cannot show this file. The search works all the same.";
     return;
   }
-  pictureWidth = query.width;
+  photoWidth = query.width;
   const scale = fitCanvas(canvas, query.width, query.height);
   const context = canvas.getContext("2d");
-  context.drawImage(query.picture, 0, 0, canvas.width, canvas.height);
+  context.drawImage(query.bitmap, 0, 0, canvas.width, canvas.height);
   const colours = coloursOf(hits);
   if (chosen && !colours.has(chosen.image_id)) colours.set(chosen.image_id, kColours[0]);
   const said = [];
@@ -57,33 +52,27 @@ export function drawStage(query, hits, chosen) {
       shown.push({ hit, polygon });
       tags.append(tag(hit, polygon, colour, query, hit === chosen));
     }
-    const often = outlines.length > 1 ? `, ${outlines.length} times` : "";
-    if (outlines.length) said.push(objectName(hit.object, hit.source) + often);
+    if (outlines.length) said.push(objectName(hit.object, hit.source) + (outlines.length > 1 ? `, ${outlines.length} times` : ""));
   }
-  if (chosen?.explain) {
-    drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
-  }
-  if (focused) {  // the same name's new tag
-    tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
-  }
+  if (chosen?.explain) drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
+  if (focused) tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
   separate();
   note.textContent = said.length ? `Outlined: ${said.join("; ")}` : "";
-  canvas.setAttribute("aria-label", ["Your picture", note.textContent].filter(Boolean).join(". "));
+  canvas.setAttribute("aria-label", ["Your photo", note.textContent].filter(Boolean).join(". "));
 }
 
-// The name, at the top of the outline, inside the picture.
+// The name, at the top of the outline, inside the photo.
 function tag(hit, polygon, colour, query, isChosen) {
   const name = objectName(hit.object, hit.source);
   const [x, y] = polygon.reduce((best, point) => (point[1] < best[1] ? point : best));
-  const button = make("button", { type: "button", class: "tag", text: name, title: name,
-                                  "aria-pressed": String(isChosen), onclick: () => pick(hit) });
+  const button = makeButton(name, () => pick(hit), { class: "tag", title: name, "aria-pressed": String(isChosen) });
   const within = (share, least) => Math.min(1 - least, Math.max(least, share));
   button.middle = [within(x / query.width, 0.12), within(y / query.height, 0.06)];
   button.style.borderColor = colour;
   return button;
 }
 
-// Names do not lie on each other: a later one moves down or up to the next free place.
+// Names must not overlap: a later one moves down or up to the next free place.
 function separate() {
   const { clientWidth: width, clientHeight: height } = stage;
   const placed = [];
@@ -123,9 +112,8 @@ stage.addEventListener("click", (event) => {
   const slipped = Math.hypot(event.clientX - pressedAt[0], event.clientY - pressedAt[1]) > kSlipPx;
   if (event.target.closest(".tag") || slipped || !shown.length || !byId("region").hidden) return;
   const frame = canvas.getBoundingClientRect();
-  const scale = pictureWidth / frame.width;
+  const scale = photoWidth / frame.width;
   const at = [(event.clientX - frame.left) * scale, (event.clientY - frame.top) * scale];
-  const under = shown.filter(({ polygon }) => isInside(at, polygon))
-    .sort((a, b) => areaOf(a.polygon) - areaOf(b.polygon));
+  const under = shown.filter(({ polygon }) => isInside(at, polygon)).sort((a, b) => areaOf(a.polygon) - areaOf(b.polygon));
   if (under.length) pick(under[0].hit);
 });

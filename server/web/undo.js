@@ -1,32 +1,28 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Deleting with time to think: what is deleted disappears at once, but the server is told only when
-// the notice with "Undo" has run out, or when the page is left.
-import { deletePath, getKey } from "./api.js";
-import { byId, eachOf, make } from "./dom.js";
+// Deleting with undo, and notices. A deleted item disappears at once; the server is told when the time for "Undo" is
+// over, or when the page is left.
+import { deletePath, keyHeaders } from "./api.js";
+import { byId, eachOf, make, makeButton } from "./dom.js";
 
 const kUndoMs = 8000;
 const kTickMs = 200;
 const kMayMoveMs = 1000;
 const kLongestMs = 60_000;  // also while the pointer rests on the notice
 
-const pending = new Map();  // path -> what is to be deleted
+const pending = new Map();  // path -> commit()
 
-// Whether the picture is on its way out, by itself or with its object.
 export const isLeaving = (path) => pending.has(path);
 
-// Before something else takes that place: what is on its way out goes now, so that the newcomer does not
-// go with it. Where it cannot be deleted, it is back.
-export const settle = async (path) => { await pending.get(path)?.commit(); };
+// Before something takes the place of a deleted item: deletes that item now, so that the new one stays.
+export const settle = async (path) => { await pending.get(path)?.(); };
 
-// paths: what DELETE is sent to. text: the notice. restore(error, some): called on undo with null and all
-// paths, and when deleting failed with the reason and the paths that are still there. done: called when
-// all are really gone.
+// paths: for DELETE. restore(error, some): called on undo with null and all paths, and after a failure with the reason
+// and the remaining paths. done: called when all are deleted.
 export function deleteLater({ paths, text, restore, done }) {
   const bar = make("progress", { max: kUndoMs, value: kUndoMs, "aria-label": "Time left to undo" });
-  const undo = make("button", { type: "button", text: "Undo" });
-  const notice = make("div", { class: "notice" },
-                      make("p", { text }), make("div", { class: "row" }, undo, bar));
+  const undo = makeButton("Undo", () => { finish(); restore(null, paths); });
+  const notice = make("div", { class: "notice" }, make("p", { text }), make("div", { class: "row" }, undo, bar));
   let left = kUndoMs;
   const born = Date.now();
   const finish = () => {
@@ -41,13 +37,9 @@ export function deleteLater({ paths, text, restore, done }) {
   const remove = async () => {
     clearInterval(timer);
     undo.disabled = true;
-    const failed = await eachOf(paths, async (path) => {
-      try {
-        await deletePath(path);
-      } catch (error) {
-        if (error.status !== 404) throw error;  // else somebody was faster
-      }
-    });
+    const failed = await eachOf(paths, (path) => deletePath(path).catch((error) => {
+      if (error.status !== 404) throw error;  // someone else deleted it
+    }));
     finish();
     if (failed.length) restore(failed[0].error, failed.map(({ item }) => item));
     else done?.();
@@ -58,29 +50,22 @@ export function deleteLater({ paths, text, restore, done }) {
     bar.value = left;
     if (left <= 0) commit();
   }, kTickMs);
-  undo.addEventListener("click", () => {
-    finish();
-    restore(null, paths);
-  });
-  for (const path of paths) pending.set(path, { commit });
+  for (const path of paths) pending.set(path, commit);
   byId("notices").append(notice);
 }
 
-// A message that goes by itself; for people who are not looking at the place where it happened.
+// A message that closes by itself, unless it is an error.
 export function notify(text, isError = false) {
-  const close = make("button", { type: "button", text: "Close" });
-  const notice = make("div", { class: `notice${isError ? " error" : ""}` }, make("p", { text }), close);
-  close.addEventListener("click", () => notice.remove());
+  const notice = make("div", { class: `notice${isError ? " error" : ""}` }, make("p", { text }), makeButton("Close", () => notice.remove()));
   byId("notices").append(notice);
   if (isError) return;
   setTimeout(() => notice.remove(), kUndoMs);
-  // Nor does it lie over what one goes to next; going there may be what it tells of.
+  // It must not cover the next view; opening a view may be what it reports.
   setTimeout(() => addEventListener("hashchange", () => notice.remove(), { once: true }), kMayMoveMs);
 }
 
-// Leaving the page is no undo: what was deleted is deleted.
+// Leaving the page is not undo.
 addEventListener("pagehide", () => {
-  const headers = getKey() ? { Authorization: `Bearer ${getKey()}` } : {};
-  for (const path of pending.keys()) fetch(path, { method: "DELETE", keepalive: true, headers });
+  for (const path of pending.keys()) fetch(path, { method: "DELETE", keepalive: true, headers: keyHeaders() });
   pending.clear();
 });

@@ -160,7 +160,7 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
     figures.sum += watch.Lap();
     for (const NearWord& cell : cells) {
       for (const auto& part : snapshot.parts) {
-        figures.codes += static_cast<double>(part.codes->List(cell.word).size);
+        figures.codes += static_cast<double>(part.segment->codes().List(cell.word).size);
       }
     }
     figures.right += IsRight(all, picture, first) ? 1U : 0U;
@@ -168,20 +168,18 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
   return figures;
 }
 
-Figures AskByWords(const Collection& all, const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                   RankMethod method, int threads) {
+Figures AskHistograms(const Collection& all, const IndexSnapshot& snapshot,
+                      const Quantizer& quantizer, int threads) {
   Figures figures;
   RankOptions options;
-  options.method = method;
+  options.method = RankMethod::kHistogram;
   options.keep = 10;
   options.threads = threads;
   for (const LabelledPicture& picture : all.set.queries) {
     Stopwatch watch(threads);
     const auto words = quantizer.Assign(picture.descriptors, threads);
     figures.assign += watch.Lap();
-    Bow bow = quantizer.BowOf(picture.descriptors, 0, words);
-    figures.tables += watch.Lap();
-    const Ranking ranking = Rank(snapshot, bow, options);
+    const Ranking ranking = RankByHistogram(snapshot, MakeBow(words), options);
     figures.scan += watch.Lap();
     figures.right +=
         !ranking.best.empty() && IsRight(all, picture, ranking.best.front().ref.version) ? 1U : 0U;
@@ -242,8 +240,7 @@ void MeasureRankings(const Collection& all, const Options& options, int threads,
       print(name, AskNeighbours(all, snapshot, quantizer, {cells, reach, threads}));
     }
   }
-  print("tfidf", AskByWords(all, snapshot, quantizer, RankMethod::kTfIdf, threads));
-  print("histogram", AskByWords(all, snapshot, quantizer, RankMethod::kHistogram, threads));
+  print("histogram", AskHistograms(all, snapshot, quantizer, threads));
 }
 
 void Measure(const Collection& all, const Options& options, int words) {

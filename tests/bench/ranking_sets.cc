@@ -125,8 +125,7 @@ Descriptors DrawRows(const Descriptors& descriptors, std::size_t count, std::mt1
 GrowingIndex::GrowingIndex(const std::vector<LabelledPicture>& gallery,
                            const std::vector<LabelledPicture>& distractors,
                            std::shared_ptr<const Quantizer> quantizer)
-    : index_(quantizer->vocabulary().size(), quantizer),
-      distractors_(Quantized(distractors, *quantizer)) {
+    : index_(quantizer), distractors_(Quantized(distractors, *quantizer)) {
   Add(Quantized(gallery, *quantizer));
 }
 
@@ -141,7 +140,6 @@ std::shared_ptr<const IndexSnapshot> GrowingIndex::Grow(std::size_t pictures) {
     }
     Add(std::move(chunk));
   }
-  index_.Refresh();
   return index_.snapshot();
 }
 

@@ -127,7 +127,7 @@ async function slowDown(page, latency) {
 // While the page is being written: its files from a folder, in place of those built into the server.
 async function servePageFrom(page, folder) {
   if (!folder) return;
-  const types = { html: "text/html", css: "text/css", js: "text/javascript" };
+  const types = { html: "text/html", css: "text/css", js: "text/javascript", jpg: "image/jpeg" };
   await page.route(/\/(docs|assets\/[^?]*)?$/, (route) => {
     const name = new URL(route.request().url()).pathname.replace("/assets/", "").replace(/^\/$/, "index.html")
       .replace(/^\/docs$/, "docs.html");
@@ -221,7 +221,7 @@ export async function eventually(check) {
 
 // Waits until a search is answered; the names of the hits.
 export async function hitNames(page) {
-  await waitForText(page, "#search-status", /result/);
+  await waitForText(page, "#search-status", / in \d+\.\d\d s/);
   return page.locator("#results .name").allInnerTexts();
 }
 

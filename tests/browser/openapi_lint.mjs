@@ -35,7 +35,7 @@ try {
     extends: ["recommended"],
     rules: { "tag-description": "error", "operation-tag-defined": "error", "operation-singular-tag": "error",
              "security-defined": "error", "no-unused-components": "error",
-             // pictures:batch stands beside pictures/{id}; the router takes them apart by their segments
+             // images:import stands beside images/{id}; the router takes them apart by their segments
              "no-ambiguous-paths": "off" } });
   const problems = await redocly.lintFromString({ source, absoluteRef: `${address}/v1/openapi.json`, config });
   for (const problem of problems) {

@@ -15,7 +15,7 @@ test("the picture of a query", async () => {
   const server = await house.server("readme", "--descriptor", "deal");
   await house.loadDemonstration(server.address);
   const page = await house.openPage(server.address, { width: 1040, height: 900 });
-  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+  await page.getByRole("button", { name: "crumpled photo of town map" }).click();
   assert.match((await house.hitNames(page))[0], /town map/);
   await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
   await page.mouse.move(0, 0);

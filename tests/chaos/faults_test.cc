@@ -1,15 +1,14 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Every operation, interrupted everywhere: power loss, calls that fail, a full disk, no memory.
+// Every operation, interrupted everywhere: power loss, calls that fail, a full disk.
 //
-// By default about every tenth point is tried (of allocations fewer); PLIANT_CHAOS=exhaustive tries
-// all, PLIANT_CHAOS_AT=N that one alone.
+// By default about every tenth point is tried; PLIANT_CHAOS=exhaustive tries all,
+// PLIANT_CHAOS_AT=N that one alone.
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <map>
-#include <new>
 #include <set>
 #include <string>
 #include <utility>
@@ -17,9 +16,7 @@
 
 #include <gtest/gtest.h>
 
-#include "index/files/merge_patch.h"
 #include "tests/chaos/faults/campaign.h"
-#include "tests/chaos/faults/failing_memory.h"
 
 namespace pliant::chaos {
 namespace {
@@ -36,7 +33,6 @@ std::string running;  // scenario, fault and point, for a program that ends
 class Figures : public ::testing::Environment {
  public:
   void SetUp() override {
-    TakeOverMemoryOfSqlite();
     std::set_terminate([] {
       std::fprintf(stderr, "the program was ended: %s\n", running.c_str());
       std::abort();
@@ -131,43 +127,6 @@ TEST_P(Faults, CallsFail) {
 
 INSTANTIATE_TEST_SUITE_P(Of, Faults, ::testing::ValuesIn(Scenarios()),
                          [](const auto& scenario) { return scenario.param.name; });
-
-// Not where new pictures are described: OpenCV ends the program when memory fails it (its
-// BufferArea throws from a destructor). Nor the sweep: std::filesystem's iterators do the same.
-std::vector<Scenario> WithoutDescribing() {
-  std::vector<Scenario> scenarios = Scenarios();
-  std::erase_if(scenarios, [](const Scenario& scenario) {
-    return scenario.describes || scenario.name == "sweep";
-  });
-  return scenarios;
-}
-
-class Memory : public Faults {};
-
-TEST_P(Memory, IsShort) {
-  Everywhere("no memory", 150, [this](std::uint64_t at) { return campaign_.FailMemory(at); });
-}
-
-INSTANTIATE_TEST_SUITE_P(Of, Memory, ::testing::ValuesIn(WithoutDescribing()),
-                         [](const auto& scenario) { return scenario.param.name; });
-
-// At every allocation: few of those of a whole operation are a destructor's.
-TEST(MemoryOfMetadata, IsShort) {
-  const std::string metadata = R"({"a": {"b": [1, {"c": 2}], "d": "text"}, "e": [[3]]})";
-  const std::string patch = R"({"a": {"b": null, "f": {"g": [4]}}, "e": {"h": {}}})";
-  std::uint64_t at = 0;
-  for (bool struck = true; struck;) {
-    running = "merging metadata, no memory at " + std::to_string(++at);
-    const FailingMemory memory(at);
-    try {
-      MergeMetadata(metadata, patch);
-    } catch (const std::bad_alloc&) {
-      EXPECT_TRUE(FailingMemory::struck());
-    }
-    struck = FailingMemory::struck();
-  }
-  EXPECT_GT(at, 20U);
-}
 
 }  // namespace
 }  // namespace pliant::chaos

@@ -10,7 +10,7 @@ Each round has a database of its own: originals in the database, in a directory 
 training, every fourth with the descriptor `deal`. Eight clients and one that starts jobs change it until the server is
 killed: under load, while it starts, or while it stops after SIGTERM. After the next start every acknowledged
 upload, replacement and deletion must be as acknowledged, what had no answer must have happened as a whole or not at all,
-jobs must be as server/README.md promises, counts, lists, searches, backups and `pliant db check` must agree, and
+jobs must be as server/reference/images.md promises, counts, lists, searches, backups and `pliant db check` must agree, and
 no file of nothing may stay. At the end of a round `pliant index`, `db originals`, `vocab train`, `db backup` and `db
 rm` are killed and run again.
 

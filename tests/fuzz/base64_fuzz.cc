@@ -3,27 +3,27 @@
 // Base64 of cursors, keys and descriptors.
 #include <algorithm>
 
-#include "server/http/json.h"
+#include "descriptor/base/base64.h"
 #include "tests/fuzz/fuzz.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using pliant::fuzz::Require;
   const std::string text(pliant::fuzz::TextOf({data, size}));
   std::string bytes;
-  if (pliant::server::Base64UrlDecode(text, &bytes)) {
-    Require(pliant::server::Base64UrlEncode(bytes) == text, "bytes have one form");
+  if (pliant::Base64UrlDecode(text, &bytes)) {
+    Require(pliant::Base64UrlEncode(bytes) == text, "bytes have one form");
   }
-  const std::string encoded = pliant::server::Base64UrlEncode(text);
-  Require(pliant::server::Base64UrlDecode(encoded, &bytes) && bytes == text,
+  const std::string encoded = pliant::Base64UrlEncode(text);
+  Require(pliant::Base64UrlDecode(encoded, &bytes) && bytes == text,
           "what is encoded can be decoded");
-  std::string padded = pliant::server::Base64(text.data(), text.size());
+  std::string padded = pliant::Base64(text.data(), text.size());
   std::vector<std::uint8_t> decoded;
-  Require(pliant::server::Base64Decode(padded, &decoded) &&
-              std::string(decoded.begin(), decoded.end()) == text,
-          "the usual form can be decoded");
-  Require(pliant::server::Base64Decode("data:x/y;base64," + padded, &decoded), "also as a URL");
-  if (pliant::server::Base64Decode(text, &decoded) && !text.starts_with("data:")) {
-    const std::string again = pliant::server::Base64(decoded.data(), decoded.size());
+  Require(
+      pliant::Base64Decode(padded, &decoded) && std::string(decoded.begin(), decoded.end()) == text,
+      "the usual form can be decoded");
+  Require(pliant::Base64Decode("data:x/y;base64," + padded, &decoded), "also as a URL");
+  if (pliant::Base64Decode(text, &decoded) && !text.starts_with("data:")) {
+    const std::string again = pliant::Base64(decoded.data(), decoded.size());
     Require(again.substr(0, again.find('=')) == text.substr(0, text.find('=')),
             "bytes have one form");
   }

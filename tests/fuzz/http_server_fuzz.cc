@@ -64,11 +64,10 @@ HttpOptions TestOptions() {
 HttpServer& TestServer() {
   static const Router kRouter({MakeRoute("get", "GET", "/x/{id}", BodyKind::kNone),
                                MakeRoute("json", "POST", "/x", BodyKind::kJson),
-                               MakeRoute("form", "POST", "/form", BodyKind::kImage),
-                               MakeRoute("batch", "PUT", "/form", BodyKind::kImages),
+                               MakeRoute("form", "POST", "/form", BodyKind::kImageOrJson),
+                               MakeRoute("pair", "PUT", "/form", BodyKind::kPair),
                                MakeRoute("delete", "DELETE", "/x/{id}", BodyKind::kNone)});
-  static HttpServer server(
-      kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
+  static HttpServer server(kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
   static const bool kStarted = (server.Start(), server.SetReady(true), true);
   static_cast<void>(kStarted);
   return server;

@@ -3,8 +3,10 @@
 // Parameters of requests, and what else routes read of one. An input has a line for each thing:
 // "?NAME=VALUE" in the query, "FILE NAME=VALUE" a form field (with the name of a file, which may be
 // empty), ":NAME=VALUE" a header; what is behind an empty line is a JSON body.
+#include "server/http/conditions.h"
 #include "server/http/parameters.h"
-#include "server/routes/common.h"
+#include "server/routes/lists.h"
+#include "server/routes/uploaded_image.h"
 #include "tests/fuzz/refusal.h"
 
 namespace {
@@ -100,7 +102,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             "the name of a file is no path");
   });
   Answers([&] { Require(!pliant::server::ImagesOf(request).empty(), "a form has pictures"); });
-  const bool unchanged = pliant::server::IfNoneMatch(request, "\"0123\"");
+  const bool unchanged = !pliant::server::NamedByIfNoneMatch(request, "\"0123\"").empty();
   Require(!unchanged || request.headers.contains("If-None-Match"), "who does not ask is answered");
   return 0;
 }

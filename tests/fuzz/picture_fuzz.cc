@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "descriptor/image/image.h"
-#include "descriptor/image/quiet_decoders.h"
+#include "descriptor/image/prepare_decoders.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -28,9 +28,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                 .colour = size % 3 != 0,
                                 .thumbnail_side_px = size % 5 == 0 ? 0 : 16};
   pliant::DecodedImage decoded;
-  const bool accepted = pliant::fuzz::Accepts([&] {
-    decoded = pliant::DecodeImage({data, size}, options);
-  });
+  const bool accepted =
+      pliant::fuzz::Accepts([&] { decoded = pliant::DecodeImage({data, size}, options); });
   if (!accepted) return 0;
   const pliant::Image& image = decoded.image;
   const pliant::Image& thumbnail = decoded.thumbnail;

@@ -4,12 +4,10 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <fstream>
 #include <iterator>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -55,11 +53,6 @@ class BackupsTest : public ServerTest {
     return Contents(fs::path(directory_) / name);
   }
 
-  httplib::Result Put(const std::string& name, const std::string& bytes,
-                      const std::string& type = kType) {
-    return client_->Put("/v1/backups/" + name, bytes, type);
-  }
-
   void Refused(const httplib::Result& answer, int status, const std::string& code,
                const std::string& words = "") {
     ASSERT_TRUE(answer) << httplib::to_string(answer.error());
@@ -77,21 +70,6 @@ class BackupsTest : public ServerTest {
     }
     std::sort(names.begin(), names.end());
     return names;
-  }
-
-  // Until nothing else lies there, or half a minute has passed.
-  std::vector<std::string> FilesWhenSettled(const std::vector<std::string>& expected) const {
-    for (int i = 0; i < 600 && Files() != expected; ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return Files();
-  }
-
-  // Sends the head of an upload of `bytes`, and the first of them.
-  int BeginUpload(const std::string& name, std::size_t bytes, const std::string& first) {
-    return server_->Open("PUT /v1/backups/" + name +
-                         " HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: " + kType +
-                         "\r\nContent-Length: " + std::to_string(bytes) + "\r\n\r\n" + first);
   }
 
   const std::string directory_ = (folder_.path() / "backups").string();

@@ -59,7 +59,6 @@ TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
     EXPECT_THAT(RunProgram({"--help"}).out, HasSubstr(command));
     const ProgramResult help = RunProgram({command, "--help"});
     EXPECT_EQ(help.status, 0);
-    EXPECT_THAT(help.out, HasSubstr("--json"));
     EXPECT_THAT(help.out, HasSubstr("Example:  pliant " + std::string(command)));
   }
   for (const std::vector<std::string>& wrong :
@@ -87,6 +86,30 @@ TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
   }
 }
 
+// What bash offers when the last of the words is completed.
+std::string Offered(const std::string& words) {
+  const std::string script = "source " PLIANT_SOURCE_DIR
+                             "/index/usage/completion.sh; COMP_WORDS=(" +
+                             PliantPath().string() + " " + words +
+                             "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _pliant_complete; "
+                             "echo \"${COMPREPLY[*]}\"";
+  const ProgramResult result = Program({"-c", script}, {}, "/bin/bash").Wait();
+  EXPECT_EQ(result.err, "");
+  return result.out;
+}
+
+TEST_F(CliTest, BashCompletes) {
+  EXPECT_EQ(Offered("que"), "query\n");
+  EXPECT_THAT(Offered("\"\""), StartsWith("index query vocab db "));
+  EXPECT_EQ(Offered("db ex"), "export\n");
+  EXPECT_EQ(Offered("db export x.npz --ob"), "--object\n");
+  EXPECT_EQ(Offered("index objects --j"), "--jobs --json\n");
+  EXPECT_EQ(Offered("query x.jpg --group-by im"), "image\n");
+  EXPECT_EQ(Offered("query x.jpg --group-by = im"), "image\n") << "as bash splits --group-by=im";
+  EXPECT_EQ(Offered("query x.jpg --group-by ="), "object image\n");
+  EXPECT_EQ(Offered("query x.jpg --top 4"), "\n") << "nothing: bash offers files";
+}
+
 TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   WriteObjects(8);
   const ProgramResult indexed = Index();
@@ -100,7 +123,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_EQ(json["vocabulary"]["trained"], true);
   EXPECT_GT(json["vocabulary"]["words"], 50);
   EXPECT_GT(json["seconds"], 0.0);
-  for (const char* rank : {"tfidf", "histogram"}) {
+  for (const char* rank : {"neighbours", "histogram"}) {
     for (std::uint64_t i = 1; i <= 8; ++i) {
       const Json found = Query(i, {"--rank", rank});
       EXPECT_EQ(found["hits"][0]["object"], "o" + std::to_string(i));
@@ -254,7 +277,7 @@ TEST_F(CliTest, AVocabularyThatWasOutgrownIsReplaced) {
 TEST_F(CliTest, PicturesComeFromStandardInput) {
   WriteBytes(folder_ / "q.png", RandomPng(1));
   const auto described = [&](const std::string& redirection, const std::string& picture) {
-    const auto out = folder_ / (picture == "-" ? "piped.safetensors" : "named.safetensors");
+    const auto out = folder_ / (picture == "-" ? "piped.npz" : "named.npz");
     const ProgramResult result =
         Program({"-c", PliantPath().string() + " describe " + picture +
                            " --descriptor rootsift --out " + out.string() + redirection},

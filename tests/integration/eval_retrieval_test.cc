@@ -10,6 +10,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "tests/integration/charts.h"
 #include "tests/integration/program.h"
 
 namespace pliant::testing {
@@ -65,10 +66,9 @@ TEST_F(EvalRetrievalTest, JsonHasTheAgreedForm) {
   EXPECT_NEAR(json["results"][1]["accuracy_at"][4].get<double>(), 0.2, 1e-12);  // 1 of 5
 }
 
-TEST_F(EvalRetrievalTest, TableCsvAndPlot) {
-  const ProgramResult result =
-      Eval({"--protocol", "paper,default,unverified", "--seeds", "1", "--csv", Path("t.csv"),
-            "--plot", Path("t.png"), "--descriptor", "orb"});
+TEST_F(EvalRetrievalTest, TableAndCsv) {
+  const ProgramResult result = Eval({"--protocol", "paper,default,unverified", "--seeds", "1",
+                                     "--csv", Path("t.csv"), "--descriptor", "orb"});
   ASSERT_EQ(result.status, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("5 queries, 5 pictures of 5 objects"));
   EXPECT_THAT(result.out, HasSubstr("mAP"));
@@ -84,13 +84,13 @@ TEST_F(EvalRetrievalTest, TableCsvAndPlot) {
   }
   EXPECT_THAT(rows[0], HasSubstr("accuracy_at_20"));
   EXPECT_THAT(rows[4], HasSubstr("orb,paper,10,"));
-  DecodeOptions colour;
-  colour.colour = true;
-  colour.max_side_px = 0;
-  const Image plot = DecodeImage(ReadBytes(folder_ / "t.png"), colour).image;
-  EXPECT_GT(plot.height, 2 * 300);  // three charts, one a protocol, in two rows
-  EXPECT_GT(std::count_if(plot.pixels.begin(), plot.pixels.end(), [](int p) { return p < 100; }),
-            1000);
+}
+
+TEST_F(EvalRetrievalTest, ChartsAreDrawnFromTheReport) {
+  const ProgramResult result = Eval(
+      {"--protocol", "paper,default,unverified", "--seeds", "2", "--descriptor", "orb", "--json"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  ExpectCharts(result.out, 2 * 300);  // three charts, one per protocol, in two rows
 }
 
 TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
@@ -203,28 +203,26 @@ TEST_F(EvalRetrievalTest, SkippedPicturesAreNamed) {
 
 // Of two things that are wrong, the file is told: it was looked at before any work.
 TEST_F(EvalRetrievalTest, FilesThatCannotBeWrittenAreRefusedBeforeTheWork) {
-  std::filesystem::create_directory(folder_ / "taken.png");
+  std::filesystem::create_directory(folder_ / "taken.csv");
   for (const std::string command : {"matching", "retrieval", "tracking"}) {
-    for (const std::string flag : {"--csv", "--plot"}) {
-      for (const std::string& file :
-           {Path("nowhere/t.png"), Path("taken.png"), std::string("/dev/null/t.png")}) {
-        SCOPED_TRACE(command + " " + flag + " " + file);
-        const ProgramResult refused =
-            RunProgram({"eval", command, Path("absent"), flag, file, "--json"});
-        EXPECT_EQ(refused.status, 1);
-        EXPECT_EQ(refused.json()["error"]["code"], "write_failed");
-        EXPECT_THAT(refused.err, HasSubstr(file));
-      }
+    for (const std::string& file :
+         {Path("nowhere/t.csv"), Path("taken.csv"), std::string("/dev/null/t.csv")}) {
+      SCOPED_TRACE(command + " " + file);
+      const ProgramResult refused =
+          RunProgram({"eval", command, Path("absent"), "--csv", file, "--json"});
+      EXPECT_EQ(refused.status, 1);
+      EXPECT_EQ(refused.json()["error"]["code"], "write_failed");
+      EXPECT_THAT(refused.err, HasSubstr(file));
     }
-    const ProgramResult writable = RunProgram({"eval", command, Path("absent"), "--csv",
-                                               Path("t.csv"), "--plot", Path("t.png"), "--json"});
+    const ProgramResult writable =
+        RunProgram({"eval", command, Path("absent"), "--csv", Path("t.csv"), "--json"});
     EXPECT_EQ(writable.status, 1);
     EXPECT_NE(writable.json()["error"]["code"], "write_failed");
   }
   std::vector<std::string> left;
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path()))
     left.push_back(entry.path().filename());
-  EXPECT_THAT(left, ::testing::UnorderedElementsAre("set", "taken.png"))
+  EXPECT_THAT(left, ::testing::UnorderedElementsAre("set", "taken.csv"))
       << "looking leaves nothing";
 }
 

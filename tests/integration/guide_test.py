@@ -3,7 +3,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs what a guide tells its readers to type, in the guide's order, and compares what comes out.
 
-    guide_test.py GUIDE.md --bin DIR [--server] [--options-only]
+    guide_test.py GUIDE.md... --bin DIR [--server] [--options-only]
+
+Several pages are one guide: later pages use what earlier ones made.
 
 Fenced blocks are bash or python; all run in one folder, the Python ones in one interpreter. A text
 block that follows is what one sees, with ... for what differs from run to run. A block after
@@ -137,8 +139,8 @@ def running_server(binaries, folder, environment):
         sys.exit(f"the server ended with {status}\n{log.read()[-3000:]}")
 
 
-def run_guide(guide, environment, folder, source, run_nothing):
-    namespace, known, seen, ran = {"__name__": "guide"}, {}, None, 0
+def run_guide(guide, environment, folder, source, run_nothing, namespace):
+    known, seen, ran = {}, None, 0
     for language, text, line, options_only in blocks(guide):
         if run_nothing and language != "bash":
             continue
@@ -170,7 +172,7 @@ def run_guide(guide, environment, folder, source, run_nothing):
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("guide", type=pathlib.Path)
+    parser.add_argument("guides", metavar="GUIDE.md", nargs="+", type=pathlib.Path)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
     parser.add_argument("--server", action="store_true")
     parser.add_argument("--options-only", action="store_true")
@@ -183,12 +185,13 @@ def main():
         work = folder / "work"
         work.mkdir()
         os.chdir(work)
-        guide = options.guide.resolve() if options.guide.is_absolute() else source / options.guide
         with contextlib.ExitStack() as stack:
             if options.server:
                 stack.enter_context(running_server(binaries, folder, environment))
             os.environ.update(environment)
-            run_guide(guide, environment, work, source, options.options_only)
+            namespace = {"__name__": "guide"}
+            for guide in options.guides:
+                run_guide(source / guide, environment, work, source, options.options_only, namespace)
 
 
 if __name__ == "__main__":

@@ -34,10 +34,9 @@ class OpenApiTest : public ::testing::Test {
     // As few restrictions as an example may meet.
     server_ = std::make_unique<ServerProcess>(
         folder_->path() / "test.db",
-        std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--max-backup-mb",
-                                 "1", "--max-import-mb", "1", "--backup-dir",
-                                 (folder_->path() / "backups").string(), "--import-dir",
-                                 folder_->path().string()});
+        std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--max-import-mb",
+                                 "1", "--backup-dir", (folder_->path() / "backups").string(),
+                                 "--import-dir", folder_->path().string()});
     Save("mug.png", TestPicture(1));
     Save("cup.png", TestPicture(2));
     std::filesystem::create_directories(folder_->path() / "shelf");
@@ -53,12 +52,6 @@ class OpenApiTest : public ::testing::Test {
     }
     const Json list = Json::parse(client.Get("/v1/collections/default/vocabularies")->body);
     vocabulary_ = list["vocabularies"].back()["id"].dump();
-    client.Post("/v1/backups", R"({"name": "first.db"})", "application/json");
-    while (client.Get("/v1/backups/first.db")->status != 200) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
-    backup_ = client.Get("/v1/backups/first.db/content")->body;
-    Save("copy.db", backup_);
   }
   static void TearDownTestSuite() {
     server_.reset();
@@ -79,9 +72,10 @@ class OpenApiTest : public ::testing::Test {
     const auto mug =
         client.Put("/v1/collections/default/images/mug-1?object=mug", TestPicture(1), "image/png");
     ASSERT_LT(mug->status, 300) << mug->body;
-    if (backup_.empty()) return;  // it is not made yet
-    const auto backup = client.Put("/v1/backups/first.db", backup_, "application/octet-stream");
-    ASSERT_TRUE(backup->status == 201 || backup->status == 409) << backup->body;
+    client.Post("/v1/backups", R"({"name": "first.db"})", "application/json");
+    while (client.Get("/v1/backups/first.db")->status != 200) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
   }
 
   static std::vector<Operation> Operations() {
@@ -110,10 +104,13 @@ class OpenApiTest : public ::testing::Test {
 
   static std::string Filled(std::string path) {
     const std::pair<std::string, std::string> values[] = {
-        {"{a}", "live"},     {"{c}", "default"},
-        {"{o}", "mug"},      {"{v}", vocabulary_},
-        {"{b}", "first.db"}, {"{k}", "00000000"},
-        {"{n}", "0"},        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
+        {"{a}", "live"},
+        {"{c}", "default"},
+        {"{o}", "mug"},
+        {"{v}", vocabulary_},
+        {"{b}", "first.db"},
+        {"{k}", "00000000"},
+        {"{id}", path.starts_with("/v1/jobs") ? job_ : "mug-1"}};
     for (const auto& [name, value] : values) {
       const std::size_t at = path.find(name);
       if (at != std::string::npos) path.replace(at, name.size(), value);
@@ -136,7 +133,6 @@ class OpenApiTest : public ::testing::Test {
   inline static Json document_;
   inline static std::string job_;
   inline static std::string vocabulary_;
-  inline static std::string backup_;
 };
 
 }  // namespace pliant::testing

@@ -229,7 +229,7 @@ TEST_F(AuthTest, ANewDatabaseIsMentionedOnceAndOnlyMadeForAKey) {
   }
   EXPECT_FALSE(std::filesystem::exists(database()));
   const std::vector<std::string> create = {"create", "--name", "one", "--descriptor", "rootsift"};
-  const std::string made = "made a new one, " + database().string();
+  const std::string made = "Created a new database: " + database().string();
   EXPECT_THAT(Keys(create).err, HasSubstr(made));
   EXPECT_THAT(Keys(create).err, Not(HasSubstr(made)));
 }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures at once: batches, imports that survive kill -9, backups that can be restored, and
+// Many pictures at once: imports of folders that survive kill -9, backups that can be restored, and
 // databases that say how their pictures are described.
 #include <csignal>
 #include <fstream>
@@ -16,10 +16,8 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using Items = httplib::MultipartFormDataItems;
 
 constexpr const char* kCollection = "/v1/collections/default";
-constexpr const char* kBatch = "/v1/collections/default/images:batch";
 constexpr const char* kImports = "/v1/collections/default/imports";
 constexpr const char* kSearch = "/v1/collections/default/search";
 
@@ -51,74 +49,6 @@ class BulkTest : public ::testing::Test {
 
   TemporaryFolder folder_;
 };
-
-TEST_F(BulkTest, ABatchHasAResultForEachPicture) {
-  const ServerProcess server(database(), {"--auto-train", "false"});
-  auto client = server.Client();
-  const std::string mug = TestPicture(1);
-  const auto answer = client.Post(
-      kBatch,
-      Items{{"image", mug, "mug.png", "image/png"},
-            {"image", "no picture", "notes.txt", "text/plain"},
-            {"image", mug.substr(0, mug.size() / 2), "half.png", "image/png"},
-            {"image", TestPicture(2), "cup.png", "image/png"},
-            {"image", mug, "again.png", "image/png"},
-            {"object", "thing", "", ""},
-            {"items", R"([{}, {}, {}, {"id": "cup-1", "object": "cup", "metadata": {"n": 1}}, {}])",
-             "", ""}});
-  ASSERT_EQ(answer->status, 207) << answer->body;
-  const Json batch = Json::parse(answer->body);
-  const Json& results = batch["results"];
-  ASSERT_EQ(results.size(), 5U);
-  EXPECT_EQ(batch["failed"], 2);
-  EXPECT_EQ(batch["created"].get<int>() + batch["unchanged"].get<int>(), 3);
-  for (std::size_t i = 0; i < results.size(); ++i) EXPECT_EQ(results[i]["index"], i);
-  EXPECT_EQ(results[1]["status"], 415);
-  EXPECT_EQ(results[1]["source"], "notes.txt");
-  EXPECT_EQ(results[1]["problem"]["code"], "image_type_unknown");
-  EXPECT_EQ(results[2]["status"], 422);
-  EXPECT_EQ(results[2]["problem"]["code"], "image_truncated");
-  EXPECT_EQ(results[3]["image"]["id"], "cup-1");
-  EXPECT_EQ(results[3]["image"]["object"], "cup");
-  EXPECT_EQ(results[3]["image"]["metadata"]["n"], 1);
-  EXPECT_EQ(results[0]["image"]["object"], "thing");
-  EXPECT_EQ(results[0]["image"]["id"], results[4]["image"]["id"]);
-  EXPECT_EQ(Images(client), 2);
-
-  // Again: no work, nothing new.
-  const auto again = client.Post(
-      kBatch, Items{{"image", mug, "mug.png", "image/png"}, {"object", "thing", "", ""}});
-  EXPECT_EQ(Json::parse(again->body)["unchanged"], 1);
-  // The same bytes as something else are neither taken over nor dropped in silence.
-  const auto other = client.Post(
-      kBatch, Items{{"image", mug, "mug.png", "image/png"}, {"object", "other", "", ""}});
-  const Json refused = Json::parse(other->body)["results"][0];
-  EXPECT_EQ(refused["status"], 409);
-  EXPECT_EQ(refused["problem"]["code"], "same_bytes");
-  EXPECT_THAT(refused["problem"]["detail"].get<std::string>(), HasSubstr("\"thing\""));
-  EXPECT_EQ(Images(client), 2);
-}
-
-TEST_F(BulkTest, ABatchThatIsWrongAsAWholeIsRefusedAsAWhole) {
-  const ServerProcess server(database(), {"--auto-train", "false"});
-  auto client = server.Client();
-  const auto code = [&](const std::string& path, const Items& items) {
-    const auto answer = client.Post(path, items);
-    return std::to_string(answer->status) + " " + Json::parse(answer->body).value("code", "");
-  };
-  const httplib::MultipartFormData picture{"image", TestPicture(1), "a.png", "image/png"};
-  const auto items = [](const std::string& json) {
-    return httplib::MultipartFormData{"items", json, "", ""};
-  };
-  EXPECT_EQ(code(kBatch, {items("[]")}), "400 missing_parameter");
-  EXPECT_EQ(code(kBatch, {picture, items("[]")}), "400 invalid_parameter");
-  EXPECT_EQ(code(kBatch, {picture, items("[1]")}), "400 invalid_parameter");
-  EXPECT_EQ(code(kBatch, {picture, items(R"([{"objekt": "x"}])")}), "400 invalid_parameter");
-  EXPECT_EQ(code(kBatch, {picture, items(R"([{"metadata": 1}])")}), "400 invalid_parameter");
-  EXPECT_EQ(code(kBatch, {picture, items("{}")}), "400 invalid_json");
-  EXPECT_EQ(code("/v1/collections/none/images:batch", {picture}), "404 collection_not_found");
-  EXPECT_EQ(Images(client), 0);
-}
 
 TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
   Save("shelf/mug/1.png", TestPicture(1));

@@ -106,36 +106,6 @@ TEST_F(RepeatableTest, ServerThatFollowsKnowsWhatWasAnswered) {
   EXPECT_EQ(Jobs(), 1u);
 }
 
-TEST_F(RepeatableTest, ABatchThatTheServerFailedIsDoneAnew) {
-  const std::filesystem::path originals = folder_.path() / "originals";
-  Start({"--auto-train", "false", "--originals-dir", originals.string()});
-  auto client = server_->Client();
-  ASSERT_EQ(Add(client, "first", TestPicture(1), "mug")->status, 201);
-  const auto batch = [&](const std::string& key) {
-    return client.Post(
-        std::string(kImages) + ":batch", Key(key),
-        httplib::MultipartFormDataItems{{"image", TestPicture(2), "a.png", "image/png"},
-                                        {"image", "no picture", "b.png", "image/png"}});
-  };
-  const auto statuses = [](const httplib::Result& answer) {
-    std::vector<int> list;
-    const Json body = Json::parse(answer->body);
-    for (const Json& result : body.at("results")) list.push_back(result.at("status"));
-    return list;
-  };
-  std::filesystem::rename(originals, folder_.path() / "away");
-  const auto failed = batch("one");
-  ASSERT_EQ(failed->status, 207) << failed->body;
-  ASSERT_GE(statuses(failed).at(0), 500) << failed->body;
-  std::filesystem::rename(folder_.path() / "away", originals);
-  const auto again = batch("one");
-  EXPECT_FALSE(again->has_header("Idempotency-Replayed"));
-  EXPECT_EQ(statuses(again), (std::vector<int>{201, 415})) << again->body;
-  const auto replayed = batch("one");  // what is wrong with a picture stays wrong
-  EXPECT_EQ(replayed->get_header_value("Idempotency-Replayed"), "true");
-  EXPECT_EQ(replayed->body, again->body);
-}
-
 TEST_F(RepeatableTest, AnotherServerOnTheDatabaseKnowsWhatWasAnswered) {
   const ServerProcess second(folder_.path() / "test.db", {"--auto-train", "false"});
   auto client = server_->Client();

@@ -10,8 +10,6 @@
 namespace pliant::testing {
 namespace {
 
-constexpr const char* kBatch = "/v1/collections/default/images:batch";
-
 // Busy, and it says so: with a code, and when to come again. Anything else is wrong.
 bool IsHonestRefusal(const httplib::Response& answer) {
   if (answer.status != 503 && answer.status != 429) return false;
@@ -46,10 +44,7 @@ std::string SoakClient::Live(const std::atomic<bool>& stop) {
     const std::string id = "c" + std::to_string(number_) + "-" + std::to_string(random_() % 6);
     const int picture = static_cast<int>(random_() % kPictures);
     const unsigned what = random_() % 10;
-    const Outcome outcome = what < 4   ? Put(id, picture)
-                            : what < 6 ? Delete(id)
-                            : what < 7 ? Batch(id, picture)
-                                       : Search(picture);
+    const Outcome outcome = what < 5 ? Put(id, picture) : what < 7 ? Delete(id) : Search(picture);
     if (outcome == Outcome::kOver) return wrong_;
     if (outcome == Outcome::kDone) ++counts_.done;
   }
@@ -77,27 +72,6 @@ SoakClient::Outcome SoakClient::Delete(const std::string& id) {
     return Complain("DELETE", answer);
   }
   known_.Delete(id);
-  return Outcome::kDone;
-}
-
-SoakClient::Outcome SoakClient::Batch(const std::string& id, int picture) {
-  const auto answer = client_.Post(
-      kBatch, httplib::MultipartFormDataItems{{"image", Picture(picture), "a.png", "image/png"},
-                                              {"image", "no picture", "b.png", "image/png"},
-                                              {"items",
-                                               "[{\"id\": \"" + id + "\", \"object\": \"o" +
-                                                   std::to_string(picture) + "\"}, {}]",
-                                               "", ""}});
-  if (!answer) return Forget(id);
-  if (IsRefused(answer)) return Outcome::kRefused;
-  if (answer->status != 207) return Complain("batch", answer);
-  const Json result = Json::parse(answer->body)["results"][0];
-  if (result["status"] == 503) {
-    ++counts_.refused;
-    return Outcome::kRefused;
-  }
-  if (result["status"] != 200 && result["status"] != 201) return Complain("batch", answer);
-  known_.Put(id, picture);
   return Outcome::kDone;
 }
 

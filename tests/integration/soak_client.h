@@ -62,7 +62,6 @@ class SoakClient {
 
   Outcome Put(const std::string& id, int picture);
   Outcome Delete(const std::string& id);
-  Outcome Batch(const std::string& id, int picture);
   Outcome Search(int picture);
   Outcome Forget(const std::string& id);  // there was no answer
   Outcome Complain(const std::string& what, const httplib::Result& answer);

@@ -29,12 +29,10 @@ WrongRequests::WrongRequests(const Operation& operation, std::string path,
       image_(operation.Takes("image/*")),
       json_(operation.Takes("application/json")),
       form_(operation.Takes("multipart/form-data")) {
-  constexpr const char* kFile = "application/octet-stream";
   constexpr const char* kLines = "application/x-ndjson";
   type_ = image_                    ? "image/png"
           : json_                   ? "application/json"
           : form_                   ? kForm
-          : operation.Takes(kFile)  ? kFile
           : operation.Takes(kLines) ? kLines
                                     : "";
   body_ = GoodBody();
@@ -103,7 +101,6 @@ std::string WrongRequests::GoodBody() const {
     if (schema["type"] == "array") body[field] = Json::array({Json{{"image_id", "mug-1"}}});
     if (schema["type"] == "object") body[field] = Json{{"image", Base64Of(TestPicture(1))}};
   }
-  if (operation_.Takes("application/octet-stream")) return "SQLite";
   return json_ ? body.dump() : "";
 }
 
@@ -168,8 +165,8 @@ void WrongRequests::AddPathFaults(const std::function<std::string(std::string)>&
     }
     static const std::map<std::string, std::string> codes = {
         {"c", "collection_not_found"}, {"o", "object_not_found"}, {"v", "vocabulary_not_found"},
-        {"n", "demo_not_found"},       {"b", "backup_not_found"}, {"id", "image_not_found"},
-        {"k", "key_not_found"},        {"a", "alias_not_found"}};
+        {"b", "backup_not_found"},     {"id", "image_not_found"}, {"k", "key_not_found"},
+        {"a", "alias_not_found"}};
     const bool job = operation_.path.starts_with("/v1/jobs");
     Add("unknown id", name, with("no-such-thing"), body_, type_, 404,
         job ? "job_not_found" : codes.at(name));

@@ -52,6 +52,7 @@ class PostgresStoreTest : public ::testing::Test {
     auto vocabulary = std::make_shared<Vocabulary>();
     vocabulary->words = Descriptors::Binary(2, 8);
     vocabulary->words.bytes[15] = 0xFF;
+    vocabulary->codebook.code_bytes = 8;
     vocabulary->model_id = kModel.model_id;
     Writer& writer = store_->writer();
     const CollectionState collection = store_->catalogue().RequireCollection("default");
@@ -494,7 +495,7 @@ TEST_F(PostgresStoreTest, RefusalsNameTheDatabaseAndNoPassword) {
   EXPECT_EQ(refusal(testing::Database("without tables").string()), "database_not_found");
   EXPECT_EQ(refusal(Url()), "opened");
   Server(Url()).Ask("UPDATE pliant SET version = 2");
-  EXPECT_EQ(refusal(Url()), "newer_schema");
+  EXPECT_EQ(refusal(Url()), "other_schema");
 }
 
 TEST_F(PostgresStoreTest, JobsAndRequestsAreOneProcesss) {

@@ -162,7 +162,7 @@ class Searches(IndexCase):
     def test_same_as_command_line(self):
         index = self.filled()
         query = self.write("q.png", other_view(3))
-        for options, flags in (({}, []), ({"rank": "tfidf", "group_by": "image"}, ["--rank", "tfidf", "--group-by", "image"]),
+        for options, flags in (({}, []), ({"rank": "histogram", "group_by": "image"}, ["--rank", "histogram", "--group-by", "image"]),
                                ({"region": (20, 20, 100, 80)}, ["--region", "20,20,100,80"]), ({"top": 2}, ["--top", "2"])):
             ours = index.search(query, **options).document
             theirs = run("query", query, "--db", self.folder / "x.db", "--json", *flags)

@@ -132,7 +132,9 @@ TEST_F(CopyDatabaseTest, RefusesWhatCannotBeCopied) {
   EngineOptions other = OptionsOf("other.db");
   other.descriptor = "orb";
   other.custom_descriptor = MakeDescriptor("orb");
-  { Engine orb(other); }
+  {
+    Engine orb(other);
+  }
   ExpectError(ErrorCode::kConflict, "model_mismatch", [&] { CopyDatabase(Copy("other.db")); });
   std::stop_source stop;
   stop.request_stop();

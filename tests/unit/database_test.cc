@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The database file: made whole, recognised, migrated, refused untouched.
+// The database file: made whole, recognised, refused untouched.
 #include "index/store/sqlite/database.h"
 
-#include <array>
 #include <thread>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -111,7 +110,7 @@ TEST_F(DatabaseTest, ANewOneIsCompleteAndSetUp) {
   EXPECT_EQ(std::filesystem::status(folder_ / "copy.db").permissions(),
             perms::owner_read | perms::owner_write);
   EXPECT_EQ(db.Scalar("PRAGMA application_id"), kApplicationId);
-  EXPECT_EQ(db.Scalar("PRAGMA user_version"), SchemaVersion());
+  EXPECT_EQ(db.Scalar("PRAGMA user_version"), 1);
   EXPECT_EQ(db.Scalar("PRAGMA foreign_keys"), 1);
   EXPECT_EQ(db.Scalar("PRAGMA synchronous"), 2);
   EXPECT_EQ(db.Scalar("PRAGMA auto_vacuum"), 2);
@@ -172,67 +171,45 @@ TEST_F(DatabaseTest, TruncatedFilesAreRefused) {
   }
 }
 
-TEST_F(DatabaseTest, ANewerSchemaIsRefused) {
+TEST_F(DatabaseTest, OtherSchemasAreRefusedAndUntouched) {
+  for (const int version : {0, 2, 10, 1000}) {
+    std::filesystem::remove(file_);
+    CreateDatabase(file_, kModel);
+    SQLite::Database(file_.string(), SQLite::OPEN_READWRITE)
+        .exec("PRAGMA journal_mode = DELETE; PRAGMA user_version = " + std::to_string(version));
+    const std::vector<std::uint8_t> before = ReadBytes(file_);
+    StoreOptions options;
+    options.database = file_;
+    for (const bool read_only : {true, false}) {
+      options.read_only = read_only;
+      try {
+        OpenStore(options);
+        ADD_FAILURE() << version;
+      } catch (const Error& error) {
+        EXPECT_EQ(error.reason(), "other_schema");
+        EXPECT_THAT(error.what(), ::testing::HasSubstr("has schema " + std::to_string(version) +
+                                                       "; this program reads schema 1. Index your "
+                                                       "images again with `pliant index`"));
+      }
+    }
+    ExpectError(ErrorCode::kCorrupt, "other_schema", [&] { OpenServiceStore(file_); });
+    ExpectError(ErrorCode::kCorrupt, "other_schema",
+                [&] { RestoreDatabase(file_, folder_ / "restored.db", false); });
+    EXPECT_EQ(ReadBytes(file_), before);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "restored.db"));
+  }
+}
+
+TEST_F(DatabaseTest, ListsByTimeReadNoMoreThanAPage) {
   CreateDatabase(file_, kModel);
-  {
-    SqliteConnection db = Open();
-    db.database().exec("PRAGMA user_version = 1000");
-  }
-  for (const auto mode : {SqliteConnection::Mode::kReadOnly, SqliteConnection::Mode::kReadWrite}) {
-    ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { UpgradeDatabase(file_, mode, 100); });
-  }
-}
-
-TEST_F(DatabaseTest, AnOldSchemaNeedsWriting) {
-  CreateDatabase(file_, kModel);
-  {
-    SqliteConnection db = Open();
-    db.database().exec("PRAGMA user_version = 0");
-  }
-  ExpectError(ErrorCode::kConflict, "old_schema",
-              [&] { UpgradeDatabase(file_, SqliteConnection::Mode::kReadOnly, 100); });
-}
-
-TEST_F(DatabaseTest, MigrationsRunOnceInOrderAndWholly) {
-  SQLite::Database db(file_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-  const std::array<Migration, 1> first = {{{"CREATE TABLE a (x); INSERT INTO a VALUES (1);"}}};
-  const std::array<Migration, 3> broken = {{first[0],
-                                            {"UPDATE a SET x = x + 10;"},
-                                            {"UPDATE a SET x = 0; SELECT nonsense FROM nowhere;"}}};
-  const std::array<Migration, 3> whole = {
-      {first[0], {"UPDATE a SET x = x + 10;"}, {"UPDATE a SET x = x * 2;"}}};
-  Migrate(db, first);
-  Migrate(db, first);
-  EXPECT_EQ(db.execAndGet("SELECT sum(x) FROM a").getInt(), 1);
-  EXPECT_THROW(Migrate(db, broken), SQLite::Exception);
-  EXPECT_EQ(db.execAndGet("PRAGMA user_version").getInt(), 2) << "the step that worked is kept";
-  EXPECT_EQ(db.execAndGet("SELECT x FROM a").getInt(), 11) << "the one that failed left nothing";
-  Migrate(db, whole);
-  EXPECT_EQ(db.execAndGet("SELECT x FROM a").getInt(), 22);
-  ExpectError(ErrorCode::kCorrupt, "newer_schema", [&] { Migrate(db, first); });
-}
-
-TEST_F(DatabaseTest, PicturesOfAnOlderSchemaWereUpdatedWhenTheyWereAdded) {
-  SQLite::Database db(file_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-  Migrate(db, Migrations().first(7));
-  db.exec(
-      "INSERT INTO models VALUES (1, 'fake', 'fake:1', 0, 8, NULL, NULL);"
-      "INSERT INTO collections (name, model, created_ms) VALUES ('default', 1, 1);"
-      "INSERT INTO pictures (collection, id, sha256, media_type, width, height, bytes, keypoints, "
-      "metadata, source, added_ms) VALUES (1, 'a', zeroblob(32), '', 1, 1, 1, 1, '{}', '', 1234), "
-      "(1, 'b', zeroblob(32), '', 1, 1, 1, 1, '{}', '', 99)");
-  Migrate(db, Migrations());
-  EXPECT_EQ(db.execAndGet("SELECT group_concat(updated_ms) FROM "
-                          "(SELECT updated_ms FROM pictures ORDER BY id)")
-                .getString(),
-            "1234,99");
-  // Lists by time read no more than a page.
+  SqliteConnection db = Open();
   for (const char* column : {"added_ms", "updated_ms"}) {
     SQLite::Statement plan(
-        db, std::string("EXPLAIN QUERY PLAN SELECT p.id FROM pictures p JOIN collections c ON "
-                        "c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
-                        "WHERE p.collection = 1 AND (p.") +
-                column + ", p.id) > (5, 'x') ORDER BY p." + column + ", p.id LIMIT 3");
+        db.database(),
+        std::string("EXPLAIN QUERY PLAN SELECT p.id FROM pictures p JOIN collections c ON "
+                    "c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
+                    "WHERE p.collection = 1 AND (p.") +
+            column + ", p.id) > (5, 'x') ORDER BY p." + column + ", p.id LIMIT 3");
     while (plan.executeStep()) {
       EXPECT_EQ(plan.getColumn(3).getString().find("TEMP B-TREE"), std::string::npos) << column;
     }

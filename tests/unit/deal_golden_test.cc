@@ -5,8 +5,8 @@
 
 #include <cstdint>
 
-#include "descriptor/deal/geometry.h"
 #include "descriptor/deal/kernels.h"
+#include "descriptor/deal/network.h"
 
 namespace pliant::deal {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <random>
 
+#include "descriptor/deal/hardnet.h"
 #include "descriptor/deal/kernels.h"
 #include "descriptor/deal/pool.h"
-#include "descriptor/deal/winograd.h"
 #include "tests/unit/deal_golden.h"
 
 namespace pliant::deal {

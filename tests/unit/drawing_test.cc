@@ -45,10 +45,6 @@ TEST(Drawing, LinesLieWhereTheyAreAskedFor) {
   DrawPolyline(closed, triangle, true, colours::kWhite);
   EXPECT_TRUE(IsNearly(At(open, 20, 2), colours::kWhite));
   EXPECT_GT(Changed(closed), Changed(open));
-  Image filled = BlankPicture(40, 30);
-  FillConvex(filled, triangle, colours::kYellow);
-  EXPECT_EQ(At(filled, 20, 10), colours::kYellow);
-  EXPECT_EQ(At(filled, 4, 20), colours::kBlack);
   DrawDot(image, {20, 20}, 3, colours::kGreen);
   EXPECT_EQ(At(image, 20, 20), colours::kGreen);
   EXPECT_EQ(At(image, 20, 25), colours::kBlack);

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "index/files/merge_patch.h"
+#include "index/files/names.h"
 #include "tests/unit/engine_fixture.h"
 
 namespace pliant::testing {

@@ -115,30 +115,5 @@ TEST_F(EngineOptionsTest, AnObjectThatIsThereTwiceIsFoundTwice) {
               [&] { engine.Search(query, options); });
 }
 
-TEST_F(EngineOptionsTest, SeveralWordsADescriptorAndNoSignatures) {
-  Engine engine(Options());
-  Fill(engine);
-  const auto query = OtherViewPng(9);
-  SearchOptions options = ByImage();
-  options.verify = Verification::kNone;
-  EXPECT_EQ(engine.Search(query, options).rank, RankMethod::kNeighbours);
-  options.rank = RankMethod::kTfIdf;
-  const SearchResult plain = engine.Search(query, options);
-  EXPECT_EQ(plain.rank, RankMethod::kTfIdf);
-  EXPECT_EQ(plain.hits.at(0).image_id, "p9");
-  options.tuning.assignments = 3;
-  EXPECT_EQ(engine.Search(query, options).hits.at(0).image_id, "p9");
-  options.tuning.signatures = false;
-  const SearchResult words = engine.Search(query, options);
-  EXPECT_FALSE(words.hits.empty());
-  // Signatures tell pictures apart that have the same words.
-  options.tuning.assignments = 1;
-  const SearchResult cosine = engine.Search(query, options);
-  EXPECT_GT(plain.hits[0].score / plain.hits[1].score, cosine.hits[0].score / cosine.hits[1].score);
-  options.tuning.assignments = 17;
-  ExpectError(ErrorCode::kInvalidArgument, "tuning.assignments_invalid",
-              [&] { engine.Search(query, options); });
-}
-
 }  // namespace
 }  // namespace pliant::testing

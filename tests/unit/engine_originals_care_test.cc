@@ -121,7 +121,9 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
 }
 
 TEST_F(EngineOriginalsTest, WhoOpensToAddPicturesRemovesHalfWrittenOnes) {
-  { Engine made(Options(directory_)); }
+  {
+    Engine made(Options(directory_));
+  }
   WriteText(directory_ / "incoming" / "dead", "half a pic");
   {
     EngineOptions reading = Options({});
@@ -218,7 +220,9 @@ TEST_F(EngineOriginalsTest, ACopyOfTheDatabaseTakesNothingFromTheOriginal) {
 
 // Power went after the directory got its owner and before the database was told.
 TEST_F(EngineOriginalsTest, AClaimThatWasCutOffIsMadeAgain) {
-  { Engine engine(Options({})); }
+  {
+    Engine engine(Options({}));
+  }
   const std::string owner = std::string(32, 'a') + "\n" + fs::canonical(db_).string() + "\n";
   WriteText(directory_ / "pliant-originals", owner);
   fs::create_directory(directory_ / "incoming");
@@ -227,7 +231,9 @@ TEST_F(EngineOriginalsTest, AClaimThatWasCutOffIsMadeAgain) {
     Add(engine, 1, "one");
     EXPECT_TRUE(engine.DescribeOriginals()->owned);
   }
-  { Engine engine(Options({})); }
+  {
+    Engine engine(Options({}));
+  }
   // With files in it the directory is that of an older database of this name: they are kept.
   for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(db_.string() + suffix);
   ExpectError(ErrorCode::kConflict, "originals_foreign", [&] { Engine e(Options(directory_)); });

@@ -16,7 +16,7 @@ TEST_F(EngineTest, AnOtherViewFindsItsObject) {
   ExpectError(ErrorCode::kConflict, "no_vocabulary", [&] { engine.Search(RandomPng(1), {}); });
   const VocabularyRecord vocabulary = Train(engine, 200);
   EXPECT_TRUE(vocabulary.active) << "the first one is used at once";
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+  for (const RankMethod method : {RankMethod::kNeighbours, RankMethod::kHistogram}) {
     for (std::uint64_t i = 1; i <= 12; ++i) {
       SearchOptions options;
       options.rank = method;
@@ -24,6 +24,7 @@ TEST_F(EngineTest, AnOtherViewFindsItsObject) {
       ASSERT_FALSE(result.hits.empty());
       EXPECT_EQ(result.hits[0].object, "o" + std::to_string(i));
       EXPECT_EQ(result.hits[0].rank, 1u);
+      EXPECT_EQ(result.rank, method);
       EXPECT_EQ(result.vocabulary, vocabulary.id);
       EXPECT_EQ(result.words, 200u);
     }
@@ -60,7 +61,7 @@ TEST_F(EngineTest, OfTwoObjectsThatLookTheSameNeitherIsFound) {
   EXPECT_EQ(SearchResultJson(absent, 1)["verdict"], "not_found");
 }
 
-TEST_F(EngineTest, ACloserLookIsTakenWhereNothingIsFound) {
+TEST_F(EngineTest, ASecondPassIsMadeWhereNothingIsFound) {
   Engine engine(Options());
   AddMany(engine, 8);
   Train(engine);
@@ -78,7 +79,7 @@ TEST_F(EngineTest, ACloserLookIsTakenWhereNothingIsFound) {
   const SearchResult found = engine.SearchFeatures(absent, {}, look(present));
   EXPECT_EQ(found.found, 1U);
   EXPECT_EQ(found.hits.at(0).object, "o2");
-  EXPECT_TRUE(found.looked_closer);
+  EXPECT_TRUE(found.second_pass);
   EXPECT_EQ(found.keypoints, present.keypoints.size());
   EXPECT_GE(found.timings.extraction.detect_ms, 1000) << "both looks take their time";
   EXPECT_EQ(looks, 1);
@@ -86,21 +87,21 @@ TEST_F(EngineTest, ACloserLookIsTakenWhereNothingIsFound) {
   // No better: the first answer stays, and says that it was tried.
   const SearchResult still_absent = engine.SearchFeatures(absent, {}, look(absent));
   EXPECT_EQ(still_absent.found, 0U);
-  EXPECT_TRUE(still_absent.looked_closer);
+  EXPECT_TRUE(still_absent.second_pass);
   EXPECT_GE(still_absent.timings.extraction.detect_ms, 1000);
   EXPECT_EQ(looks, 2);
   const SearchResult no_more = engine.SearchFeatures(
       absent, {}, [](ExtractionTimings*) { return std::optional<Features>(); });
-  EXPECT_FALSE(no_more.looked_closer);
+  EXPECT_FALSE(no_more.second_pass);
   EXPECT_EQ(Ids(no_more), Ids(still_absent));
 
-  EXPECT_FALSE(engine.SearchFeatures(present, {}, look(absent)).looked_closer) << "found at once";
+  EXPECT_FALSE(engine.SearchFeatures(present, {}, look(absent)).second_pass) << "found at once";
   SearchOptions without;
-  without.closer_look = false;
+  without.second_pass = false;
   EXPECT_EQ(engine.SearchFeatures(absent, without, look(present)).found, 0U);
   SearchOptions unverified;  // which has no probabilities
   unverified.verify = Verification::kNone;
-  EXPECT_FALSE(engine.SearchFeatures(absent, unverified, look(present)).looked_closer);
+  EXPECT_FALSE(engine.SearchFeatures(absent, unverified, look(present)).second_pass);
   EXPECT_EQ(looks, 2);
 
   // Whichever page is asked for, the same look decides.
@@ -108,27 +109,27 @@ TEST_F(EngineTest, ACloserLookIsTakenWhereNothingIsFound) {
   second.limit = 1;
   second.offset = 1;
   const auto page = engine.SearchFeatures(absent, second, look(present));
-  EXPECT_TRUE(page.looked_closer);
+  EXPECT_TRUE(page.second_pass);
   EXPECT_EQ(Ids(page).at(0), Ids(found).at(1));
 }
 
-TEST_F(EngineTest, SearchLooksCloserAtThePictureItself) {
+TEST_F(EngineTest, SearchMakesItsSecondPassOfThePictureItself) {
   Engine engine(Options());
   AddMany(engine, 6);
   Train(engine);
-  EXPECT_TRUE(engine.Search(RandomPng(99), {}).looked_closer);
-  EXPECT_FALSE(engine.Search(OtherViewPng(3), {}).looked_closer);
-  EXPECT_FALSE(engine.SearchStored("p1", {}).looked_closer);
+  EXPECT_TRUE(engine.Search(RandomPng(99), {}).second_pass);
+  EXPECT_FALSE(engine.Search(OtherViewPng(3), {}).second_pass);
+  EXPECT_FALSE(engine.SearchStored("p1", {}).second_pass);
   SearchOptions without;
-  without.closer_look = false;
-  EXPECT_FALSE(engine.Search(RandomPng(99), without).looked_closer);
+  without.second_pass = false;
+  EXPECT_FALSE(engine.Search(RandomPng(99), without).second_pass);
 }
 
 TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
   Engine engine(Options());
   AddMany(engine, 6);
   Train(engine);
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
+  for (const RankMethod method : {RankMethod::kNeighbours, RankMethod::kHistogram}) {
     SearchOptions options = ByImage();
     options.rank = method;
     const SearchResult by_bytes = engine.Search(RandomPng(3), options);

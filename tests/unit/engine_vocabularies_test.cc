@@ -4,7 +4,7 @@
 #include <stop_token>
 #include <vector>
 
-#include "index/engine/vocabulary_size.h"
+#include "index/engine/training_policy.h"
 #include "tests/unit/engine_fixture.h"
 
 namespace pliant::testing {

@@ -10,7 +10,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
-#include "index/tracking/channel.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_pictures.h"
 
@@ -87,7 +86,9 @@ TEST(VideoWriter, SaysWhatItCannotWrite) {
   writer.Write(RandomPicture(1, 63, 65));
   writer.Close();
   EXPECT_EQ(VideoReader(folder / "a.mp4").info().width, 62);
-  { const VideoWriter unfinished(folder / "b.mp4", 64, 64, 10); }
+  {
+    const VideoWriter unfinished(folder / "b.mp4", 64, 64, 10);
+  }
   EXPECT_FALSE(std::filesystem::exists(folder / "b.mp4"));
 }
 

@@ -63,16 +63,24 @@ FileBytes WithTagTwice(FileBytes tiff, int tag, std::uint32_t value) {
   return tiff;
 }
 
-TEST(DecodeImage, RefusesWhatContradictsItself) {
+// The limits are checked with the size that the decoder believes: libtiff takes the first value.
+TEST(DecodeImage, ATagThatIsThereTwiceHidesNothing) {
   cv::Mat grey;
   cv::cvtColor(CornerPicture(), grey, cv::COLOR_BGR2GRAY);
   const FileBytes tiff = testing::GreyTiff(grey, 1);
   EXPECT_EQ(ReasonOf(tiff), "decoded");
   for (const int tag : {256, 257, 258, 273, 277, 278, 279}) {
-    EXPECT_EQ(ReasonOf(WithTagTwice(tiff, tag, 12'000)), "image_corrupt") << tag;
+    const FileBytes twice = WithTagTwice(tiff, tag, 12'000);
+    const ImageHeader header = ReadImageHeader(twice);
+    EXPECT_EQ(header.width, grey.cols) << tag;
+    EXPECT_EQ(header.height, grey.rows) << tag;
+    EXPECT_EQ(DecodeImage(twice).image.pixels, DecodeImage(tiff).image.pixels) << tag;
   }
   EXPECT_EQ(ReasonOf(WithTagTwice(tiff, 40'000, 1)), "decoded") << "an unknown tag";
-  // The header says less than the data hold.
+}
+
+// The header says less than the data hold: they are not unpacked behind the last row.
+TEST(DecodeImage, APngHasNoMoreRowsThanItsHeaderSays) {
   const cv::Mat flat(1000, 1000, CV_8UC1, cv::Scalar(7));
   FileBytes png = EncodeAs(flat, ".png");
   const FileBytes small = testing::PngClaiming(100, 100);
@@ -80,7 +88,9 @@ TEST(DecodeImage, RefusesWhatContradictsItself) {
   FileBytes crc;
   testing::Append(crc, testing::PngCrc(png.data() + 12, 17), 4, true);
   std::copy(crc.begin(), crc.end(), png.begin() + 29);
-  EXPECT_EQ(ReasonOf(png), "image_corrupt") << "a megabyte of data for ten kilobytes of rows";
+  const Image image = DecodeImage(png).image;
+  EXPECT_EQ(image.width, 100);
+  EXPECT_EQ(image.height, 100);
 }
 
 // libwebp reads "/" as the first byte of a picture without chunks, here of 14417 x 10593 pixels.
@@ -120,18 +130,13 @@ TEST(DecodeImage, RefusesAHeaderThatReachesIntoWhatStandsBehind) {
   }
 }
 
+// OpenCV would read it as DICOM, for which none of the limits hold.
 TEST(DecodeImage, RefusesAWebpThatIsDicomBeneath) {
   FileBytes webp = EncodeAs(testing::NoisePicture(80, 60, 3), ".webp");
   ASSERT_GT(webp.size(), 200U);
   webp[23] ^= 1;  // libwebp does not know it any more
   std::copy_n("DICM", 4, webp.begin() + 128);
-  try {
-    DecodeImage(webp);
-    FAIL() << "decoded";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.reason(), "image_corrupt");
-    EXPECT_NE(std::string(e.what()).find("DICOM"), std::string::npos) << e.what();
-  }
+  EXPECT_EQ(ReasonOf(webp), "image_corrupt");
 }
 
 }  // namespace

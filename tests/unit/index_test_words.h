@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -13,21 +14,40 @@
 
 namespace pliant::testing {
 
-// From counts, one a word.
-inline Bow ToBow(const std::vector<double>& counts) {
+// Of a vocabulary of bytes, whose codes are a byte each.
+inline std::shared_ptr<const Quantizer> ByteQuantizer(std::size_t words) {
+  auto vocabulary = std::make_shared<Vocabulary>();
+  vocabulary->words = Descriptors::Binary(words, 1);
+  vocabulary->codebook.code_bytes = 1;
+  return std::make_shared<const Quantizer>(std::move(vocabulary));
+}
+
+// With a total and a code for each descriptor.
+inline Bow Counted(std::vector<WordCount> words) {
   Bow bow;
-  for (std::uint32_t w = 0; w < counts.size(); ++w) {
-    if (counts[w] == 0) continue;
-    bow.words.push_back({w, static_cast<std::uint32_t>(counts[w])});
-    bow.total += static_cast<std::uint32_t>(counts[w]);
+  bow.words = std::move(words);
+  for (const WordCount& entry : bow.words) {
+    for (std::uint32_t i = 0; i < entry.count; ++i) {
+      bow.codes.push_back(static_cast<std::uint8_t>(entry.word + 7 * ++bow.total));
+    }
   }
   return bow;
+}
+
+// From counts, one a word.
+inline Bow ToBow(const std::vector<double>& counts) {
+  std::vector<WordCount> words;
+  for (std::uint32_t w = 0; w < counts.size(); ++w) {
+    if (counts[w] == 0) continue;
+    words.push_back({w, static_cast<std::uint32_t>(counts[w])});
+  }
+  return Counted(std::move(words));
 }
 
 inline std::vector<double> RandomCounts(std::mt19937_64& random, std::size_t words,
                                         std::uint32_t keypoints) {
   std::vector<double> counts(words, 0);
-  // Squaring makes low words frequent and high ones rare, so that both kinds of list are used.
+  // Squaring makes low words frequent and high ones rare.
   for (std::uint32_t i = 0; i < keypoints; ++i) {
     const double u = static_cast<double>(random() >> 11) / 9007199254740992.0;
     counts[static_cast<std::size_t>(u * u * static_cast<double>(words))] += 1;
@@ -36,10 +56,7 @@ inline std::vector<double> RandomCounts(std::mt19937_64& random, std::size_t wor
 }
 
 inline IndexedPicture Picture(std::int64_t key, std::vector<WordCount> words) {
-  IndexedPicture picture{key, 0, "id" + std::to_string(key), {}};
-  picture.bow.words = std::move(words);
-  for (const WordCount& entry : picture.bow.words) picture.bow.total += entry.count;
-  return picture;
+  return {key, 0, "id" + std::to_string(key), Counted(std::move(words))};
 }
 
 }  // namespace pliant::testing

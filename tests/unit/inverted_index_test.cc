@@ -12,7 +12,9 @@
 
 #include <gtest/gtest.h>
 
+#include "descriptor/base/error.h"
 #include "index/rank/ranking.h"
+#include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_words.h"
 
 namespace pliant::testing {
@@ -33,50 +35,20 @@ double Norm(const std::vector<double>& v) {
   return std::sqrt(sum);
 }
 
-std::vector<double> Idf(std::uint64_t pictures, const std::vector<std::uint32_t>& frequency) {
-  std::vector<double> idf;
-  for (const std::uint32_t df : frequency) {
-    idf.push_back(
-        std::log((static_cast<double>(pictures) + 1) / std::max(1.0, static_cast<double>(df))));
-  }
-  return idf;
-}
-
-double OracleScore(const std::vector<double>& query, const Truth& truth, RankMethod method,
-                   const std::vector<double>& idf) {
-  std::vector<double> q = query;
-  std::vector<double> d = truth.counts;
+double OracleScore(const std::vector<double>& query, const Truth& truth) {
+  std::vector<double> difference = query;
   double total = 0;
-  for (const double x : q) total += x;
-  for (double& x : q) x /= total;
-  for (double& x : d) x /= truth.total;
-  if (method == RankMethod::kHistogram) {
-    for (std::size_t w = 0; w < q.size(); ++w) q[w] -= d[w];
-    return 1 - Norm(q) / std::numbers::sqrt2;
+  for (const double x : query) total += x;
+  for (std::size_t w = 0; w < query.size(); ++w) {
+    difference[w] = query[w] / total - truth.counts[w] / truth.total;
   }
-  double dot = 0;
-  for (std::size_t w = 0; w < q.size(); ++w) {
-    q[w] *= idf[w];
-    d[w] *= idf[w];
-    dot += q[w] * d[w];
-  }
-  return dot > 0 ? dot / (Norm(q) * Norm(d)) : 0;
-}
-
-std::vector<std::uint32_t> TrueFrequency(const Truths& truths, std::size_t words) {
-  std::vector<std::uint32_t> frequency(words, 0);
-  for (const auto& [key, truth] : truths) {
-    for (std::size_t w = 0; w < words; ++w) frequency[w] += truth.counts[w] > 0 ? 1 : 0;
-  }
-  return frequency;
+  return 1 - Norm(difference) / std::numbers::sqrt2;
 }
 
 // Scores agree, nobody is missing, and the order is that of the scores with ties by id.
 void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
                    const std::vector<double>& query, const RankOptions& options) {
-  const std::vector<double> idf =
-      Idf(snapshot.statistics->pictures, snapshot.statistics->frequency);
-  const Ranking ranking = Rank(snapshot, ToBow(query), options);
+  const Ranking ranking = RankByHistogram(snapshot, ToBow(query), options);
   std::map<std::string, double> expected;  // by "object" or "id"
   const auto name = [&](std::int64_t object, const std::string& id) {
     return options.group_by == GroupBy::kObject && object != 0 ? std::to_string(object)
@@ -84,8 +56,7 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
   };
   for (const auto& [key, truth] : truths) {
     if (!options.admission.Admits(key, truth.object)) continue;
-    const double score = OracleScore(query, truth, options.method, idf);
-    if (options.method == RankMethod::kTfIdf && score == 0) continue;
+    const double score = OracleScore(query, truth);
     double& best = expected.try_emplace(name(truth.object, truth.id), -1.0).first->second;
     best = std::max(best, score);
   }
@@ -117,17 +88,16 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
 void ExpectAllRankings(const IndexSnapshot& snapshot, const Truths& truths, std::mt19937_64& random,
                        std::size_t words) {
   const std::vector<double> query = RandomCounts(random, words, 1 + random() % 300);
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
-    for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
-      for (const std::size_t keep : {0, 1, 7}) {
-        ExpectRanking(snapshot, truths, query,
-                      {method, group_by, static_cast<std::size_t>(keep), 0, {}, 1});
-      }
+  constexpr RankMethod kMethod = RankMethod::kHistogram;
+  for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
+    for (const std::size_t keep : {0, 1, 7}) {
+      ExpectRanking(snapshot, truths, query,
+                    {kMethod, group_by, static_cast<std::size_t>(keep), 0, {}, 1});
     }
-    Admission accept;
-    accept.object_key = 3;
-    ExpectRanking(snapshot, truths, query, {method, GroupBy::kImage, 5, 0, accept, 2});
   }
+  Admission accept;
+  accept.object_key = 3;
+  ExpectRanking(snapshot, truths, query, {kMethod, GroupBy::kImage, 5, 0, accept, 2});
 }
 
 class RandomChanges : public ::testing::TestWithParam<std::tuple<std::size_t, std::uint64_t>> {};
@@ -139,7 +109,7 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
   const auto [words, seed] = GetParam();
   SCOPED_TRACE("words " + std::to_string(words) + ", seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
-  InvertedIndex index(words);
+  InvertedIndex index(ByteQuantizer(words));
   Truths truths;
   std::int64_t next_key = 1;
   for (int step = 0; step < 60; ++step) {
@@ -169,28 +139,22 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
     const auto snapshot = index.snapshot();
     ASSERT_EQ(snapshot->pictures, truths.size());
     if (step % 4 == 0) ExpectAllRankings(*snapshot, truths, random, words);
-    // Below 256 pictures every change renews the statistics.
-    if (truths.size() < 256) {
-      ASSERT_EQ(snapshot->statistics->pictures, truths.size());
-      ASSERT_EQ(snapshot->statistics->frequency, TrueFrequency(truths, words));
-    }
   }
-  index.Refresh();
   const auto snapshot = index.snapshot();
-  EXPECT_EQ(snapshot->statistics->frequency, TrueFrequency(truths, words));
   std::vector<std::int64_t> keys;
   for (const auto& [key, truth] : truths) {
     keys.push_back(key);
     const std::optional<Bow> bow = snapshot->Find(key);
     ASSERT_TRUE(bow);
     EXPECT_EQ(bow->words, ToBow(truth.counts).words);
+    EXPECT_EQ(bow->codes, ToBow(truth.counts).codes);
   }
   EXPECT_EQ(snapshot->Keys(), keys);
   ExpectAllRankings(*snapshot, truths, random, words);
 }
 
 TEST(InvertedIndex, ASnapshotStaysAsItWas) {
-  InvertedIndex index(4);
+  InvertedIndex index(ByteQuantizer(4));
   index.Apply({Picture(1, {{0, 2}})}, {});
   const auto before = index.snapshot();
   const std::vector<std::int64_t> removed = {1};
@@ -202,7 +166,7 @@ TEST(InvertedIndex, ASnapshotStaysAsItWas) {
 }
 
 TEST(InvertedIndex, ThePartsStayFewAndAddingOneDoesNotCopyTheRest) {
-  InvertedIndex index(50);
+  InvertedIndex index(ByteQuantizer(50));
   std::mt19937_64 random(3);
   const IndexSegment* largest = nullptr;
   int rebuilt = 0;
@@ -221,7 +185,7 @@ TEST(InvertedIndex, ThePartsStayFewAndAddingOneDoesNotCopyTheRest) {
 }
 
 TEST(InvertedIndex, RemovedPicturesGiveTheirMemoryBack) {
-  InvertedIndex index(1000);
+  InvertedIndex index(ByteQuantizer(1000));
   std::mt19937_64 random(4);
   std::vector<IndexedPicture> pictures;
   std::vector<std::int64_t> removed;
@@ -237,19 +201,17 @@ TEST(InvertedIndex, RemovedPicturesGiveTheirMemoryBack) {
   EXPECT_EQ(index.snapshot()->pictures, 20u);
 }
 
-TEST(InvertedIndex, StatisticsFollowWithinTheirEpoch) {
-  InvertedIndex index(10);
-  std::vector<IndexedPicture> many;
-  for (std::int64_t key = 1; key <= 2560; ++key) many.push_back(Picture(key, {{0, 1}}));
-  index.Apply(std::move(many), {});
-  ASSERT_EQ(index.snapshot()->statistics->pictures, 2560u);
-  for (std::int64_t key = 3000; key < 3010; ++key) index.Apply({Picture(key, {{1, 1}})}, {});
-  EXPECT_EQ(index.snapshot()->statistics->pictures, 2560u) << "ten changes are below 1/256";
-  for (std::int64_t key = 3010; key < 3012; ++key) index.Apply({Picture(key, {{1, 1}})}, {});
-  EXPECT_GE(index.snapshot()->statistics->pictures, 2570u);
-  index.Refresh();
-  EXPECT_EQ(index.snapshot()->statistics->pictures, 2572u);
-  EXPECT_EQ(index.snapshot()->statistics->frequency[1], 12u);
+TEST(InvertedIndex, EachDescriptorNeedsItsCode) {
+  InvertedIndex index(ByteQuantizer(10));
+  IndexedPicture picture = Picture(1, {{3, 2}});
+  picture.bow.codes.pop_back();
+  ExpectError(ErrorCode::kCorrupt, "codes_missing", [&] { index.Apply({picture}, {}); });
+  ExpectError(ErrorCode::kInternal, "word_out_of_range",
+              [&] { index.Apply({Picture(1, {{10, 1}})}, {}); });
+  auto bare = std::make_shared<Vocabulary>(ByteQuantizer(10)->vocabulary());
+  bare->codebook = {};
+  ExpectError(ErrorCode::kInvalidArgument, "codebook_malformed",
+              [&] { InvertedIndex(std::make_shared<const Quantizer>(bare)); });
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ OWNERS = {
     "libpq-fe.h": {"index/store/postgres"},
     "httplib": {"server"},
     "curl/": {"server/fetch"},
-    "hdf5": {"index/cli"},
+    "pango/": {"descriptor/plot"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
 }

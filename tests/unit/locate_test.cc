@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/warp/local_affine.h"
+#include "descriptor/warp/tps_ransac.h"
 #include "index/json/location_json.h"
 #include "tests/unit/random_descriptors.h"
 
@@ -63,11 +63,8 @@ TEST(Locate, DegenerateArrangementsAreLost) {
 
 TEST(Locate, AFoldedHalfDoesNotMakeAWildWarp) {
   // The right half is folded back over the left one.
-  const Location found = LocatePlaced(
-      [](Vec2 p) {
-        return p.x < 240 ? p : Vec2{480 - p.x, p.y};
-      },
-      Anywhere);
+  const Location found =
+      LocatePlaced([](Vec2 p) { return p.x < 240 ? p : Vec2{480 - p.x, p.y}; }, Anywhere);
   if (!found.found) return;
   for (const MatchedPair& pair : found.inliers) {
     const Vec2 p = Anywhere(static_cast<int>(pair.reference));

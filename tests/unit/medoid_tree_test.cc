@@ -11,7 +11,6 @@
 #include "descriptor/base/error.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/random_descriptors.h"
-#include "vocab/distinct_rows.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -133,7 +132,7 @@ TEST(MedoidTree, ReportsProgressAndStops) {
   ExpectError(ErrorCode::kCancelled, "cancelled", [&] { MedoidTree(samples, options); });
 }
 
-TEST(MedoidTree, LargeSamplesMakeVocabulariesWithThresholds) {
+TEST(MedoidTree, LargeSamplesMakeVocabulariesWithCodebooks) {
   const Descriptors samples = Clustered(kMaxExactSamples + 1, false, 7);
   KMedoidsOptions options;
   options.k = 200;
@@ -141,7 +140,7 @@ TEST(MedoidTree, LargeSamplesMakeVocabulariesWithThresholds) {
   EXPECT_EQ(vocabulary.size(), 200U);
   EXPECT_EQ(vocabulary.origin.method, "fasterpam tree");
   EXPECT_EQ(vocabulary.origin.sampled, kMaxExactSamples + 1);
-  EXPECT_EQ(vocabulary.thresholds.size(), 200U * 64);
+  EXPECT_FALSE(vocabulary.codebook.empty());
   EXPECT_GT(vocabulary.origin.loss, 0);
 }
 

@@ -83,7 +83,8 @@ class FakeView : public FeedView {
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) override {
     gate_.Pass(vocabulary);
     auto result = std::make_shared<Vocabulary>();
-    result->words = Descriptors::Binary(4, 8);
+    result->words = Descriptors::Binary(4, 1);
+    result->codebook.code_bytes = 1;
     result->model_id = "m";
     return result;
   }
@@ -134,6 +135,7 @@ IndexedPicture Picture(std::int64_t key, const std::string& id) {
   picture.id = id;
   picture.bow.words = {{1, 2}};
   picture.bow.total = 2;
+  picture.bow.codes = {3, 4};
   return picture;
 }
 
@@ -159,11 +161,11 @@ class MemoryRankerTest : public ::testing::Test {
   }
   // Of a collection's pictures, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
-    const Bow bow{{{1, 1}}, 1, {}, {}};
+    const Bow bow{{{1, 1}}, 1, {}};
     RankOptions options;
     options.method = RankMethod::kHistogram;
     std::vector<std::int64_t> versions;
-    for (const RankedPicture& p : ranker_->Rank(view, {bow, Features{}}, options).best) {
+    for (const RankedPicture& p : ranker_->Rank(view, {Features{}, bow}, options).best) {
       EXPECT_EQ(p.ref.collection, view.collection);
       versions.push_back(p.ref.version);
     }

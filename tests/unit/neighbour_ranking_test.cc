@@ -71,7 +71,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     options.k = kWords;
     *vocabulary = TrainVocabulary(samples, "test", samples.rows, options);
     quantizer_ = std::make_shared<const Quantizer>(std::move(vocabulary));
-    index_ = std::make_unique<InvertedIndex>(kWords, quantizer_);
+    index_ = std::make_unique<InvertedIndex>(quantizer_);
   }
   Descriptors Random(std::size_t rows) {
     return GetParam() ? RandomBits(random_, rows) : RandomUnit(random_, rows);

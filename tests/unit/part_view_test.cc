@@ -1,7 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/features/part_view.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/picture_files.h"

@@ -3,7 +3,9 @@
 // Ranking: ties, scores at their ends, threads. The scores' oracle is in inverted_index_test.
 #include "index/rank/ranking.h"
 
+#include <algorithm>
 #include <random>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -15,59 +17,60 @@
 namespace pliant::testing {
 namespace {
 
+RankOptions Best(std::size_t keep, GroupBy group_by = GroupBy::kImage) {
+  RankOptions options;
+  options.method = RankMethod::kHistogram;
+  options.group_by = group_by;
+  options.keep = keep;
+  return options;
+}
+
 TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
-  InvertedIndex index(300);
+  InvertedIndex index(ByteQuantizer(300));
   std::vector<IndexedPicture> pictures;
   for (std::int64_t key = 1; key <= 200; ++key) {
     pictures.push_back(Picture(key, {{0, 3}, {7, 300}, {9, 1}}));
     pictures.back().id = "id" + std::to_string(1000 + (key * 37) % 200);
   }
-  // One by one and all at once: other segments, dense and sparse lists, same scores to the last
-  // bit.
-  InvertedIndex one_by_one(300);
+  // One by one and all at once: other segments, same scores to the last bit.
+  InvertedIndex one_by_one(ByteQuantizer(300));
   for (const IndexedPicture& picture : pictures) one_by_one.Apply({picture}, {});
   index.Apply(pictures, {});
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
-    for (const InvertedIndex* each : {&index, &one_by_one}) {
-      const Ranking ranking = Rank(*each->snapshot(), {{{0, 1}, {7, 5}, {200, 2}}, 8, {}, {}},
-                                   {method, GroupBy::kImage, 50, 0, {}, 1});
-      ASSERT_EQ(ranking.best.size(), 50u);
-      for (std::size_t i = 0; i < 50; ++i) {
-        EXPECT_EQ(ranking.best[i].ref.id, "id" + std::to_string(1000 + i));
-        EXPECT_EQ(ranking.best[i].score, ranking.best[0].score);
-      }
+  for (const InvertedIndex* each : {&index, &one_by_one}) {
+    const Ranking ranking =
+        RankByHistogram(*each->snapshot(), Counted({{0, 1}, {7, 5}, {200, 2}}), Best(50));
+    ASSERT_EQ(ranking.best.size(), 50u);
+    for (std::size_t i = 0; i < 50; ++i) {
+      EXPECT_EQ(ranking.best[i].ref.id, "id" + std::to_string(1000 + i));
+      EXPECT_EQ(ranking.best[i].score, ranking.best[0].score);
     }
   }
 }
 
-TEST(Ranking, ItselfIsOneAndAStrangerIsNoHit) {
-  InvertedIndex index(100);
+TEST(Ranking, ItselfIsOneAndEveryPictureIsAHit) {
+  InvertedIndex index(ByteQuantizer(100));
   const IndexedPicture a = Picture(1, {{0, 3}, {7, 4000}, {9, 1}});
-  const IndexedPicture b = Picture(2, {{50, 3}});
-  index.Apply({a, b}, {});
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
-    const Ranking ranking = Rank(*index.snapshot(), a.bow, {method, GroupBy::kImage, 0, 0, {}, 1});
-    ASSERT_FALSE(ranking.best.empty());
-    EXPECT_EQ(ranking.best[0].ref.version, 1);
-    EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
-    EXPECT_EQ(ranking.best.size(), method == RankMethod::kTfIdf ? 1u : 2u);
-  }
-  const Ranking strict =
-      Rank(*index.snapshot(), a.bow, {RankMethod::kHistogram, GroupBy::kImage, 0, 0.5, {}, 1});
-  EXPECT_EQ(strict.total, 1u);
+  index.Apply({a, Picture(2, {{50, 3}})}, {});
+  const Ranking ranking = RankByHistogram(*index.snapshot(), a.bow, Best(0));
+  ASSERT_EQ(ranking.best.size(), 2u);
+  EXPECT_EQ(ranking.best[0].ref.version, 1);
+  EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
+  RankOptions strict = Best(0);
+  strict.min_score = 0.5;
+  EXPECT_EQ(RankByHistogram(*index.snapshot(), a.bow, strict).total, 1u);
 }
 
 TEST(Ranking, ASinglePictureAnswers) {
-  InvertedIndex index(10);
+  InvertedIndex index(ByteQuantizer(10));
   index.Apply({Picture(1, {{3, 2}})}, {});
-  const Ranking ranking = Rank(*index.snapshot(), {{{3, 1}}, 1, {}, {}}, {});
+  const Ranking ranking = RankByHistogram(*index.snapshot(), Counted({{3, 1}}), Best(0));
   ASSERT_EQ(ranking.best.size(), 1u);
   EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
 }
 
 TEST(Ranking, ThreadsChangeNothing) {
   std::mt19937_64 random(8);
-  InvertedIndex index(400);
+  InvertedIndex index(ByteQuantizer(400));
   std::vector<IndexedPicture> pictures;
   for (std::int64_t key = 1; key <= 12000; ++key) {
     pictures.push_back({key, static_cast<std::int64_t>(random() % 500), "id" + std::to_string(key),
@@ -75,14 +78,58 @@ TEST(Ranking, ThreadsChangeNothing) {
     if (pictures.size() == 3000) index.Apply(std::exchange(pictures, {}), {});
   }
   const Bow query = ToBow(RandomCounts(random, 400, 400));
-  for (const RankMethod method : {RankMethod::kTfIdf, RankMethod::kHistogram}) {
-    const Ranking one = Rank(*index.snapshot(), query, {method, GroupBy::kObject, 100, 0, {}, 1});
-    const Ranking four = Rank(*index.snapshot(), query, {method, GroupBy::kObject, 100, 0, {}, 4});
-    ASSERT_EQ(one.best.size(), four.best.size());
-    EXPECT_EQ(one.total, four.total);
-    for (std::size_t i = 0; i < one.best.size(); ++i) {
-      EXPECT_EQ(one.best[i].ref.version, four.best[i].ref.version);
-      EXPECT_EQ(one.best[i].score, four.best[i].score);
+  RankOptions options = Best(100, GroupBy::kObject);
+  const Ranking one = RankByHistogram(*index.snapshot(), query, options);
+  options.threads = 4;
+  const Ranking four = RankByHistogram(*index.snapshot(), query, options);
+  ASSERT_EQ(one.best.size(), four.best.size());
+  EXPECT_EQ(one.total, four.total);
+  for (std::size_t i = 0; i < one.best.size(); ++i) {
+    EXPECT_EQ(one.best[i].ref.version, four.best[i].ref.version);
+    EXPECT_EQ(one.best[i].score, four.best[i].score);
+  }
+}
+
+TEST(Ranking, CandidatesAndTheRestAreThePlainRankingInTwo) {
+  std::mt19937_64 random(9);
+  InvertedIndex index(ByteQuantizer(150));
+  for (std::int64_t key = 1; key <= 250; ++key) {
+    index.Apply({{key, static_cast<std::int64_t>(random() % 9), "id" + std::to_string(key),
+                  ToBow(RandomCounts(random, 150, 1 + random() % 120))}},
+                {});
+  }
+  const auto snapshot = index.snapshot();
+  const Bow query = ToBow(RandomCounts(random, 150, 100));
+  const std::vector<RankedPicture> all = RankByHistogram(*snapshot, query, Best(0)).best;
+  ASSERT_EQ(all.size(), 250U);
+  for (const std::size_t depth : {1U, 17U, 100U, 10'000U}) {
+    for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
+      for (const std::size_t keep : {0U, 3U}) {
+        RankOptions options = Best(keep, group_by);
+        options.candidates = depth;
+        options.min_score = all[all.size() * 3 / 4].score;
+        const Ranking split = RankByHistogram(*snapshot, query, options);
+        const std::size_t apart = std::min(depth, all.size());
+        ASSERT_EQ(split.candidates.size(), apart);
+        std::set<std::int64_t> shown;
+        for (std::size_t i = 0; i < apart; ++i) {
+          EXPECT_EQ(split.candidates[i].ref.version, all[i].ref.version);
+          shown.insert(all[i].object);
+        }
+        std::vector<std::int64_t> rest;
+        for (std::size_t i = apart; i < all.size(); ++i) {
+          if (all[i].score < options.min_score) continue;
+          if (group_by == GroupBy::kObject && all[i].object != 0 &&
+              !shown.insert(all[i].object).second) {
+            continue;
+          }
+          rest.push_back(all[i].ref.version);
+        }
+        EXPECT_EQ(split.total, rest.size());
+        if (keep != 0 && keep < rest.size()) rest.resize(keep);
+        ASSERT_EQ(split.best.size(), rest.size());
+        for (std::size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(split.best[i].ref.version, rest[i]);
+      }
     }
   }
 }

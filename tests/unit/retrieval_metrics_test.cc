@@ -79,9 +79,8 @@ TEST(RetrievalMetricsTest, AveragePrecisionReadsTheWholeAnswer) {
 
 TEST(RetrievalMetricsTest, ImpossibleAnswersAreRefused) {
   ExpectError(ErrorCode::kInvalidArgument, "answer_invalid", [] { MeasureAnswer({{false}, 0}); });
-  ExpectError(ErrorCode::kInvalidArgument, "answer_invalid", [] {
-    MeasureAnswer({{true, true}, 1});
-  });
+  ExpectError(ErrorCode::kInvalidArgument, "answer_invalid",
+              [] { MeasureAnswer({{true, true}, 1}); });
 }
 
 TEST(RetrievalMetricsTest, MeanAndSpreadFieldByField) {

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/http/accept.h"
 #include "server/http/compression.h"
 #include "server/http/conditions.h"
 #include "server/http/problem.h"
@@ -55,6 +56,13 @@ TEST(Compression, PrefersWhatTheClientPrefers) {
     EXPECT_TRUE(coding == Coding::kIdentity || coding == Coding::kGzip ||
                 coding == Coding::kBrotli);
   }
+}
+
+TEST(Accept, ListsWeights) {
+  using ::testing::ElementsAre;
+  using ::testing::Pair;
+  EXPECT_THAT(WeightsOf("image/PNG;q=0.5, image/jpeg, image/png, a;b=1, c;q=2,"),
+              ElementsAre(Pair("image/jpeg", 1000), Pair("image/png", 500)));
 }
 
 TEST(Compression, TakesTextOnly) {

@@ -192,7 +192,7 @@ TEST_F(JobsTest, ImportsStayInsideTheDirectory) {
 }
 
 TEST_F(JobsTest, BackupsHaveSafeNames) {
-  const Backups backups({.directory = folder_.path()});
+  const Backups backups(folder_.path());
   JobQueue jobs(store_.get());
   for (const std::string& name : std::vector<std::string>{"../x.db", "/tmp/x.db", "x", ".db",
                                                           ".x.db", "a/b.db", "x.db\n", "ü.db"}) {
@@ -200,7 +200,7 @@ TEST_F(JobsTest, BackupsHaveSafeNames) {
     EXPECT_EQ(CodeOf([&] { backups.Get(name); }), "backup_not_found") << name;
   }
   EXPECT_EQ(CodeOf([&] { backups.Add(jobs, "x.db"); }), "backup_exists");
-  EXPECT_EQ(CodeOf([&] { Backups({}).List(); }), "backups_off");
+  EXPECT_EQ(CodeOf([&] { Backups("").List(); }), "backups_off");
   EXPECT_EQ(backups.List().size(), 1U);
   EXPECT_EQ(backups.Get("x.db").bytes, std::filesystem::file_size(database()));
 }
@@ -212,7 +212,7 @@ TEST_F(JobsTest, BackupsSayNothingOfTheDirectory) {
   options.database = database();
   options.descriptor = "rootsift";
   Engine engine(options);
-  const Backups backups({.directory = directory});
+  const Backups backups(directory);
   JobQueue jobs(store_.get());
   backups.RegisterJob(jobs, engine);
   jobs.Start();

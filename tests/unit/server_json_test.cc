@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "descriptor/base/base64.h"
 #include "server/http/json.h"
 #include "tests/unit/problem_of.h"
 

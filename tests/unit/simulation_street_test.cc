@@ -8,7 +8,7 @@
 
 #include "descriptor/simulation/artwork.h"
 #include "descriptor/simulation/develop.h"
-#include "descriptor/simulation/relief.h"
+#include "descriptor/simulation/surface.h"
 #include "tests/unit/small_scenes.h"
 
 namespace pliant::simulation {

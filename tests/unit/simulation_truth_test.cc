@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/simulation/backdrop.h"
 #include "descriptor/simulation/surface.h"
+#include "descriptor/simulation/view.h"
 #include "tests/unit/small_scenes.h"
 
 namespace pliant::simulation {

@@ -15,7 +15,6 @@
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance_kernels.h"
 #include "descriptor/match/matching.h"
-#include "descriptor/match/step_kernels.h"
 #include "tests/unit/nearest_oracle.h"
 #include "tests/unit/random_descriptors.h"
 

@@ -10,7 +10,6 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/warp/local_affine.h"
 
 namespace pliant {
 namespace {

@@ -48,7 +48,6 @@ TEST(TrackingBenchmark, DealFollowsBestAndFiguresFitTogether) {
   TrackingBenchmarkOptions options;
   options.descriptors = {"deal", "sift", "orb"};
   options.max_keypoints = 400;
-  options.lpips = PLIANT_SOURCE_DIR "/tests/data/mean_square_difference.onnx";
   std::uint64_t told = 0;
   options.progress = [&](std::uint64_t done, std::uint64_t total) {
     EXPECT_EQ(total, 6U);
@@ -67,7 +66,6 @@ TEST(TrackingBenchmark, DealFollowsBestAndFiguresFitTogether) {
     EXPECT_GE(result.inlier_rate, 0);
     EXPECT_LE(result.inlier_rate, 1);
     EXPECT_LE(result.ssim, 1);
-    EXPECT_EQ(result.lpips.has_value(), result.found_share > 0);
   }
   ASSERT_EQ(report.groups.size(), 2U);
   EXPECT_EQ(report.groups[0].frames + report.groups[1].frames, report.frames);
@@ -75,7 +73,6 @@ TEST(TrackingBenchmark, DealFollowsBestAndFiguresFitTogether) {
     EXPECT_EQ(view.found, view.reason == LostReason::kNone);
     EXPECT_LE(view.inliers, view.matches);
     EXPECT_EQ(view.tracked, view.found && view.error_px <= 0.03 * view.size_px);
-    EXPECT_EQ(view.lpips.has_value(), view.found);
   }
   const TrackingResult& deal = report.results[0];
   const TrackingResult& sift = report.results[1];
@@ -127,10 +124,6 @@ TEST(TrackingBenchmark, RefusesWhatItCannotMeasure) {
   ExpectError(ErrorCode::kInvalidArgument, "option_out_of_range",
               [&] { RunTrackingBenchmark(sequences, options); });
   options.every = 1;
-  options.lpips = folder / "none.onnx";
-  ExpectError(ErrorCode::kNotFound, "cannot_read",
-              [&] { RunTrackingBenchmark(sequences, options); });
-  options.lpips.clear();
   options.progress = [](std::uint64_t, std::uint64_t) { return false; };
   ExpectError(ErrorCode::kCancelled, "evaluation_stopped",
               [&] { RunTrackingBenchmark(sequences, options); });

@@ -55,9 +55,8 @@ TEST(WarpMesh, TallAndThinPicturesHaveAtLeastTwoPointsASide) {
 
 TEST(WarpMesh, PointsWhereTheMapMirrorsAreNotTrusted) {
   // x runs forth to 200 and back again.
-  const auto warp = Spline(400, 300, [](Vec2 p) {
-    return Vec2{p.x <= 240 ? p.x : 480 - p.x, p.y};
-  });
+  const auto warp =
+      Spline(400, 300, [](Vec2 p) { return Vec2{p.x <= 240 ? p.x : 480 - p.x, p.y}; });
   const Mesh mesh = WarpMesh(warp, 401, 301, 17);
   for (int r = 0; r < mesh.rows; ++r) {
     EXPECT_TRUE(mesh.trusted[static_cast<std::size_t>(r * mesh.columns + 4)]);    // x = 100

@@ -70,6 +70,15 @@ TEST(WordGroups, FindNearlyAllOfTheNearestWords) {
   EXPECT_GT(right, rows.rows * kWanted * 9 / 10);
 }
 
+std::vector<std::uint32_t> Nearest(const Quantizer& quantizer, const Descriptors& rows, int count,
+                                   int threads = 1) {
+  std::vector<std::uint32_t> words;
+  for (const NearWord& near : quantizer.NearestWords(rows, count, threads)) {
+    words.push_back(near.word);
+  }
+  return words;
+}
+
 TEST(WordGroups, AWordIsItsOwnNearest) {
   for (const bool binary : {false, true}) {
     const Descriptors words = binary ? RandomBits(WordGroups::kLeastWords, 8, 3)
@@ -84,10 +93,10 @@ TEST(WordGroups, AWordIsItsOwnNearest) {
 TEST(WordGroups, TheAnswerDependsNeitherOnThreadsNorOnOtherRows) {
   const Quantizer quantizer(MakeVocabulary(Clustered(WordGroups::kLeastWords, 16, 4)));
   const Descriptors rows = Clustered(150, 16, 5);
-  const auto one = quantizer.AssignSeveral(rows, kWanted, 1);
-  EXPECT_EQ(quantizer.AssignSeveral(rows, kWanted, 3), one);
+  const auto one = Nearest(quantizer, rows, kWanted);
+  EXPECT_EQ(Nearest(quantizer, rows, kWanted, 3), one);
   for (const std::uint32_t row : {0U, 70U, 149U}) {
-    const auto alone = quantizer.AssignSeveral(SelectRows(rows, std::vector{row}), kWanted, 1);
+    const auto alone = Nearest(quantizer, SelectRows(rows, std::vector{row}), kWanted);
     EXPECT_TRUE(std::equal(alone.begin(), alone.end(), one.begin() + row * kWanted));
   }
   const auto nearest = quantizer.Assign(rows, 2);
@@ -97,7 +106,7 @@ TEST(WordGroups, TheAnswerDependsNeitherOnThreadsNorOnOtherRows) {
 TEST(WordGroups, MoreWordsThanTheNearestGroupsHave) {
   const Descriptors words = RandomFloats(WordGroups::kLeastWords, 4, 6);
   const Quantizer quantizer(MakeVocabulary(words));
-  auto all = quantizer.AssignSeveral(RandomFloats(2, 4, 7), static_cast<int>(words.rows));
+  auto all = Nearest(quantizer, RandomFloats(2, 4, 7), static_cast<int>(words.rows));
   ASSERT_EQ(all.size(), 2 * words.rows);
   std::sort(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(words.rows));
   for (std::uint32_t w = 0; w < words.rows; ++w) ASSERT_EQ(all[w], w);

@@ -1,18 +1,19 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sql/write_queue.h"
-
 #include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <future>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "descriptor/base/error.h"
+#include "index/store/sql/access.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/index_test_pictures.h"
 
@@ -46,19 +47,36 @@ bool Finishes(Work work) {
   return finished.wait_for(std::chrono::seconds(20)) == std::future_status::ready;
 }
 
-TEST_F(WriteQueueTest, WhatIsThrownAfterTheCommitBlocksNobody) {
+// The commit was durable and is reported as such; then nothing is written until the index follows.
+TEST_F(WriteQueueTest, WhatIsThrownAfterTheCommitStopsWriting) {
+  auto fails = std::make_shared<bool>(true);
   // Lives on if the test fails.
-  auto queue = std::make_shared<WriteQueue>(Open(), [] { throw 7; });  // no std::exception
+  auto queue = std::make_shared<WriteQueue>(Open(), [fails] {
+    if (*fails) throw std::runtime_error("the index is damaged");
+  });
+  ASSERT_TRUE(Finishes([queue] { EXPECT_NO_THROW(queue->Run(Insert)); }));
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(Finishes([queue] {
       try {
         queue->Run(Insert);
-      } catch (...) {
-        ADD_FAILURE() << "the commit was durable, and is reported as such";
+        ADD_FAILURE() << "written";
+      } catch (const Error& error) {
+        EXPECT_EQ(error.reason(), "writing_stopped");
+        EXPECT_NE(std::string(error.what()).find("the index is damaged"), std::string::npos);
       }
     })) << i;
+    EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 1);
   }
-  EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 3);
+  *fails = false;
+  ASSERT_TRUE(Finishes([queue] { EXPECT_NO_THROW(queue->Run(Insert)); }));
+  EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 2);
+}
+
+TEST_F(WriteQueueTest, NothingThatIsThrownAfterTheCommitBlocks) {
+  auto queue = std::make_shared<WriteQueue>(Open(), [] { throw 7; });  // no std::exception
+  ASSERT_TRUE(Finishes([queue] { EXPECT_NO_THROW(queue->Run(Insert)); }));
+  ASSERT_TRUE(Finishes([queue] { EXPECT_THROW(queue->Run(Insert), Error); }));
+  EXPECT_EQ(Open()->Scalar("SELECT count(*) FROM t"), 1);
 }
 
 TEST_F(WriteQueueTest, WhatWorkThrowsUndoesItAloneAndIsThrownToItsCaller) {

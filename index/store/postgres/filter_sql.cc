@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "descriptor/base/strings.h"
 #include "index/records/filter_value.h"
 #include "index/store/facet_count.h"
 
@@ -54,10 +55,8 @@ Json JsonOf(const FilterValue& value) {
       value);
 }
 
-std::string Join(const std::vector<std::string>& parts, const char* with) {
-  std::string all;
-  for (const std::string& part : parts) all += (all.empty() ? "" : with) + part;
-  return "(" + all + ")";
+std::string InBrackets(const std::vector<std::string>& parts, const char* with) {
+  return "(" + Join(parts, with) + ")";
 }
 
 class Writing {
@@ -72,9 +71,9 @@ class Writing {
     for (const std::vector<Filter>& several : filter.any_of) {
       std::vector<std::string> either;
       for (const Filter& part : several) either.push_back(All(part));
-      parts.push_back(either.empty() ? "FALSE" : Join(either, " OR "));
+      parts.push_back(either.empty() ? "FALSE" : InBrackets(either, " OR "));
     }
-    return parts.empty() ? "TRUE" : Join(parts, " AND ");
+    return parts.empty() ? "TRUE" : InBrackets(parts, " AND ");
   }
 
  private:
@@ -92,7 +91,7 @@ class Writing {
   std::string HasAny(const std::string& key, const std::vector<FilterValue>& values) {
     std::vector<std::string> parts;
     for (const FilterValue& value : values) parts.push_back(Has(key, value));
-    return parts.empty() ? "FALSE" : Join(parts, " OR ");
+    return parts.empty() ? "FALSE" : InBrackets(parts, " OR ");
   }
 
   std::string Bound(const FilterBound& bound, const char* order) {
@@ -113,13 +112,13 @@ class Writing {
       for (const FilterValue& one : *condition.any_of) {
         equal.push_back("e.x = " + BoundJson(JsonOf(one)));
       }
-      tests.push_back(Join(equal, " OR "));
+      tests.push_back(InBrackets(equal, " OR "));
     }
     if (condition.from) tests.push_back(Bound(*condition.from, ">"));
     if (condition.to) tests.push_back(Bound(*condition.to, "<"));
     return "EXISTS (SELECT 1 FROM jsonb_array_elements(CASE jsonb_typeof(" + value +
            ") WHEN 'array' THEN " + value + " ELSE jsonb_build_array(" + value +
-           ") END) AS e(x) WHERE " + Join(tests, " AND ") + ")";
+           ") END) AS e(x) WHERE " + InBrackets(tests, " AND ") + ")";
   }
 
   std::string One(const FilterCondition& condition) {
@@ -133,7 +132,7 @@ class Writing {
     } else if (condition.any_of) {
       parts.push_back(HasAny(key, *condition.any_of));
     }
-    return Join(parts, " AND ");
+    return InBrackets(parts, " AND ");
   }
 
   Query& query_;

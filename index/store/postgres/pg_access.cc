@@ -11,6 +11,7 @@
 #include "index/store/postgres/pg_connection.h"
 #include "index/store/postgres/pg_monitor.h"
 #include "index/store/postgres/schema.h"
+#include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/feature_cache.h"
 #include "index/store/sql/rows.h"
@@ -274,13 +275,7 @@ void Settle(PgConnection& db, const Address& address, const StoreOptions& option
     if (!HasTables(db)) db.Exec(kSchema);
     db.Exec("COMMIT");
   }
-  const std::int64_t version = db.Scalar("SELECT version FROM pliant");
-  if (version != kSchemaVersion) {
-    throw Error(ErrorCode::kCorrupt, "newer_schema",
-                "the database " + address.shown + " was made by another Pliant (schema version " +
-                    std::to_string(version) + ", this program knows " +
-                    std::to_string(kSchemaVersion) + "); use that one");
-  }
+  refusals::CheckSchemaVersion(address.shown, db.Scalar("SELECT version FROM pliant"));
   if (part == StorePart::kService || !options.model_of_new) return;
   if (db.Scalar("SELECT count(*) FROM models") != 0) return;
   if (!options.create || options.read_only) ThrowNotThere(address);

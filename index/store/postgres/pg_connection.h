@@ -12,10 +12,36 @@
 
 #include <libpq-fe.h>
 
-#include "index/store/postgres/address.h"
 #include "index/store/sql/connection.h"
 
 namespace pliant::postgres {
+
+// A database's URL, as libpq understands it (PostgreSQL's manual, "Connection URIs"), with its
+// environment variables and files. Private to store/postgres.
+struct Address {
+  std::string url;
+  std::string shown;  // for people: hosts, database, schema; no user's secrets
+  // What reads may be done by a standby, if it has what is committed: target_session_attrs of the
+  // URL is any, read-only, standby or prefer-standby.
+  bool reads_on_standby = false;
+};
+
+// Throws kInvalidArgument "database_url_invalid" for what libpq does not understand. Its message
+// has nothing of the URL that may be a password.
+Address ParseAddress(const std::string& url);
+
+// PostgreSQL's errors as Pliant's. Private to store/postgres.
+
+// Throws the Error that stands for a failed result, by its SQLSTATE; `database` is what people call
+// it.
+[[noreturn]] void ThrowFailed(const PGresult* result, const std::string& database);
+// No connection, or one that has broken: kUnavailable "database_unavailable", or what the server
+// says against the connection (no such database, password).
+[[noreturn]] void ThrowNotConnected(PGconn* connection, const std::string& database);
+// The server does not answer.
+[[noreturn]] void ThrowSilent(const std::string& database);
+// It broke while a transaction was being committed: kUnavailable "database_outcome_unknown".
+[[noreturn]] void ThrowOutcomeUnknown(const std::string& database);
 
 struct ResultDeleter {
   void operator()(PGresult* result) const { PQclear(result); }

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "descriptor/base/error.h"
-#include "index/files/text.h"
+#include "descriptor/base/hex.h"
 
 namespace pliant::postgres {
 namespace {

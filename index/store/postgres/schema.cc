@@ -100,7 +100,7 @@ CREATE TABLE vocabularies (
   checksum BIGINT NOT NULL,
   ready BIGINT NOT NULL DEFAULT 0,
   created_ms BIGINT NOT NULL,
-  codebook BYTEA
+  codebook BYTEA NOT NULL
 );
 CREATE INDEX vocabularies_by_collection ON vocabularies (collection);
 ALTER TABLE collections ADD FOREIGN KEY (active_vocabulary) REFERENCES vocabularies (key)
@@ -109,7 +109,6 @@ CREATE TABLE vocabulary_words (
   vocabulary BIGINT NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
   word BIGINT NOT NULL,
   data BYTEA NOT NULL,
-  thresholds BYTEA,
   PRIMARY KEY (vocabulary, word)
 );
 CREATE TABLE picture_words (

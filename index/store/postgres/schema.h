@@ -5,8 +5,6 @@
 
 namespace pliant::postgres {
 
-inline constexpr int kSchemaVersion = 1;
-
 // Statements that make the tables of a new database, and a row of each part in `feed`.
 extern const char* const kSchema;
 

@@ -2,12 +2,85 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sql/access.h"
 
+#include <algorithm>
+#include <string>
 #include <system_error>
+#include <utility>
 
 #include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 
 namespace pliant {
+
+void WriteQueue::Run(Work work, const WriteOptions& options) {
+  Job job;
+  job.alone = options.alone;
+  job.work = std::move(work);
+  job.options = options;
+  queue_.Run(job, [this](std::span<GroupQueue::Job* const> batch) { Execute(batch); });
+}
+
+void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
+  try {
+    if (behind_) CatchUp();
+    connection_->Rollback();  // of what a failed commit left
+    connection_->BeginWrite();
+    for (GroupQueue::Job* job : batch) RunInSavepoint(static_cast<Job&>(*job));
+    connection_->Commit();
+  } catch (...) {
+    for (GroupQueue::Job* job : batch) {
+      if (!job->failure) job->failure = std::current_exception();
+    }
+    connection_->Rollback();
+    return;
+  }
+  Reclaim(batch);
+  try {
+    after_commit_();
+  } catch (...) {
+    behind_ = true;  // what was written is durable and is reported so
+  }
+}
+
+void WriteQueue::CatchUp() {
+  constexpr const char* kStopped =
+      "writing has stopped, as the index cannot follow what was written before";
+  try {
+    after_commit_();
+  } catch (const std::exception& error) {
+    throw Error(ErrorCode::kInternal, "writing_stopped",
+                std::string(kStopped) + ": " + error.what() +
+                    ". Nothing that was acknowledged is lost. Run `pliant db check`.");
+  } catch (...) {
+    throw Error(ErrorCode::kInternal, "writing_stopped", kStopped);
+  }
+  behind_ = false;
+}
+
+// Nothing depends on it: space that is not given back now is given back after a later removal.
+void WriteQueue::Reclaim(std::span<GroupQueue::Job* const> batch) {
+  const bool wanted = std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
+    return static_cast<const Job*>(job)->options.reclaim && !job->failure;
+  });
+  if (!wanted || !reclaim_) return;
+  try {
+    reclaim_(*connection_);
+  } catch (const std::exception&) {
+  }
+}
+
+void WriteQueue::RunInSavepoint(Job& job) {
+  connection_->Exec("SAVEPOINT job");
+  try {
+    job.work(*connection_);
+  } catch (...) {
+    // A full disk, a failing one or a lost connection may have rolled back everything already.
+    if (!connection_->InTransaction()) throw;
+    job.failure = std::current_exception();
+    connection_->Exec("ROLLBACK TO job");
+  }
+  connection_->Exec("RELEASE job");
+}
 
 void Access::BeginWriting(std::function<void()> after_commit) {
   Guarded([&] {

@@ -12,7 +12,7 @@
 #include "index/store/sql/catalogue_lists.h"
 #include "index/store/sql/catalogue_vocabularies.h"
 #include "index/store/sql/integrity.h"
-#include "index/store/sql/originals_keeper.h"
+#include "index/store/sql/originals.h"
 #include "index/store/unchanged.h"
 #include "index/store/word_codec.h"
 

@@ -2,14 +2,54 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sql/catalogue_lists.h"
 
+#include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <utility>
 
-#include "index/store/list_place.h"
+#include <nlohmann/json.hpp>
+
+#include "descriptor/base/error.h"
 
 namespace pliant {
 namespace {
+
+// Where a page of a list ended (ListPage::next), as text. Private to index/store/.
+//
+// The value that the list is in order of, there, and what decides between equal ones.
+struct ListPlace {
+  std::string text;
+  std::int64_t number = 0;
+  std::string tie;
+};
+
+using Json = nlohmann::json;
+
+std::string WritePlace(bool is_text, const ListPlace& place) {
+  const Json value = is_text ? Json(place.text) : Json(place.number);
+  // Text in a database may be any bytes when another program has written it.
+  return Json::array({value, place.tie}).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::optional<ListPlace> ReadPlace(bool is_text, const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const bool fits = json.is_array() && json.size() == 2 && json[1].is_string() &&
+                    (is_text ? json[0].is_string() : json[0].is_number_integer());
+  if (!fits) {
+    throw Error(ErrorCode::kInvalidArgument, "after_invalid",
+                "the place to go on at is none of this list");
+  }
+  ListPlace place;
+  place.tie = json[1].get<std::string>();
+  if (is_text) {
+    place.text = json[0].get<std::string>();
+  } else {
+    place.number = json[0].get<std::int64_t>();
+  }
+  return place;
+}
 
 // A column that lists are in order of, as SQL, and whether it is text.
 struct OrderColumn {

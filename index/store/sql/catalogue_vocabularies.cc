@@ -39,29 +39,21 @@ VocabularyRecord ToRecord(const Cursor& row, const CollectionRow& collection) {
 
 Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary& vocabulary) {
   const VocabularyOrigin& origin = vocabulary.origin;
-  const std::vector<std::uint8_t> codebook = vocabulary.codebook.empty()
-                                                 ? std::vector<std::uint8_t>()
-                                                 : EncodeCodebook(vocabulary.codebook);
+  const std::vector<std::uint8_t> codebook = EncodeCodebook(vocabulary.codebook);
   const Key key =
       db.Prepare(
-            // nullif: an empty blob stands for no codebook.
             "INSERT INTO vocabularies (collection, model, words, seed, sampled, available, loss, "
             "method, checksum, created_ms, codebook) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, ?)) RETURNING key")
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING key")
           .Bind(collection, model, std::uint64_t{vocabulary.size()}, origin.seed, origin.sampled,
                 origin.available, origin.loss, origin.method, VocabularyChecksum(vocabulary),
-                NowMs(), Bytes(codebook), Bytes())
+                NowMs(), Bytes(codebook))
           .One()
           .Int(0);
-  // nullif: an empty blob stands for no thresholds.
-  Cursor insert = db.Prepare(
-      "INSERT INTO vocabulary_words (vocabulary, word, data, thresholds) "
-      "VALUES (?, ?, ?, nullif(?, ?))");
+  Cursor insert =
+      db.Prepare("INSERT INTO vocabulary_words (vocabulary, word, data) VALUES (?, ?, ?)");
   for (std::size_t i = 0; i < vocabulary.size(); ++i) {
-    insert.Reset()
-        .Bind(key, std::uint64_t{i}, WordBytes(vocabulary.words, i), ThresholdBytes(vocabulary, i),
-              Bytes())
-        .Run();
+    insert.Reset().Bind(key, std::uint64_t{i}, WordBytes(vocabulary.words, i)).Run();
   }
   return key;
 }
@@ -86,16 +78,12 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary)
   VocabularyRows rows({vocabulary, row.Int(2), static_cast<DescriptorKind>(row.Int(10)),
                        row.Int(11), row.Text(1), ToOrigin(row),
                        static_cast<std::uint32_t>(row.Int(9))});
-  Cursor words = db.Prepare(
-      "SELECT word, data, thresholds FROM vocabulary_words WHERE vocabulary = ? "
-      "ORDER BY word");
+  Cursor words =
+      db.Prepare("SELECT word, data FROM vocabulary_words WHERE vocabulary = ? ORDER BY word");
   words.Bind(vocabulary);
-  while (words.Next()) {
-    rows.Add(words.Int(0), words.Blob(1), words.IsNull(2) ? Bytes() : words.Blob(2));
-  }
-  Cursor codebook =
-      db.Prepare("SELECT codebook FROM vocabularies WHERE key = ? AND codebook IS NOT NULL");
-  return rows.Finish(codebook.Bind(vocabulary).Next() ? codebook.Blob(0) : Bytes());
+  while (words.Next()) rows.Add(words.Int(0), words.Blob(1));
+  Cursor codebook = db.Prepare("SELECT codebook FROM vocabularies WHERE key = ?");
+  return rows.Finish(codebook.Bind(vocabulary).One().Blob(0));
 }
 
 std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const CollectionRow& collection) {

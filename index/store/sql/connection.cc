@@ -10,11 +10,7 @@ Cursor::~Cursor() {
   if (!statement_ || sql_ == nullptr) return;
   statement_->Reset();  // its error was thrown when the statement ran
   statement_->ClearBindings();
-  try {
-    owner_->idle_.find(*sql_)->second.push_back(std::move(statement_));
-  } catch (const std::bad_alloc&) {
-    statement_.reset();  // prepared again next time
-  }
+  owner_->idle_.find(*sql_)->second.push_back(std::move(statement_));
 }
 
 Cursor& Cursor::One() {

@@ -97,12 +97,11 @@ void CheckWords(Connection& db, Problems& problems) {
                        "\": it has no words of the active vocabulary");
   }
   const char* select =
-      "SELECT p.id, v.words, p.keypoints, w.data, v.collection = p.collection, EXISTS (SELECT 1 "
-      "FROM vocabulary_words t WHERE t.vocabulary = v.key AND t.thresholds IS NOT NULL), "
-      "v.codebook IS NOT NULL, w.key FROM picture_words w "
+      "SELECT p.id, v.words, p.keypoints, w.data, v.collection = p.collection, w.key "
+      "FROM picture_words w "
       "JOIN pictures p ON p.key = w.picture JOIN vocabularies v ON v.key = w.vocabulary "
       "WHERE w.key > ? ORDER BY w.key LIMIT ?";
-  EachRow(db, select, 7, [&](const Cursor& row) {
+  EachRow(db, select, 5, [&](const Cursor& row) {
     const std::string picture = "picture \"" + row.Text(0) + "\": ";
     if (row.Int(4) == 0)
       problems.push_back(picture + "its words are of another collection's vocabulary");
@@ -110,15 +109,6 @@ void CheckWords(Connection& db, Problems& problems) {
       const Bow bow = DecodeBow(row.Blob(3), static_cast<std::size_t>(row.Int(1)));
       if (bow.total != row.Int(2))
         problems.push_back(picture + "it has more or fewer words than key points");
-      if (bow.signatures.empty() == (row.Int(5) != 0)) {
-        problems.push_back(picture +
-                           "its words have signatures and the vocabulary has none, or the "
-                           "other way round");
-      }
-      if (bow.codes.empty() == (row.Int(6) != 0)) {
-        problems.push_back(
-            picture + "its words have codes and the vocabulary has none, or the other way round");
-      }
     } catch (const Error& error) {
       problems.push_back(picture + error.what());
     }
@@ -161,15 +151,12 @@ void CheckNames(Connection& db, Problems& problems) {
   EachRow(db, select, 3, [&](const Cursor& picture) {
     const std::string whose = "picture \"" + picture.Text(0) + "\"";
     check(whose, CheckImageId, picture.Text(0));
-    check(whose, CheckStoredSource, picture.Text(2));
-    const std::string metadata = picture.Text(1);
-    check(
-        whose, [](const std::string& text) { CanonicalMetadata(text, kAnyNumberOfNames); },
-        metadata);
+    check(whose, CheckSource, picture.Text(2));
+    check(whose, CanonicalMetadata, picture.Text(1));
   });
   Cursor object = db.Prepare("SELECT name FROM objects");
   while (object.Next()) {
-    check("object \"" + object.Text(0) + "\"", CheckStoredObject, object.Text(0));
+    check("object \"" + object.Text(0) + "\"", CheckObject, object.Text(0));
   }
   Cursor collection = db.Prepare("SELECT name FROM collections");
   while (collection.Next()) {

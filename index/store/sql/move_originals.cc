@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Originals that are stored already, from the database into files and back.
 #include "descriptor/base/error.h"
-#include "index/store/sql/originals_keeper.h"
+#include "index/store/sql/originals.h"
 #include "index/store/sql/rows.h"
 
 namespace pliant {

@@ -14,10 +14,10 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/durable_file.h"
 #include "index/files/picture_files.h"
-#include "index/files/text.h"
 
 namespace pliant {
 namespace {
@@ -75,7 +75,7 @@ IncomingOriginal::IncomingOriginal(const fs::path& directory, std::string sha256
 
 // Until the file is locked it looks as if its writer were dead, and may be removed.
 void IncomingOriginal::OpenLocked() {
-  struct stat info {};
+  struct stat info{};
   do {
     if (fd_ >= 0) ::close(fd_);
     fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

@@ -8,17 +8,53 @@
 // process that dies in between leaves a file too many, never one too few; Sweep removes those.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "index/store/sql/catalogue_originals.h"
+#include "index/records/records.h"
+#include "index/store/sql/access.h"
 #include "index/store/sql/connection.h"
 #include "index/store/sql/original_store.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
+
+// The catalogue's originals: in the database, or which of them are files of a directory
+// (original_store.h). One function a statement or two. Private to index/. Functions that write must
+// run inside a transaction (WriteQueue).
+struct OriginalsDirectoryRow {
+  std::string path;   // absolute
+  std::string owner;  // id that the directory names
+  bool active = false;
+};
+
+std::optional<OriginalsDirectoryRow> FindOriginalsDirectory(Connection& db);
+void StoreOriginalsDirectory(Connection& db, const OriginalsDirectoryRow& row);
+
+void InsertOriginal(Connection& db, Key picture, Bytes bytes);
+std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key picture);
+
+void InsertOriginalFile(Connection& db, Key picture, const std::string& sha256);
+bool HasOriginalFile(Connection& db, Key picture);
+bool IsOriginalFile(Connection& db, const std::string& sha256);  // of any picture
+std::uint64_t CountOriginalFiles(Connection& db);                // different ones
+std::string AnyOriginalFile(Connection& db);                     // hash of one; "" = there is none
+
+// Pictures after `after`, in order of their keys, whose bytes are in the database (`files` false)
+// or in a file. An original has bytes in one place only.
+std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit);
+std::uint64_t CountOriginals(Connection& db, bool files);
+// False = it is not there (any more).
+bool DeleteOriginal(Connection& db, Key picture, bool file);
+
+// Files whose last picture is gone, and which may still be there.
+std::vector<std::string> DroppedOriginals(Connection& db);
+void ForgetDroppedOriginal(Connection& db, const std::string& sha256);
 
 class Originals {
  public:
@@ -73,6 +109,42 @@ class Originals {
   std::string recorded_;  // by the database when this was made or changed it; "" = none
   bool owned_ = false;
   bool takes_new_ = false;
+};
+
+// The uploaded bytes of an opened store: kept with a picture, read, restored, tidied, moved.
+// Private to index/store/. Thread-safe after Open.
+class OriginalsKeeper {
+ public:
+  explicit OriginalsKeeper(Access* access) : access_(*access) {}
+
+  // A program that adds pictures makes the directory its own (`claim`); any other only reads and
+  // tidies.
+  void Open(const std::optional<std::filesystem::path>& directory, bool claim);
+
+  const Originals& originals() const { return originals_; }
+  std::vector<std::uint8_t> Read(const std::string& collection, const std::string& id);
+  // Writes the file of a stored picture again if it has been lost.
+  void Restore(const ImageRecord& stored, Bytes bytes);
+  // After a commit that removed or replaced pictures; the second never fails.
+  void RemoveDropped();
+  void Tidy();
+  void Forget(const std::string& sha256);  // after a failed transaction; never fails
+  std::uint64_t Sweep();
+  std::vector<std::string> Check();
+  std::optional<OriginalsRecord> Describe();
+  MoveOriginalsResult Move(const std::filesystem::path& directory,
+                           const std::function<void(double)>& progress);
+
+ private:
+  // The files of `from` into the directory of `to`, which Prepare made ready.
+  MoveOriginalsResult Carry(const Originals& from, Originals* to,
+                            const std::function<void(double)>& progress);
+  void CopyFiles(const Originals& from, const Originals& to, const std::string& last,
+                 const std::function<void(double)>& progress);
+
+  Access& access_;
+  Originals originals_;
+  std::filesystem::path named_;  // by who opened; empty = as recorded, or the database
 };
 
 }  // namespace pliant

@@ -5,7 +5,7 @@
 #include "index/store/open_store.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/change_feed.h"
-#include "index/store/sql/originals_keeper.h"
+#include "index/store/sql/originals.h"
 #include "index/store/sql/rows.h"
 
 namespace pliant {

@@ -97,28 +97,12 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
     database.exec("PRAGMA auto_vacuum = INCREMENTAL");
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
     database.exec("PRAGMA journal_mode = WAL");
-    Migrate(database, Migrations());
+    MakeTables(database);
     AddFirstRows(database, model);
     // Closing would do this and keep silent about a failure, and the log does not come along.
     database.exec("PRAGMA wal_checkpoint(TRUNCATE)");
   }
   temporary.Publish(path, NewDatabaseFile::Over::kEmptyFile);
-}
-
-void UpgradeDatabase(const fs::path& path, SqliteConnection::Mode mode, int busy_timeout_ms) {
-  SqliteConnection connection(path, mode, busy_timeout_ms);
-  if (mode == SqliteConnection::Mode::kReadWrite) {
-    Migrate(connection.database(), Migrations());
-    return;
-  }
-  const std::int64_t version = connection.Scalar("PRAGMA user_version");
-  if (version < SchemaVersion()) {
-    throw Error(ErrorCode::kConflict, "old_schema",
-                DisplayPath(path) +
-                    " was made by an older Pliant and must be opened once for "
-                    "writing; `pliant db check` does that");
-  }
-  Migrate(connection.database(), Migrations());  // only refuses a newer one
 }
 
 void CopyDatabase(SqliteConnection& source, const fs::path& target, const std::stop_token& stop) {

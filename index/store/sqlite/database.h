@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The database file: made whole or not at all, recognised before it is touched, migrated. Private
-// to index/.
+// The database file: made whole or not at all, recognised before it is touched. Private to
+// index/.
 #pragma once
 
 #include <filesystem>
@@ -22,11 +22,6 @@ FileState InspectDatabaseFile(const std::filesystem::path& path);
 // Makes a new database with the collection `default`, written to a temporary file and then given
 // its name in one step. An existing database is left alone (another process was faster).
 void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& model);
-
-// Brings an existing database to the newest schema. With Mode::kReadOnly one that is too old is
-// Error kConflict "old_schema".
-void UpgradeDatabase(const std::filesystem::path& path, SqliteConnection::Mode mode,
-                     int busy_timeout_ms);
 
 // Copies the database of `source` over the empty file `target`, while it is in use. `stop`: then
 // kCancelled "cancelled".

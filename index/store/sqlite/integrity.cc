@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/integrity.h"
 
+#include "index/store/refusals.h"
 #include "index/store/sql/integrity.h"
 #include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/schema_check.h"
@@ -24,7 +25,7 @@ void CheckFile(SqliteConnection& db, Problems& problems) {
   if (db.Scalar("PRAGMA application_id") != static_cast<std::int64_t>(kApplicationId)) {
     problems.emplace_back("the application id is not Pliant's");
   }
-  if (db.Scalar("PRAGMA user_version") != SchemaVersion()) {
+  if (db.Scalar("PRAGMA user_version") != kSchemaVersion) {
     problems.emplace_back("the schema version is not this program's");
   }
 }
@@ -42,7 +43,7 @@ void CheckKeys(SqliteConnection& db, Problems& problems) {
 }  // namespace
 
 bool CheckStructure(SqliteConnection& db, Problems* problems) {
-  *problems = CheckSchema(db, Others::kLeft);
+  *problems = CheckSchema(db);
   if (!problems->empty()) return false;
   try {
     CheckFile(db, *problems);
@@ -60,12 +61,12 @@ std::vector<std::string> CheckDatabase(SqliteConnection& db) {
 }
 
 std::vector<std::string> QuickCheck(SqliteConnection& db) {
-  Problems problems = CheckSchema(db, Others::kLeft);
+  Problems problems = CheckSchema(db);
   if (!problems.empty()) return problems;
   const std::string answer = db.Prepare("PRAGMA quick_check(1)").One().Text(0);
   if (answer != "ok") {
     problems.push_back("SQLite: " + answer);
-  } else if (db.Scalar("PRAGMA user_version") == SchemaVersion()) {
+  } else if (db.Scalar("PRAGMA user_version") == kSchemaVersion) {
     CheckCounts(db, problems);
     CheckKeys(db, problems);
   }

@@ -9,7 +9,6 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
-#include <new>
 #include <set>
 #include <string>
 #include <string_view>
@@ -21,8 +20,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
-#include "index/files/text.h"
 #include "index/store/open_store.h"
 
 namespace pliant {
@@ -37,12 +36,8 @@ constexpr std::array<std::string_view, 4> kSuffixes = {"-wal", "-shm", "-journal
 // What cannot be removed stays as a stray file beside the database, until RemoveAbandoned.
 void RemoveWithSideFiles(const fs::path& path) noexcept {
   for (const std::string_view suffix : kSuffixes) {
-    try {
-      std::error_code ignored;
-      fs::remove(fs::path(path.string().append(suffix)), ignored);
-    } catch (const std::bad_alloc&) {
-      continue;
-    }
+    std::error_code ignored;
+    fs::remove(fs::path(path.string().append(suffix)), ignored);
   }
 }
 

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A backup put in place of a database.
 #include <cerrno>
-#include <ctime>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,10 +12,12 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/unix_time.h"
 #include "index/files/durable_file.h"
 #include "index/store/database_file.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
+#include "index/store/refusals.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
@@ -53,7 +54,7 @@ class ExclusiveHold {
   explicit ExclusiveHold(const fs::path& database)
       : database_(database), file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
     if (file_ < 0) ThrowErrno("cannot open", database);
-    struct flock lock {};
+    struct flock lock{};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;
     lock.l_start = 0x40000000;
@@ -76,9 +77,9 @@ class ExclusiveHold {
 
   // The new file belongs to whom the old one belongs, who may read it as before.
   void GiveOwnerAndModeTo(const fs::path& path) const {
-    struct stat old {};
+    struct stat old{};
     if (::fstat(file_, &old) != 0) ThrowErrno("cannot read the owner for", path);
-    struct stat made {};
+    struct stat made{};
     if (::stat(path.c_str(), &made) != 0) ThrowErrno("cannot read the owner of", path);
     if ((made.st_uid != old.st_uid || made.st_gid != old.st_gid) &&
         ::chown(path.c_str(), old.st_uid, old.st_gid) != 0) {
@@ -92,8 +93,8 @@ class ExclusiveHold {
  private:
   bool IsInPlace() const {
     errno = 0;
-    struct stat held {};
-    struct stat named {};
+    struct stat held{};
+    struct stat named{};
     return ::fstat(file_, &held) == 0 && ::stat(database_.c_str(), &named) == 0 &&
            held.st_dev == named.st_dev && held.st_ino == named.st_ino;
   }
@@ -126,9 +127,9 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
     CopyDatabase(source, copy);
   }
   SqliteConnection made(copy, SqliteConnection::Mode::kReadWrite, kBusyTimeoutMs);
-  const std::vector<std::string> foreign = CheckSchema(made, Others::kLeft);
+  const std::vector<std::string> foreign = CheckSchema(made);
   if (!foreign.empty()) ThrowDamaged(backup, foreign);
-  Migrate(made.database(), Migrations());
+  refusals::CheckSchemaVersion(DisplayPath(backup), made.Scalar("PRAGMA user_version"));
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
@@ -137,14 +138,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   ThrowDamaged(backup, problems);
 }
 
-std::string TimeSuffix() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  ::gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &utc);
-  return std::string(kAside) + text;
-}
+std::string TimeSuffix() { return kAside + FormatUtc(NowMs(), "%Y%m%dT%H%M%SZ"); }
 
 // What is there gets a second name, with its log; then the log loses its first one, so that it can
 // never be taken for the new database's. If the power fails between that and the new file's name,

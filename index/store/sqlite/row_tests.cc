@@ -3,7 +3,6 @@
 #include "index/store/sqlite/row_tests.h"
 
 #include <exception>
-#include <new>
 #include <stdexcept>
 #include <string_view>
 
@@ -27,8 +26,6 @@ template <typename Test>
 void Answer(sqlite3_context* context, const Test& test) noexcept {
   try {
     sqlite3_result_int(context, test() ? 1 : 0);
-  } catch (const std::bad_alloc&) {
-    sqlite3_result_error_nomem(context);
   } catch (const std::exception& error) {
     sqlite3_result_error(context, error.what(), -1);
   }

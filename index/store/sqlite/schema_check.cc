@@ -6,6 +6,7 @@
 #include <array>
 #include <compare>
 
+#include "index/store/refusals.h"
 #include "index/store/sqlite/schema.h"
 
 namespace pliant {
@@ -46,18 +47,17 @@ std::vector<Item> SchemaOf(SQLite::Database& db) {
   return items;
 }
 
-std::vector<Item> SchemaOfVersion(std::size_t version) {
+std::vector<Item> OwnSchema() {
   SQLite::Database model(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-  Migrate(model, Migrations().first(version));
+  MakeTables(model);
   return SchemaOf(model);
 }
 
 }  // namespace
 
-std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
-  const std::int64_t version = db.Scalar("PRAGMA user_version");
-  if (version < 1 || version > SchemaVersion()) return {};
-  const std::vector<Item> expected = SchemaOfVersion(static_cast<std::size_t>(version));
+std::vector<std::string> CheckSchema(SqliteConnection& db) {
+  if (db.Scalar("PRAGMA user_version") != kSchemaVersion) return {};
+  const std::vector<Item> expected = OwnSchema();
   const std::vector<Item> found = SchemaOf(db.database());
   std::vector<std::string> problems;
   for (const Item& item : expected) {
@@ -66,7 +66,7 @@ std::vector<std::string> CheckSchema(SqliteConnection& db, Others others) {
   }
   for (const Item& item : found) {
     if (std::binary_search(expected.begin(), expected.end(), item) || IsStatistics(item)) continue;
-    if (others == Others::kLeft && item.type != "trigger") continue;
+    if (item.type != "trigger") continue;
     problems.push_back(item.Named() + " is not Pliant's");
   }
   return problems;

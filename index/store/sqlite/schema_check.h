@@ -12,15 +12,9 @@
 
 namespace pliant {
 
-// What the schema has beside Pliant's, and SQLite's statistics.
-enum class Others {
-  kRefused,  // in a file that others may have made
-  kLeft,     // its operator's own tables, indices and views; but no triggers
-};
-
-// Everything in the schema must be, to the letter, what the migrations up to the database's
-// version make, and all of that must be there. One sentence a problem; empty = sound, or of a
-// version that this program does not know.
-std::vector<std::string> CheckSchema(SqliteConnection& db, Others others);
+// Everything in the schema must be, to the letter, what MakeTables makes, and all of that must be
+// there. The operator's own tables, indices and views are left, but triggers are refused. One
+// sentence a problem; empty = sound, or of another version than this program's.
+std::vector<std::string> CheckSchema(SqliteConnection& db);
 
 }  // namespace pliant

@@ -11,6 +11,7 @@
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
 #include "index/store/database_file.h"
+#include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
@@ -115,7 +116,7 @@ class SqliteAccess : public Access {
   // Device and inode of the database; 0, 0 where there is no file.
   using File = std::pair<std::uint64_t, std::uint64_t>;
   static File FileAt(const fs::path& path) {
-    struct stat status {};
+    struct stat status{};
     if (::stat(path.c_str(), &status) != 0) return {};
     return {status.st_dev, status.st_ino};
   }
@@ -210,10 +211,10 @@ std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart pa
     } else {
       RequirePliant(file, options.busy_timeout_ms);
     }
-    UpgradeDatabase(
-        file,
-        options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite,
-        options.busy_timeout_ms);
+    const auto mode =
+        options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite;
+    SqliteConnection db(file, mode, options.busy_timeout_ms);
+    refusals::CheckSchemaVersion(DisplayPath(file), db.Scalar("PRAGMA user_version"));
   });
   return std::make_unique<SqliteAccess>(options);
 }

@@ -13,7 +13,6 @@ namespace pliant {
 namespace {
 
 constexpr std::size_t kMaxIdleConnections = 16;
-constexpr int kStepsBetweenLooks = 1000;  // of SQLite's virtual machine, for StopWhen
 
 // SQLite reads a name that begins with "file:" as a URI; an absolute one never does.
 std::string FileName(const std::filesystem::path& path) {
@@ -153,14 +152,6 @@ SqliteConnection::SqliteConnection(const std::filesystem::path& path, Mode mode,
     database_.exec("PRAGMA secure_delete = ON");
     database_.exec("PRAGMA journal_size_limit = 67108864");
   }
-}
-
-void SqliteConnection::StopWhen(std::function<bool()> stop) {
-  stop_ = std::move(stop);
-  const auto look = [](void* asked) {
-    return (*static_cast<std::function<bool()>*>(asked))() ? 1 : 0;
-  };
-  sqlite3_progress_handler(database_.getHandle(), kStepsBetweenLooks, look, &stop_);
 }
 
 // One whose own rollback has failed (for want of memory) is rolled back before the next begins.

@@ -29,9 +29,6 @@ class SqliteConnection : public Connection {
   ~SqliteConnection() override { ForgetStatements(); }  // before their database
 
   SQLite::Database& database() { return database_; }
-  // From now on what runs ends soon, with the code SQLITE_INTERRUPT, when `stop` says so. It is
-  // asked often, and must not throw.
-  void StopWhen(std::function<bool()> stop);
 
   void Exec(const std::string& sql) override { database_.exec(sql); }
   void BeginRead() override { database_.exec("BEGIN"); }
@@ -52,8 +49,7 @@ class SqliteConnection : public Connection {
   [[noreturn]] void ThrowRowMissing() override;
 
  private:
-  std::function<bool()> stop_;  // before what uses it
-  BoundPointers bound_;         // likewise
+  BoundPointers bound_;  // before what uses it
   SQLite::Database database_;
 };
 

@@ -21,16 +21,16 @@ test("many at once, with names; what fails says why and can be tried again", asy
     file("scarf 1.png", blobs(1)), file("scarf 2.png", blobs(2)), file("mug.png", blobs(3)),
     file("notes.txt", Buffer.from("words")), file("blank.png", blank())]);
   await page.locator("#add-object").fill("red scarf");
-  await page.getByLabel("Object that mug.png shows").fill("mug");
+  await page.getByLabel("Object in mug.png").fill("mug");
   await page.locator("#add-labels").fill("shelf=4, colour=red");
   await house.checkAccessibility(page, "add, before");
-  await page.getByRole("button", { name: "Add 5 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 2 failed/);
+  await page.getByRole("button", { name: "Add 5 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 3 images added, 2 failed/);
   const row = (name) => page.locator("#add-list li", { hasText: name });
-  await house.eventually(async () => assert.match(await row("scarf 1.png").innerText(), /added: \d+ key points/));
-  await house.eventually(async () => assert.match(await row("notes.txt").innerText(), /not a picture that Pliant reads/));
+  await house.eventually(async () => assert.match(await row("scarf 1.png").innerText(), /added: \d+ keypoints/));
+  await house.eventually(async () => assert.match(await row("notes.txt").innerText(), /cannot read this file as an image/));
   await house.eventually(async () => assert.match(await row("blank.png").innerText(), /too little detail/));
-  await house.eventually(async () => assert.match(await house.text(page, "#add-summary"), /3 of 5 pictures added, 2 failed/));
+  await house.eventually(async () => assert.match(await house.text(page, "#add-summary"), /3 of 5 images added, 2 failed/));
   const [value, max] = await page.locator("#add-bar").evaluate((bar) => [bar.value, bar.max]);
   assert.deepEqual([value, max], [5, 5]);
   await house.shoot(page, "added");
@@ -41,13 +41,13 @@ test("many at once, with names; what fails says why and can be tried again", asy
   assert.deepEqual(scarves[0].metadata, { shelf: 4, colour: "red" });
   assert.equal((await images("&object=mug")).length, 1);
 
-  await page.getByRole("button", { name: "Try the failed ones again" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 2 failed/);
+  await page.getByRole("button", { name: "Retry failed images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 3 images added, 2 failed/);
   await page.locator("#add-files").setInputFiles([file("scarf 1.png", blobs(1))]);
-  await page.getByRole("button", { name: "Add 1 picture" }).click();
-  await house.waitForText(page, "#add-list li:last-child", /was there already/);
-  await house.waitForText(page, "#add-status", /Finished: 3 pictures added, 1 was there already, 2 failed\. The reasons/);
-  await house.waitForText(page, "#add-summary", /^3 of 6 pictures added, 1 was there already, 2 failed$/);
+  await page.getByRole("button", { name: "Add 1 image" }).click();
+  await house.waitForText(page, "#add-list li:last-child", /already stored/);
+  await house.waitForText(page, "#add-status", /Finished: 3 images added, 1 already stored, 2 failed\. See each image/);
+  await house.waitForText(page, "#add-summary", /^3 of 6 images added, 1 already stored, 2 failed$/);
   await page.getByRole("button", { name: "Clear the list" }).click();
   await house.eventually(async () => assert.equal(await page.locator("#add-form").isVisible(), false));
   await house.closePage(page);
@@ -61,8 +61,8 @@ test("a folder's name is the object's name", async () => {
   }
   const page = await house.openPage(`${server.address}/#/add`);
   await page.locator("#add-folder").setInputFiles(folder);
-  await page.getByRole("button", { name: "Add 4 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  await page.getByRole("button", { name: "Add 4 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 images added\./);
   assert.equal((await images("&object=lamp")).length, 2);
   assert.equal((await images("&object=chair")).length, 1);
   assert.equal((await images("&object=chair%2Fside")).length, 1);
@@ -73,7 +73,7 @@ test("a folder's name is the object's name", async () => {
 test("pictures are called what their files are called, unless somebody says otherwise", async () => {
   const own = await house.startServer();
   const page = await house.openPage(`${own.address}/#/add`);
-  const name = (of) => page.getByLabel(`Object that ${of} shows`);
+  const name = (of) => page.getByLabel(`Object in ${of}`);
   const stored = async () => Object.fromEntries(
     (await (await fetch(`${own.address}/v1/collections/default/images?limit=100`)).json()).images
       .map(({ object, source }) => [source, object]));
@@ -94,16 +94,16 @@ test("pictures are called what their files are called, unless somebody says othe
   await page.locator("#add-object").fill("");
   await house.eventually(async () => assert.equal(await name("green tin.png").inputValue(), "green tin", "the file's name comes back"));
   await house.eventually(async () => assert.equal(await name("v1.2 box.jpeg").inputValue(), "a box", "what was typed stays"));
-  await page.getByRole("button", { name: "Add 4 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  await page.getByRole("button", { name: "Add 4 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 images added\./);
   assert.deepEqual(await stored(), { "green tin.png": "green tin", "v1.2 box.jpeg": "a box",
                                      "image.png": made[0], "IMG.PNG": made[1] });
 
   // The same picture by another file's name: nobody has said that it is something else.
   await page.locator("#add-files").setInputFiles([file("copy.png", blobs(40))]);
-  await page.getByRole("button", { name: "Add 1 picture" }).click();
-  await house.waitForText(page, "#add-list li:last-child", /was there already, by another name/);
-  await house.waitForText(page, "#add-status", /Finished: 4 pictures added, 1 was there already\.$/);
+  await page.getByRole("button", { name: "Add 1 image" }).click();
+  await house.waitForText(page, "#add-list li:last-child", /already stored under another name/);
+  await house.waitForText(page, "#add-status", /Finished: 4 images added, 1 already stored\.$/);
   await house.closePage(page);
   await own.stop();
 });
@@ -119,8 +119,8 @@ test("pictures that others added without a name are shown by their files'", asyn
   const page = await house.openPage(`${own.address}/#/objects`);
   await house.waitForText(page, "#objects-list", /Without a name/);
   await page.locator("#objects-list a").first().click();
-  await house.waitForText(page, "#pictures-title", /Pictures without a name/);
-  await house.waitForText(page, "#pictures-list", /teapot/);
+  await house.waitForText(page, "#images-title", /Images without a name/);
+  await house.waitForText(page, "#images-list", /teapot/);
   await page.goto(`${own.address}/#/search`);
   await page.locator("#search-file").setInputFiles([file("query.png", blobs(51))]);
   assert.match((await house.hitNames(page))[0], /kettle/);
@@ -136,13 +136,13 @@ test("uploads can be stopped and gone on with", async () => {
   await page.locator("#add-files").setInputFiles(
     [20, 21, 22, 23].map((seed) => file(`p${seed}.png`, blobs(seed))));
   await page.locator("#add-object").fill("late");
-  await page.getByRole("button", { name: "Add 4 pictures" }).click();
+  await page.getByRole("button", { name: "Add 4 images" }).click();
   await page.getByRole("button", { name: "Stop" }).click();
-  await house.waitForText(page, "#add-status", /Stopped: 0 pictures added/);
+  await house.waitForText(page, "#add-status", /Stopped: 0 images added/);
   assert.ok(waiting.length <= 2, "no more than two at once");
   await page.unroute("**/images");
-  await page.getByRole("button", { name: "Add 4 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  await page.getByRole("button", { name: "Add 4 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 4 images added\./);
   assert.equal((await images("&object=late")).length, 4);
   await house.closePage(page);
 });

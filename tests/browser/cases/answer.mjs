@@ -15,7 +15,7 @@ test("what is not in the collection is said to be so; nothing is chosen, nothing
   await house.trainVocabulary(server.address, 600);
   const page = await house.openPage(server.address);
   await page.locator("#search-file").setInputFiles(unknown);
-  await house.waitForText(page, "#search-status", /^Not in your collection\.[^]*If it is small in your picture, select the part that shows it\.$/);
+  await house.waitForText(page, "#search-status", /^Not found\.[^]*If the object is small in your photo, select the part that shows it\.$/);
   await house.eventually(async () => assert.equal(await page.locator("#results .hit").count(), 0));
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 0));
   await house.eventually(async () => assert.equal(await page.locator("#compare").isVisible(), false));
@@ -36,7 +36,7 @@ test("of two objects that look the same neither is found; both are named and sho
   await house.trainVocabulary(own.address, 600);
   const page = await house.openPage(own.address);
   await page.locator("#search-file").setInputFiles({ name: "photo.png", mimeType: "image/png", buffer: noisyThing(5, 3) });
-  await house.waitForText(page, "#search-status", /^Not sure: perhaps (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\./);
+  await house.waitForText(page, "#search-status", /^Perhaps: (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\./);
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 2));
   await house.eventually(async () => assert.ok(await page.locator("#compare").isVisible(), "the first one is chosen"));
   await house.shoot(page, "undecided");

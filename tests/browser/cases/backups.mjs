@@ -29,9 +29,9 @@ test("a backup is made, downloaded and, when asked twice, deleted", async () => 
   const server = await house.startServer("--auto-train", "false", "--backup-dir", folder);
   const page = await house.openPage(`${server.address}/#/status`);
   await house.waitForText(page, "#backups", /None yet/);
-  await page.getByRole("button", { name: "Make a backup" }).click();
-  await house.waitForText(page, "#backups-said", /^The backup (has begun|is complete)\./);
-  await house.waitForText(page, "#status-jobs", /Backing up\s*done/);
+  await page.getByRole("button", { name: "Create a backup" }).click();
+  await house.waitForText(page, "#backups-said", /^The backup (has started|is complete)\./);
+  await house.waitForText(page, "#status-jobs", /Creating a backup\s*done/);
   await house.waitForText(page, "#backups", /pliant-\S+\.db\s+[\d.]+ [kM]B, \w+ \d+, \d+/);
   await house.waitForText(page, "#backups-said", /^The backup is complete\.$/);
   const name = await downloadOne(page, server.address);
@@ -40,13 +40,13 @@ test("a backup is made, downloaded and, when asked twice, deleted", async () => 
   await house.shoot(page, "backups");
 
   await page.getByRole("button", { name: `Delete the backup ${name}` }).click();
-  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Keep it");
+  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Keep");
   await page.waitForResponse(/\/v1\/backups$/);  // the list is asked for again meanwhile
-  await page.getByRole("button", { name: "Keep it" }).click();
+  await page.getByRole("button", { name: "Keep" }).click();
   assert.equal((await fetch(`${server.address}/v1/backups/${name}`)).status, 200);
   await page.getByRole("button", { name: `Delete the backup ${name}` }).click();
-  await page.getByRole("button", { name: "Yes, delete it" }).click();
-  await house.waitForText(page, "#backups-said", /is deleted/);
+  await page.getByRole("button", { name: "Delete", exact: true }).click();
+  await house.waitForText(page, "#backups-said", /deleted/);
   await house.waitForText(page, "#backups", /None yet/);
   assert.equal((await fetch(`${server.address}/v1/backups/${name}`)).status, 404);
   await house.closePage(page);
@@ -59,11 +59,11 @@ test("with a key, the page fetches the file; who may not do everything sees no b
   const headers = { Authorization: `Bearer ${keys.admin}` };
   const page = await house.openPage(`${server.address}/#/status`, phone);
   await page.locator("#key-input").fill(keys.admin);
-  await page.getByRole("button", { name: "Use it" }).click();
-  await page.getByRole("button", { name: "Make a backup" }).click();
+  await page.getByRole("button", { name: "Use key" }).click();
+  await page.getByRole("button", { name: "Create a backup" }).click();
   await house.waitForText(page, "#backups", /pliant-\S+\.db/);
   const name = await downloadOne(page, server.address, headers);
-  await house.waitForText(page, "#backups", /with your downloads/);
+  await house.waitForText(page, "#backups", /Downloaded/);
   await house.checkWidth(page, "backups, phone");
   await house.checkOverlaps(page, "backups, phone");
   await house.checkAccessibility(page, "backups, phone");
@@ -72,14 +72,14 @@ test("with a key, the page fetches the file; who may not do everything sees no b
   const listed = await (await fetch(`${server.address}/v1/backups`, { headers })).text();
   await page.route("**/v1/backups", (route) => route.fulfill({ body: listed, contentType: "application/json" }));
   assert.equal((await fetch(`${server.address}/v1/backups/${name}`, { method: "DELETE", headers })).status, 204);
-  await page.getByRole("button", { name: `Download the backup ${name}` }).click();
-  await house.waitForText(page, "#backups .error", /no such backup any more/);
+  await page.getByRole("link", { name: `Download the backup ${name}` }).click();
+  await house.waitForText(page, "#backups .error", /This backup no longer exists/);
   await page.unroute("**/v1/backups");
   await house.waitForText(page, "#backups", /None yet/);
 
   await page.getByRole("button", { name: "Key", exact: true }).click();
   await page.locator("#key-input").fill(keys.write);
-  await page.getByRole("button", { name: "Use it" }).click();
+  await page.getByRole("button", { name: "Use key" }).click();
   await page.locator("#backup-make").waitFor({ state: "hidden" });
   assert.equal(await page.getByRole("heading", { name: "Backups" }).isVisible(), false);
   await house.closePage(page);
@@ -89,7 +89,7 @@ test("with a key, the page fetches the file; who may not do everything sees no b
 test("where the operator has named no folder, that is said", async () => {
   const server = await house.server("demonstration");
   const page = await house.openPage(`${server.address}/#/status`);
-  await house.waitForText(page, "#backups-off", /keeps no backups/);
-  assert.equal(await page.getByRole("button", { name: "Make a backup" }).isVisible(), false);
+  await house.waitForText(page, "#backups-off", /Backups are off/);
+  assert.equal(await page.getByRole("button", { name: "Create a backup" }).isVisible(), false);
   await house.closePage(page);
 });

@@ -24,29 +24,29 @@ const cards = (page, view) => page.locator(`#${view}-list .card`);
 
 test("pictures come as one scrolls, or by a button", async () => {
   await addPictures();
-  const page = await house.openPage(`${server.address}/#/pictures`);
-  await cards(page, "pictures").first().waitFor();
-  await house.eventually(async () => assert.equal(await cards(page, "pictures").count(), 24));
+  const page = await house.openPage(`${server.address}/#/images`);
+  await cards(page, "images").first().waitFor();
+  await house.eventually(async () => assert.equal(await cards(page, "images").count(), 24));
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 30);
-  const hrefs = await page.locator("#pictures-list .card > a").evaluateAll((list) => list.map((one) => one.href));
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 30);
+  const hrefs = await page.locator("#images-list .card > a").evaluateAll((list) => list.map((one) => one.href));
   assert.equal(new Set(hrefs).size, kPictures, "each once");
   await house.eventually(async () => assert.equal(await page.getByRole("button", { name: "Show more" }).isVisible(), false));
-  await house.shoot(page, "pictures");
-  await house.checkAccessibility(page, "pictures");
-  await house.checkOverlaps(page, "pictures");
+  await house.shoot(page, "images");
+  await house.checkAccessibility(page, "images");
+  await house.checkOverlaps(page, "images");
 
   // What comes next cannot be fetched: it is said, and can be asked for again.
   await page.route("**/images?*cursor=*", (route) => route.abort());
   await page.reload();
-  await cards(page, "pictures").first().waitFor();
+  await cards(page, "images").first().waitFor();
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
-  await house.waitForText(page, "#pictures-status.error", /cannot be reached/);
-  await house.eventually(async () => assert.equal(await cards(page, "pictures").count(), 24));
+  await house.waitForText(page, "#images-status.error", /cannot be reached/);
+  await house.eventually(async () => assert.equal(await cards(page, "images").count(), 24));
   await page.unroute("**/images?*cursor=*");
   await page.getByRole("button", { name: "Show more" }).focus();
   await page.keyboard.press("Enter");
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 30);
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 30);
   assert.equal(await page.evaluate(() => document.activeElement.getAttribute("href")),
                hrefs[24].slice(hrefs[24].indexOf("#")));
   await house.closePage(page);
@@ -56,44 +56,44 @@ test("an object leads to its pictures, a picture to its page", async () => {
   const page = await house.openPage(`${server.address}/#/objects`);
   await cards(page, "objects").first().waitFor();
   await house.eventually(async () => assert.equal(await cards(page, "objects").count(), 3));
-  await house.eventually(async () => assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 pictures/));
+  await house.eventually(async () => assert.match(await cards(page, "objects").nth(1).innerText(), /thing 1\s+10 images/));
   await house.checkAccessibility(page, "objects");
   await cards(page, "objects").nth(1).getByRole("link").click();
   await house.waitForText(page, "#object-title", /^thing 1$/);
   await page.waitForFunction(() => document.querySelectorAll("#object-list .card").length === 10);
   await page.locator("#object-list .card a").first().click();
-  await page.waitForFunction(() => !document.querySelector("#view-picture").hidden);
-  assert.match(page.url(), /#\/picture\?id=/);
+  await page.waitForFunction(() => !document.querySelector("#view-image").hidden);
+  assert.match(page.url(), /#\/image\?id=/);
   await house.closePage(page);
 });
 
 test("words find pictures and objects; the order can be chosen, and stands in the address", async () => {
-  const page = await house.openPage(`${server.address}/#/pictures`);
+  const page = await house.openPage(`${server.address}/#/images`);
   const names = (view) => page.locator(`#${view}-list .name`).allInnerTexts();
-  await cards(page, "pictures").first().waitFor();
-  await house.waitForText(page, "#pictures-bar", /30 pictures/);
+  await cards(page, "images").first().waitFor();
+  await house.waitForText(page, "#images-bar", /30 images/);
   const { images } = await (await fetch(`${server.address}/v1/collections/default/images?sort=-created&limit=1`)).json();
-  await house.eventually(async () => assert.match(await page.locator("#pictures-list .card > a").first().getAttribute("href"), new RegExp(images[0].id)));
+  await house.eventually(async () => assert.match(await page.locator("#images-list .card > a").first().getAttribute("href"), new RegExp(images[0].id)));
   const { images: some } = await (await fetch(`${server.address}/v1/collections/default/images?limit=2`)).json();
   for (const { id } of some) {
     await fetch(`${server.address}/v1/collections/default/images/${id}`, {
       method: "PATCH", headers: { "Content-Type": "application/merge-patch+json" }, body: '{"source": "zebra crossing.png"}' });
   }
-  await page.getByRole("searchbox", { name: "Find pictures" }).pressSequentially("ZEBRA thing", { delay: 20 });
-  await house.waitForText(page, "#pictures-bar", /^\D*2 pictures/);
-  assert.match((await names("pictures")).join(), /^thing \d,thing \d$/);
-  assert.match(page.url(), /#\/pictures\?q=ZEBRA\+thing$/);
+  await page.getByRole("searchbox", { name: "Find images" }).pressSequentially("ZEBRA thing", { delay: 20 });
+  await house.waitForText(page, "#images-bar", /^\D*2 images/);
+  assert.match((await names("images")).join(), /^thing \d,thing \d$/);
+  assert.match(page.url(), /#\/images\?q=ZEBRA\+thing$/);
   await house.checkAccessibility(page, "found by words");
   await house.checkOverlaps(page, "found by words");
   await house.shoot(page, "find-pictures");
-  await page.getByRole("combobox", { name: "Order of the pictures" }).selectOption("created");
+  await page.getByRole("combobox", { name: "Order of the images" }).selectOption("created");
   await page.waitForFunction(() => location.hash.includes("sort=created"));
   await page.reload();
-  await house.waitForText(page, "#pictures-bar", /2 pictures/);
-  await house.eventually(async () => assert.equal(await page.getByRole("searchbox", { name: "Find pictures" }).inputValue(), "ZEBRA thing"));
-  await house.eventually(async () => assert.equal(await page.getByRole("combobox", { name: "Order of the pictures" }).inputValue(), "created"));
-  await page.getByRole("searchbox", { name: "Find pictures" }).fill("nothing like this");
-  await house.waitForText(page, "#pictures-status", /Nothing here has "nothing like this"/);
+  await house.waitForText(page, "#images-bar", /2 images/);
+  await house.eventually(async () => assert.equal(await page.getByRole("searchbox", { name: "Find images" }).inputValue(), "ZEBRA thing"));
+  await house.eventually(async () => assert.equal(await page.getByRole("combobox", { name: "Order of the images" }).inputValue(), "created"));
+  await page.getByRole("searchbox", { name: "Find images" }).fill("nothing like this");
+  await house.waitForText(page, "#images-status", /No name or file contains "nothing like this"/);
 
   await page.goto(`${server.address}/#/objects`);
   await house.waitForText(page, "#objects-bar", /3 objects/);
@@ -107,16 +107,16 @@ test("words find pictures and objects; the order can be chosen, and stands in th
 });
 
 test("deleting can be undone; else it is done when the time is over", async () => {
-  const page = await house.openPage(`${server.address}/#/pictures`);
-  await cards(page, "pictures").first().waitFor();
+  const page = await house.openPage(`${server.address}/#/images`);
+  await cards(page, "images").first().waitFor();
   const before = await count();
-  const remove = page.getByRole("button", { name: /^Delete the picture/ }).first();
+  const remove = page.getByRole("button", { name: /^Delete the image/ }).first();
   await remove.click();
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 23);
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 23);
   await house.checkAccessibility(page, "deleted");
   await house.shoot(page, "deleted");
   await page.getByRole("button", { name: "Undo" }).click();
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 24);
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 24);
   assert.equal(await count(), before);
 
   await remove.click();
@@ -129,7 +129,7 @@ test("deleting can be undone; else it is done when the time is over", async () =
 
 test("leaving the page deletes at once; a whole object goes too", async () => {
   const page = await house.openPage(`${server.address}/#/objects`);
-  await page.getByRole("button", { name: "Delete thing 2 with its pictures" }).click();
+  await page.getByRole("button", { name: "Delete thing 2 with its images" }).click();
   await house.waitForText(page, "#notices", /Deleted: thing 2/);
   await page.goto("about:blank");
   const deadline = Date.now() + 20_000;
@@ -143,12 +143,12 @@ test("leaving the page deletes at once; a whole object goes too", async () => {
 });
 
 test("a picture that cannot be deleted comes back with the reason", async () => {
-  const page = await house.openPage(`${server.address}/#/pictures`);
+  const page = await house.openPage(`${server.address}/#/images`);
   await page.route("**/images/*", (route) => (route.request().method() === "DELETE" ?
     route.fulfill({ status: 403, contentType: "application/problem+json",
                     body: JSON.stringify({ code: "forbidden", detail: "no" }) }) : route.continue()));
-  await page.getByRole("button", { name: /^Delete the picture/ }).first().click();
+  await page.getByRole("button", { name: /^Delete the image/ }).first().click();
   await page.mouse.move(5, 5);
-  await house.waitForText(page, "#pictures-list", /not allowed to do this/);
+  await house.waitForText(page, "#images-list", /does not allow this/);
   await house.closePage(page);
 });

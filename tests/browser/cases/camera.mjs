@@ -78,14 +78,14 @@ test("without a camera it is said why", async () => {
     await page.goto(`${server.address}/#/camera`);
   };
   await failing("NotAllowedError");
-  await house.waitForText(page, "#camera-status.error", /does not let this page use the camera/);
+  await house.waitForText(page, "#camera-status.error", /does not allow this page to use the camera/);
   await house.checkAccessibility(page, "no camera");
   await failing("NotFoundError");
   await house.waitForText(page, "#camera-status.error", /has no camera/);
   await page.goto(`${server.address}/#/search`);
   await page.evaluate(() => Object.defineProperty(navigator, "mediaDevices", { value: undefined }));
   await page.goto(`${server.address}/#/camera`);
-  await house.waitForText(page, "#camera-status.error", /only to pages that came over https/);
+  await house.waitForText(page, "#camera-status.error", /only on pages over https/);
   await house.shoot(page, "camera-none");
   await house.closePage(page);
 });

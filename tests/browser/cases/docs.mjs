@@ -36,7 +36,7 @@ test("what is looked for is found", async () => {
   const page = await house.openPage(`${server.address}/docs`);
   await page.locator("#images\\.list").waitFor();
   await page.locator("#docs-find").fill("thumbnail");
-  await house.waitForText(page, "#docs-status", /\d+ entr(y|ies) left/);
+  await house.waitForText(page, "#docs-status", /\d+ entr(y|ies) found/);
   await house.eventually(async () => assert.equal(await page.locator("#images\\.thumbnail").isVisible(), true));
   await house.eventually(async () => assert.equal(await page.locator("#jobs\\.list").isVisible(), false));
   await page.locator("#docs-find").fill("");
@@ -63,20 +63,20 @@ test("requests are sent as they are typed, and answered in full", async () => {
   await page.goto(`${server.address}/docs#images.thumbnail`);
   const thumbnail = page.locator("#images\\.thumbnail");
   await thumbnail.getByRole("button", { name: "Send GET" }).click();
-  await house.waitForText(page, "#images\\.thumbnail .try [role=status]", /id is needed/);
+  await house.waitForText(page, "#images\\.thumbnail .try [role=status]", /id is required/);
   await thumbnail.getByLabel("id", { exact: true }).fill("demo-poster");
   await thumbnail.getByRole("button", { name: "Send GET" }).click();
   await page.waitForFunction(() => document.querySelector("#images\\.thumbnail .answer-image")?.naturalWidth > 100);
 
   await page.goto(`${server.address}/docs#search`);
   const search = page.locator("#search");
-  await search.getByLabel("Or a picture").setInputFiles([{ name: "q.png", mimeType: "image/png", buffer: blobs(3) }]);
+  await search.getByLabel("Or an image").setInputFiles([{ name: "q.png", mimeType: "image/png", buffer: blobs(3) }]);
   await search.getByRole("button", { name: "Send POST" }).click();
   await house.waitForText(page, "#search .result", /^200[^]*"hits"/);
-  await search.getByLabel("Or a picture").setInputFiles([]);
+  await search.getByLabel("Or an image").setInputFiles([]);
   await search.getByLabel(/^Body/).fill('{"image_id": ');
   await search.getByRole("button", { name: "Send POST" }).click();
-  await house.waitForText(page, "#search .try [role=status]", /no JSON/);
+  await house.waitForText(page, "#search .try [role=status]", /not valid JSON/);
   await search.getByLabel(/^Body/).fill('{"image_id": "demo-poster", "exclude_self": false, "limit": 1}');
   await search.getByRole("button", { name: "Send POST" }).click();
   await house.waitForText(page, "#search .result", /^200[^]*"demo-poster"/);

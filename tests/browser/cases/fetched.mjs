@@ -60,7 +60,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
   test(`a picture that is searched with by its address is shown with what was found in it, ${size}`, async () => {
     await prepare();
     const page = await house.openPage(server.address, options);
-    await house.waitForText(page, "#search-status", /to find/);
+    await house.waitForText(page, "#search-status", /in this collection/);
     const before = requests;
     await drop(page, address);
     await house.waitForText(page, "#search-status", /^2 objects found: /);
@@ -113,9 +113,9 @@ test("a part of a fetched picture is searched in; one that cannot be fetched lea
   await page.locator("#region-y").fill("500");
   await page.locator("#region-height").fill("650");
   await page.keyboard.press("Tab");
-  const [sent] = await Promise.all([page.waitForRequest(/\/search$/), page.getByRole("button", { name: "Search inside" }).click()]);
+  const [sent] = await Promise.all([page.waitForRequest(/\/search$/), page.getByRole("button", { name: "Search this part" }).click()]);
   assert.equal(JSON.parse(sent.postData()).preview, undefined, "the picture is here already");
-  await house.waitForText(page, "#search-status", /^Found inside the part: poster/);
+  await house.waitForText(page, "#search-status", /^Found in this part: poster/);
   assert.deepEqual(await sizeOf(page), [1280, 960]);
   await drop(page, `http://${host}/none.png`);
   await house.waitForText(page, "#search-status.error", /^The host of this address answered 404\.$/);

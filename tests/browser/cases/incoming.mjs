@@ -38,21 +38,21 @@ const dataUrl = (bytes, type) => `data:${type};base64,${bytes.toString("base64")
 test("an address of a picture elsewhere is said not to be enough, and nothing is fetched", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await house.waitForText(page, "#search-status", /to find/);
+  await house.waitForText(page, "#search-status", /in this collection/);
   const address = "https://pictures.example/mug.jpg";
   await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
-  await house.waitForText(page, "#search-status.error", /handed over the picture's address only[^]*paste it here, or save it/);
+  await house.waitForText(page, "#search-status.error", /gave only the address of this image[^]*paste it here, or save it/);
   await house.checkAccessibility(page, "an address");
   await house.shoot(page, "address-only");
   await page.reload();
-  await house.waitForText(page, "#search-status", /to find/);
+  await house.waitForText(page, "#search-status", /in this collection/);
   await give(page, "paste", "body", { "text/plain": address });
-  await house.waitForText(page, "#search-status.error", /address only/);
+  await house.waitForText(page, "#search-status.error", /only the address/);
   await give(page, "paste", "body", { "text/plain": "some words" });
-  await house.waitForText(page, "#search-status.error", /no picture in what was pasted/);
+  await house.waitForText(page, "#search-status.error", /no image in what you pasted/);
   await page.goto(`${server.address}/#/add`);
   await give(page, "drop", "#add-drop", { "text/uri-list": address });
-  await house.waitForText(page, "#notices", /address only/);
+  await house.waitForText(page, "#notices", /only the address/);
   await house.closePage(page);  // which checks that nothing was asked for elsewhere
 });
 
@@ -70,7 +70,7 @@ test("where the server fetches pictures, an address is enough: to search, after 
     assert.ok(put.ok);
   }
   const page = await house.openPage(fetching.address);
-  await house.waitForText(page, "#search-status", /to find/);
+  await house.waitForText(page, "#search-status", /in this collection/);
   const address = `http://${host}/shop/601.png`;
   await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
   await house.waitForText(page, "#search-status", /^Found: one/);
@@ -90,8 +90,8 @@ test("where the server fetches pictures, an address is enough: to search, after 
   await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/tea%20cup%20604.png?size=9` });
   await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/gone.png` });
   assert.equal(await page.locator("#add-list input").first().inputValue(), "tea cup 604");
-  await page.getByRole("button", { name: "Add 2 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 1 picture added, 1 failed/);
+  await page.getByRole("button", { name: "Add 2 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 1 image added, 1 failed/);
   const { images } = await (await fetch(`${fetching.address}/v1/collections/default/images?object=tea%20cup%20604`)).json();
   assert.equal(images[0].source, `http://${host}/tea%20cup%20604.png`);
   await house.closePage(page);
@@ -106,7 +106,7 @@ test("data in place of an address are a picture; one of the page's own is search
   await house.waitForText(page, "#search-status", /^Found: one/);
   await give(page, "drop", "#search-drop", { "text/uri-list": `${base}/images/two/thumbnail` });
   await page.waitForFunction(() => location.hash === "#/search?image=two");
-  await give(page, "drop", "#search-drop", { "text/uri-list": `${server.address}/#/picture?id=three` });
+  await give(page, "drop", "#search-drop", { "text/uri-list": `${server.address}/#/image?id=three` });
   await page.waitForFunction(() => location.hash === "#/search?image=three");
   const files = (address) => page.evaluate(async (one) => {
     const { fileOfData } = await import("/assets/incoming.js");
@@ -141,7 +141,7 @@ test("an address that was just chosen is not lost to the search before it", asyn
 test("of two pictures that are dropped one after the other the second is searched with, however long the first takes", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await house.waitForText(page, "#search-status", /to find/);
+  await house.waitForText(page, "#search-status", /in this collection/);
   const searches = [];
   page.on("request", (one) => { if (one.url().endsWith("/search")) searches.push(one.url()); });
   await page.evaluate((files) => {
@@ -160,9 +160,9 @@ test("of two pictures that are dropped one after the other the second is searche
 test("who goes to another view while a picture is read stays there", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await house.waitForText(page, "#search-status", /to find/);
+  await house.waitForText(page, "#search-status", /in this collection/);
   await page.evaluate(async (text) => {
-    const { readable } = await import("/assets/convert.js");
+    const { readable } = await import("/assets/incoming.js");
     const { keepQuery } = await import("/assets/kept.js");
     const file = () => new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], "slow.gif", { type: "image/gif" });
     const transfer = new DataTransfer();
@@ -202,21 +202,21 @@ test("GIF and AVIF are converted by the browser; what nobody can read is said wi
   await search("new.avif", "image/avif", avif);
   await house.waitForText(page, "#search-status", /^Found: one/);
   await search("IMG_0001.HEIC", "image/heic", heic);
-  await house.waitForText(page, "#search-status.error", /kind HEIC, which neither this browser nor the server can read[^]*Most Compatible/);
+  await house.waitForText(page, "#search-status.error", /HEIC images cannot be read here[^]*Most Compatible/);
   await house.shoot(page, "heic");
   await search("film.mp4", "video/mp4", Buffer.from("\0\0\0\x18ftypisom\0\0\0\0isom", "latin1"));
-  await house.waitForText(page, "#search-status.error", /A video is no picture/);
+  await house.waitForText(page, "#search-status.error", /A video is not a photo/);
   await search("text.pdf", "application/pdf", Buffer.from("%PDF-1.7 and so on"));
   await house.waitForText(page, "#search-status.error", /A PDF is a document/);
   await search("drawing.svg", "image/svg+xml", Buffer.from("<?xml version='1.0'?><svg xmlns='x'/>"));
-  await house.waitForText(page, "#search-status.error", /drawing, not a photograph/);
+  await house.waitForText(page, "#search-status.error", /drawing, not a photo/);
 
   await page.goto(`${server.address}/#/add`);
   await page.locator("#add-files").setInputFiles([
     { name: "cat.gif", mimeType: "image/gif", buffer: thingGif(610) },
     { name: "phone.heic", mimeType: "image/heic", buffer: heic }]);
-  await page.getByRole("button", { name: "Add 2 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 1 picture added, 1 failed/);
+  await page.getByRole("button", { name: "Add 2 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 1 image added, 1 failed/);
   await house.eventually(async () => assert.match(await page.locator("#add-list li", { hasText: "phone.heic" }).innerText(), /HEIC/));
   const { images } = await (await fetch(`${base}/images?object=cat`)).json();
   assert.deepEqual([images[0].media_type, images[0].source, images[0].width], ["image/png", "cat.png", 320]);
@@ -226,7 +226,7 @@ test("GIF and AVIF are converted by the browser; what nobody can read is said wi
 test("kinds are told by their first bytes", async () => {
   const page = await house.openPage(server.address);
   const kinds = await page.evaluate(async () => {
-    const { kindOf } = await import("/assets/convert.js");
+    const { kindOf } = await import("/assets/incoming.js");
     const bytes = (text) => Uint8Array.from(text, (c) => c.charCodeAt(0));
     return ["\xff\xd8\xff\xe0", "\x89PNG\r\n\x1a\n", "RIFF1234WEBPVP8 ", "BM12", "II*\0", "MM\0*", "GIF89a", "%PDF-1", "\0\0\0\x20ftypavif\0\0\0\0avifmif1miaf",
             "\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "\0\0\0\x18ftypmif1\0\0\0\0mif1avif", "\0\0\0\x14ftypqt  ", "\xff\x0a", "\0\0\0\x0cJXL \r\n", "\x1aE\xdf\xa3", "<svg>", "words", ""]

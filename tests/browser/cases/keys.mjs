@@ -35,22 +35,22 @@ test("the page asks for a key, uses it for everything, and forgets it when told"
   await page.getByRole("button", { name: "Key", exact: true }).click();  // there is a way back
   await page.locator("#key-input").fill("wrong");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#key-problem.error", /does not work: it is mistyped, or it was revoked/);
+  await house.waitForText(page, "#key-problem.error", /does not work: it is mistyped or revoked/);
   await house.checkAccessibility(page, "a wrong key");
   await house.shoot(page, "key-wrong");
   await page.locator("#key-input").fill(kKey);
-  await page.getByRole("button", { name: "Use it" }).click();
-  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+  await page.getByRole("button", { name: "Use key" }).click();
+  await page.getByRole("button", { name: "crumpled photo of town map" }).click();
   assert.match((await house.hitNames(page))[0], /town map/);
   await page.waitForFunction(() => document.querySelector("#results img").naturalWidth > 0);
 
   await page.goto(`${server.address}/#/objects`);
-  await page.getByRole("button", { name: "Delete poster with its pictures" }).click();
+  await page.getByRole("button", { name: "Delete poster with its images" }).click();
   await page.mouse.move(5, 5);
-  await house.waitForText(page, "#objects-list", /not allowed to do this/);
+  await house.waitForText(page, "#objects-list", /does not allow this/);
 
   await page.getByRole("button", { name: "Key", exact: true }).click();
-  await page.getByRole("button", { name: "Forget it" }).click();
+  await page.getByRole("button", { name: "Forget key" }).click();
   assert.equal(await page.evaluate(() => sessionStorage.length + localStorage.length), 0);
   await page.context().close();
 });
@@ -60,36 +60,36 @@ test("who may only read is offered nothing else; another key changes that at onc
   await fetch(`${own.address}/v1/collections/default/images/one?object=thing`, {
     method: "PUT", headers: { "Content-Type": "image/png" }, body: blobs(900) });
   const [reader, writer, admin] = ["read", "write", "admin"].map((scope) => own.createKey(scope));
-  const page = await house.openPage(`${own.address}/#/pictures`);
+  const page = await house.openPage(`${own.address}/#/images`);
   const enter = async (key) => {
     // The page may open it by itself just then.
     await page.evaluate(() => document.getElementById("key-dialog").open || document.getElementById("key-button").click());
     await page.locator("#key-input").fill(key);
-    await page.getByRole("button", { name: "Use it" }).click();
+    await page.getByRole("button", { name: "Use key" }).click();
     await page.locator("#key-dialog").waitFor({ state: "hidden" });
   };
   await enter(reader);
-  await house.waitForText(page, "#pictures-list", /thing/);
+  await house.waitForText(page, "#images-list", /thing/);
   const offered = () => page.evaluate(() => [...document.querySelectorAll("a, button, form")]
     .filter((one) => one.checkVisibility()).map((one) => one.ariaLabel || one.innerText.trim()).join("; "));
-  const kChanges = /Add|Delete|Edit|Rename|Select several|Train|Make it/;
+  const kChanges = /Add|Delete|Edit|Rename|Select several|Train|Create/;
   await page.waitForFunction(() => document.documentElement.dataset.scope === "read");
-  for (const view of ["pictures", "objects", "object?name=thing", "picture?id=one", "collection", "search"]) {
+  for (const view of ["images", "objects", "object?name=thing", "image?id=one", "collection", "search"]) {
     await page.goto(`${own.address}/#/${view}`);
     await page.waitForLoadState("networkidle");
     assert.doesNotMatch(await offered(), kChanges, view);
   }
   await house.shoot(page, "read-only");
   await page.goto(`${own.address}/#/add`);
-  await house.waitForText(page, "#view-add", /may search and look, but not add/);
+  await house.waitForText(page, "#view-add", /can search but not add/);
   await house.checkAccessibility(page, "read only");
 
   await page.goto(`${own.address}/#/objects`);
   await enter(writer);
-  await page.getByRole("button", { name: "Delete thing with its pictures" }).waitFor();
+  await page.getByRole("button", { name: "Delete thing with its images" }).waitFor();
   await page.getByRole("link", { name: "Add", exact: true }).waitFor();
   await page.goto(`${own.address}/#/collection`);
-  await house.waitForText(page, "#collection-facts", /Pictures\s+1/);
+  await house.waitForText(page, "#collection-facts", /Images\s+1/);
   await house.eventually(async () => assert.equal(await page.locator("#collection-form").isVisible(), false, "only for admins"));
   await enter(admin);
   await page.locator("#collection-form").waitFor();
@@ -131,7 +131,7 @@ test("a kept photograph goes with its day, its tab and its key", async () => {
   const enter = async (secret) => {
     await page.getByRole("button", { name: "Key", exact: true }).click();
     await page.locator("#key-input").fill(secret);
-    await page.getByRole("button", { name: "Use it" }).click();
+    await page.getByRole("button", { name: "Use key" }).click();
   };
   await enter("one");
   assert.equal(await kept("", key), "x.png", "the same key");
@@ -152,7 +152,7 @@ test("too many requests are said in words when waiting would take long", async (
   await page.route("**/search", (route) => route.fulfill({
     status: 429, headers: { "Retry-After": "60" }, contentType: "application/problem+json",
     body: JSON.stringify({ status: 429, code: "rate_limited", detail: "slow down" }) }));
-  await page.getByRole("button", { name: "crumpled picture of: poster" }).click();
+  await page.getByRole("button", { name: "crumpled photo of poster" }).click();
   await house.waitForText(page, "#search-status.error", /Too many requests.*again in 60 s/);
   await house.closePage(page);
 });

@@ -11,10 +11,10 @@ const kViews = {
   found: ["#/search", "#blend-figure canvas"],
   add: ["#/add", "#add-drop"],
   objects: ["#/objects", "#objects-list .card img"],
-  pictures: ["#/pictures", "#pictures-list .card img"],
+  images: ["#/images", "#images-list .card img"],
   object: ["#/object?name=poster", "#object-list .card img"],
-  picture: ["#/picture?id=demo-poster", "#picture-frame img"],
-  status: ["#/status", "#status-collections tr"],
+  image: ["#/image?id=demo-poster", "#image-frame img"],
+  status: ["#/status", "#status-facts div"],
   collection: ["#/collection", "#vocabularies tr"],
 };
 
@@ -27,7 +27,7 @@ for (const [size, options] of Object.entries(kSizes)) {
       const page = await house.openPage(server.address, { ...options, colorScheme });
       for (const [name, [hash, sign]] of Object.entries(kViews)) {
         await page.goto(`${server.address}/${hash}`);
-        if (name === "found") await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+        if (name === "found") await page.getByRole("button", { name: "crumpled photo of town map" }).click();
         await page.locator(sign).first().waitFor();
         await page.waitForLoadState("networkidle");
         const where = `${name}-${size}-${colorScheme}`;

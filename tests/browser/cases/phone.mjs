@@ -12,7 +12,7 @@ test("the camera comes first; the answer is on the first screen", async () => {
   const objects = await house.loadDemonstration(server.address);
   const page = await house.openPage(server.address, kPhone);
   const camera = page.getByText("Take a photo").first();
-  const choose = page.getByText("Choose a picture");
+  const choose = page.getByText("Choose a photo");
   assert.ok((await camera.boundingBox()).y <= (await choose.boundingBox()).y, "above or beside");
   const colour = (label) => label.evaluate((one) => getComputedStyle(one).backgroundColor);
   assert.notEqual(await colour(camera), await colour(choose), "the camera is the one that stands out");

@@ -52,7 +52,7 @@ test("a rectangle drawn with the mouse is searched in, moved, sized and removed"
     await page.mouse.up();
   };
   await drag([0.25, 0.25], [0.75, 0.75]);
-  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  await house.waitForText(page, "#search-status", /in this part: town map/);
   assertNear(await lastRegion(page), [200, 150, 400, 300]);
   await house.shoot(page, "region");
   await drag([0.5, 0.5], [0.6, 0.5]);
@@ -61,11 +61,11 @@ test("a rectangle drawn with the mouse is searched in, moved, sized and removed"
   assertNear(await lastRegion(page), [280, 150, 400, 300]);
   await page.locator("#region-width").fill("320");
   await page.locator("#region-width").press("Tab");
-  await page.getByRole("button", { name: "Search inside" }).click();
-  await house.waitForText(page, "#search-status", /inside/);
+  await page.getByRole("button", { name: "Search this part" }).click();
+  await house.waitForText(page, "#search-status", /in this part/);
   assertNear(await lastRegion(page), [280, 150, 320, 300]);
   await house.checkAccessibility(page, "region");
-  await page.getByRole("button", { name: "Whole picture" }).click();
+  await page.getByRole("button", { name: "Whole photo" }).click();
   await house.waitForText(page, "#search-status", /^Found: /);
   assert.equal(await lastRegion(page), null);
   await house.closePage(page);
@@ -89,7 +89,7 @@ test("a finger scrolls, and draws when asked to", async () => {
   await house.eventually(async () => assert.equal(await page.locator("#region").isVisible(), false));
   await page.locator("#region-start").tap();
   await swipe(0.2, 0.2, 0.8, 0.8);
-  await house.waitForText(page, "#search-status", /inside the part/);
+  await house.waitForText(page, "#search-status", /in this part/);
   assert.equal((await askedRegions(page)).length, searches + 1);
   assertNear(await lastRegion(page), [160, 120, 480, 360]);
   await house.closePage(page);

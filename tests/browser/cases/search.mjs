@@ -47,7 +47,7 @@ test("a search survives Reload, Back and Forward", async () => {
   assert.match(first, /#\/search\?photo=/);
   await page.reload();
   await house.waitForText(page, "#search-status", /^Found: poster/);
-  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();
+  await page.getByRole("button", { name: "crumpled photo of town map" }).click();
   await house.waitForText(page, "#search-status", /^Found: town map/);
   await page.goBack();
   await house.waitForText(page, "#search-status", /^Found: poster/);
@@ -59,7 +59,7 @@ test("a search survives Reload, Back and Forward", async () => {
   await page.goBack();
   await house.waitForText(page, "#search-status", /^Found: town map/);
   await page.goto(`${server.address}/#/search?photo=gone`);
-  await house.waitForText(page, "#search-status.error", /no longer kept/);
+  await house.waitForText(page, "#search-status.error", /no longer keeps that photo/);
   for (let i = 0; i < 8; ++i) {
     await page.evaluate(async () => (await import("/assets/kept.js")).keepQuery(new File(["x"], "x.png")));
   }
@@ -74,7 +74,7 @@ test("a search survives Reload, Back and Forward", async () => {
 test("a stored picture has a link that can be shared", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/search?image=demo-newspaper`);
-  await house.waitForText(page, "#search-status", /^(Nothing else in your collection is like it|Not sure)/);
+  await house.waitForText(page, "#search-status", /^(No other similar object found|Perhaps)/);
   await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
   await page.locator("#share").click();
   await house.waitForText(page, "#notices", /copied/);
@@ -83,7 +83,7 @@ test("a stored picture has a link that can be shared", async () => {
   await house.closePage(page);
 
   const gone = await house.openPage(`${server.address}/#/search?image=nothing`);
-  await house.waitForText(gone, "#search-status.error", /no longer there/);
+  await house.waitForText(gone, "#search-status.error", /no longer exists/);
   await house.closePage(gone);
 });
 
@@ -95,7 +95,7 @@ test("filters limit what is found", async () => {
   await page.locator("#filters summary").click();
   await page.locator("#filter-object").fill("town map");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
-  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await house.waitForText(page, "#search-status", /^Not found with these filters/);
   await page.getByRole("button", { name: "1 weaker result" }).click();
   await house.waitForText(page, "#weaker", /^\s*1\. town map/);
   await page.locator("#filters-form").getByRole("button", { name: "Clear" }).click();
@@ -106,7 +106,7 @@ test("filters limit what is found", async () => {
   await house.waitForText(page, "#weaker", /made_of: cloth/);
   await page.locator("#filter-labels").fill("made_of=stone");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
-  await house.waitForText(page, "#results-empty", /Nothing alike/);
+  await house.waitForText(page, "#results-empty", /No match/);
   await page.locator("#filter-labels").fill("no label at all");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
   await house.waitForText(page, "#search-status.error", /name=value/);
@@ -122,13 +122,13 @@ test("what a search is limited to survives Reload and Back, and goes with its li
   await page.locator("#filter-labels").fill("made_of=cloth");
   await page.locator("#filter-limit").selectOption("24");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
-  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await house.waitForText(page, "#search-status", /^Not found with these filters/);
   await page.reload();
-  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await house.waitForText(page, "#search-status", /^Not found with these filters/);
   assert.equal(await page.locator("#filter-labels").inputValue(), "made_of=cloth");
   assert.equal(await page.locator("#filter-limit").inputValue(), "24");
   assert.match(await house.text(page, "#filters-set"), /1 set/);
-  await page.getByRole("button", { name: "crumpled picture of: town map" }).click();  // they hold for the next one
+  await page.getByRole("button", { name: "crumpled photo of town map" }).click();  // they hold for the next one
   await house.waitForText(page, "#search-status", /^(Found|Not found)/);
   await page.locator("#filters summary").click();
   await page.locator("#filters-form").getByRole("button", { name: "Clear" }).click();
@@ -136,21 +136,21 @@ test("what a search is limited to survives Reload and Back, and goes with its li
   await page.locator("#region-start").focus();
   await page.keyboard.press("Enter");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  await house.waitForText(page, "#search-status", /in this part: town map/);
   const part = await page.locator("#region").getAttribute("aria-label");
   await page.reload();
-  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  await house.waitForText(page, "#search-status", /in this part: town map/);
   assert.equal(await page.locator("#region").getAttribute("aria-label"), part);
   await page.goBack();
-  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await house.waitForText(page, "#search-status", /^Not found with these filters/);
   assert.equal(await page.locator("#region").isVisible(), false);
   await page.goForward();
-  await house.waitForText(page, "#search-status", /inside the part: town map/);
+  await house.waitForText(page, "#search-status", /in this part: town map/);
   assert.equal(await page.locator("#filter-labels").inputValue(), "");
 
   // A link says all of it; what makes no sense in one is left out.
   await page.goto(`${server.address}/#/search?image=demo-newspaper&min_score=0.3&group_by=image&limit=7&part=a,b`);
-  await house.waitForText(page, "#search-status", /^Not found among what the filters leave/);
+  await house.waitForText(page, "#search-status", /^Not found with these filters/);
   assert.deepEqual([await page.locator("#filter-score").inputValue(), await page.locator("#filter-group").inputValue(),
                     await page.locator("#filter-limit").inputValue()], ["0.3", "image", "12"]);
   await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
@@ -167,11 +167,11 @@ test("what goes wrong is said in words", async () => {
   const ask = (name, mimeType, buffer) =>
     page.locator("#search-file").setInputFiles({ name, mimeType, buffer });
   await ask("notes.txt", "text/plain", Buffer.from("These are words, no picture."));
-  await house.waitForText(page, "#search-status.error", /not a picture that Pliant reads/);
+  await house.waitForText(page, "#search-status.error", /cannot read this file as an image/);
   await ask("blank.png", "image/png", blank());
   await house.waitForText(page, "#search-status.error", /too little detail/);
   await ask("large.png", "image/png", Buffer.alloc(34_000_000));
-  await house.waitForText(page, "#search-status.error", /^The file is larger than the 32 MiB that this server takes/);
+  await house.waitForText(page, "#search-status.error", /^The file is too large: this server accepts up to 32 MiB/);
   await ask("half.jpg", "image/jpeg", crumpled.subarray(0, crumpled.length / 2));
   await house.waitForText(page, "#search-status.error", /ends too early|damaged/);
   await house.shoot(page, "error");
@@ -227,7 +227,7 @@ test("by keyboard alone: skip, choose an example, compare, select a part", async
   assert.match(await focused(), /^skip/);
   await page.keyboard.press("Enter");
   await tabTo(/search-file/);
-  await tabTo(/crumpled picture of: poster/);
+  await tabTo(/crumpled photo of poster/);
   await page.keyboard.press("Enter");
   assert.match((await house.hitNames(page))[0], /poster/);
   await tabTo(/region-start/);
@@ -241,7 +241,7 @@ test("by keyboard alone: skip, choose an example, compare, select a part", async
     /left (\d+), top (\d+), width (\d+), height (\d+)/.exec(await focused());
   assert.ok(+left2 > +left && top2 === top && width2 === width && +height2 > +height, await focused());
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#search-status", /inside the part: poster/);
+  await house.waitForText(page, "#search-status", /in this part: poster/);
   await page.keyboard.press("Escape");
   await house.waitForText(page, "#search-status", /^Found: poster/);
   await tabTo(/^weaker-toggle 5 weaker results/);

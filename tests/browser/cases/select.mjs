@@ -25,15 +25,15 @@ const box = (page, name) => page.getByRole("checkbox", { name: `Select ${name}`,
 
 test("pictures are moved and labelled together; what fails is said and stays selected", async () => {
   await prepare();
-  const page = await house.openPage(`${server.address}/#/pictures?sort=created`);
-  await page.locator("#pictures-list .card").nth(8).waitFor();
+  const page = await house.openPage(`${server.address}/#/images?sort=created`);
+  await page.locator("#images-list .card").nth(8).waitFor();
   await page.getByRole("button", { name: "Select several" }).click();
   await box(page, "p0").check();
   await box(page, "p3").click({ modifiers: ["Shift"] });
-  await house.waitForText(page, "#pictures-bar + .selection", /4 pictures selected/);
-  await page.locator("#pictures-list .card > a").nth(3).click();  // the picture itself, too
-  await house.waitForText(page, "#pictures-bar + .selection", /3 pictures selected/);
-  assert.match(page.url(), /#\/pictures\?sort=created$/);
+  await house.waitForText(page, "#images-bar + .selection", /4 images selected/);
+  await page.locator("#images-list .card > a").nth(3).click();  // the picture itself, too
+  await house.waitForText(page, "#images-bar + .selection", /3 images selected/);
+  assert.match(page.url(), /#\/images\?sort=created$/);
   await house.checkAccessibility(page, "selecting");
   await house.checkOverlaps(page, "selecting");
   await house.shoot(page, "selecting");
@@ -43,55 +43,55 @@ test("pictures are moved and labelled together; what fails is said and stays sel
   await page.getByRole("button", { name: "Select several" }).click();
   await box(page, "p0").check();
   await box(page, "p2").click({ modifiers: ["Shift"] });
-  await house.waitForText(page, "#pictures-bar + .selection", /3 pictures selected/);
+  await house.waitForText(page, "#images-bar + .selection", /3 images selected/);
 
   await page.getByRole("button", { name: "Name…" }).click();
-  await page.getByLabel("They show").fill("crate");
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("crate");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#notices", /3 pictures moved to crate/);
+  await house.waitForText(page, "#notices", /3 images moved to crate/);
   assert.deepEqual((await images("&object=crate")).map(({ id }) => id).sort(), ["p0", "p1", "p2"]);
 
   await page.getByRole("button", { name: "Select several" }).click();
   await page.getByRole("button", { name: "All shown" }).click();
-  await house.waitForText(page, "#pictures-bar + .selection", /9 pictures selected/);
+  await house.waitForText(page, "#images-bar + .selection", /9 images selected/);
   await page.getByRole("button", { name: "Label…" }).click();
   await page.getByLabel("Labels to add").fill("no label");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#pictures-bar + .selection .error", /name=value/);
+  await house.waitForText(page, "#images-bar + .selection .error", /name=value/);
   await page.getByLabel("Labels to add").fill("shelf=4, old=");
   await page.route("**/images/p5", (route) => (route.request().method() === "PATCH" ? route.fulfill({
     status: 507, contentType: "application/problem+json", body: JSON.stringify({ code: "no_space" }) }) : route.continue()));
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#pictures-bar + .selection .error", /1 picture could not be changed\. The server's disk is full/);
-  await house.waitForText(page, "#pictures-bar + .selection", /1 picture selected/);
+  await house.waitForText(page, "#images-bar + .selection .error", /1 image could not be changed\. The server's disk is full/);
+  await house.waitForText(page, "#images-bar + .selection", /1 image selected/);
   await page.unroute("**/images/p5");
   await page.getByRole("button", { name: "Save" }).click();
-  await house.waitForText(page, "#notices", /1 picture labelled/);
+  await house.waitForText(page, "#notices", /1 image labelled/);
   for (const { id, metadata } of await images()) assert.deepEqual(metadata, { n: Number(id[1]), shelf: 4 });
   await house.closePage(page);
 });
 
 test("several are deleted at once, and undone at once", async () => {
   await prepare();
-  const page = await house.openPage(`${server.address}/#/pictures`, kPhone);
-  await page.locator("#pictures-list .card").nth(8).waitFor();
+  const page = await house.openPage(`${server.address}/#/images`, kPhone);
+  await page.locator("#images-list .card").nth(8).waitFor();
   await page.getByRole("button", { name: "Select several" }).click();
   await box(page, "p1").check();
   await box(page, "p2").check();
   await house.checkWidth(page, "selecting, phone");
   await house.checkOverlaps(page, "selecting, phone");
   await house.shoot(page, "selecting-phone");
-  await page.locator("#pictures-bar + .selection").getByRole("button", { name: "Delete" }).click();
-  await house.waitForText(page, "#notices", /Deleted: 2 pictures/);
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 7);
+  await page.locator("#images-bar + .selection").getByRole("button", { name: "Delete" }).click();
+  await house.waitForText(page, "#notices", /Deleted: 2 images/);
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 7);
   await page.getByRole("button", { name: "Undo" }).click();
-  await page.waitForFunction(() => document.querySelectorAll("#pictures-list .card").length === 9);
+  await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 9);
   assert.equal((await images()).length, 9);
 
   await page.getByRole("button", { name: "Select several" }).click();
   await box(page, "p1").check();
   await box(page, "p2").check();
-  await page.locator("#pictures-bar + .selection").getByRole("button", { name: "Delete" }).click();
+  await page.locator("#images-bar + .selection").getByRole("button", { name: "Delete" }).click();
   await page.goto("about:blank");  // leaving deletes at once
   const deadline = Date.now() + 20_000;
   while ((await images()).length !== 7) {
@@ -108,27 +108,27 @@ test("several objects become one", async () => {
   await page.getByRole("button", { name: "Select several" }).click();
   await box(page, "box 0").check();
   await box(page, "box 2").check();
-  await page.getByRole("button", { name: "Make one of them…" }).click();
-  await house.eventually(async () => assert.equal(await page.getByLabel("Name of the one object").inputValue(), "box 0"));
-  await page.getByLabel("Name of the one object").fill("chest");
+  await page.getByRole("button", { name: "Merge…" }).click();
+  await house.eventually(async () => assert.equal(await page.getByLabel("Name of the merged object").inputValue(), "box 0"));
+  await page.getByLabel("Name of the merged object").fill("chest");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#notices", /2 objects became chest/);
-  await house.waitForText(page, "#objects-list", /chest\s+6 pictures/);
+  await house.waitForText(page, "#notices", /2 objects merged into chest/);
+  await house.waitForText(page, "#objects-list", /chest\s+6 images/);
   assert.equal((await images("&object=chest")).length, 6);
   await house.closePage(page);
 });
 
 test("thumbnails are kept by the browser: a second look asks for none", async () => {
   await prepare();
-  const page = await house.openPage(`${server.address}/#/pictures`);
+  const page = await house.openPage(`${server.address}/#/images`);
   const loaded = () => page.waitForFunction(() => {
-    const list = [...document.querySelectorAll("#pictures-list img")];
+    const list = [...document.querySelectorAll("#images-list img")];
     return list.length === 9 && list.every((image) => image.complete && image.naturalWidth > 0);
   });
   await loaded();
   await page.goto(`${server.address}/#/objects`);
   await page.goto("about:blank");
-  await page.goto(`${server.address}/#/pictures`);
+  await page.goto(`${server.address}/#/images`);
   await loaded();
   const transferred = await page.evaluate(() => performance.getEntriesByType("resource")
     .filter(({ name }) => name.includes("/thumbnail?sha256=")).map(({ transferSize }) => transferSize));

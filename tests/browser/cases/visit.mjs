@@ -13,20 +13,20 @@ const server = await house.server("first visit");  // nobody else loads anything
 test("an empty collection teaches what to do; the demonstration is found un-crumpled", async () => {
   const page = await house.openPage(server.address);
   await page.locator("#welcome").waitFor();
-  await house.eventually(async () => assert.match(await house.text(page, "#welcome"), /nothing to find yet/));
+  await house.eventually(async () => assert.match(await house.text(page, "#welcome"), /This collection is empty/));
   await house.eventually(async () => assert.equal(await page.locator("#examples").isVisible(), false));
   await house.checkAccessibility(page, "first visit");
   await house.shoot(page, "first-visit");
 
   await page.getByRole("button", { name: "Load demonstration objects" }).click();
-  const example = page.getByRole("button", { name: "crumpled picture of: town map" });
+  const example = page.getByRole("button", { name: "crumpled photo of town map" });
   await example.waitFor();
   await house.eventually(async () => assert.equal(await page.locator("#welcome").isVisible(), false));
   await house.shoot(page, "demonstration-loaded");
 
   await example.click();
   assert.match((await house.hitNames(page))[0], /^1\. town map$/);
-  await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /the same[^]*points agree/));
+  await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /Found[^]*\d matches/));
   await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
   await house.eventually(async () => assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query"));
   await house.eventually(async () => assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit"));
@@ -51,7 +51,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
   test(`where nothing is there yet, the lists lead to what is to be done, ${size}`, async () => {
     const empty = await house.server("empty");
     const page = await house.openPage(`${empty.address}/#/objects`, options);
-    for (const view of ["objects", "pictures"]) {
+    for (const view of ["objects", "images"]) {
       await page.goto(`${empty.address}/#/${view}`);
       await house.waitForText(page, `#${view}-status`, new RegExp(`^There are no ${view} yet`));
       await house.eventually(async () => assert.equal(await page.locator(`#${view}-bar`).isVisible(), false));
@@ -59,14 +59,14 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
       await house.checkOverlaps(page, `${view}, empty`);
       await house.shoot(page, `${view}-empty-${size}`);
     }
-    await page.getByRole("link", { name: "Add pictures" }).click();
+    await page.getByRole("link", { name: "Add images" }).click();
     await page.locator("#add-drop").waitFor();
     await page.goto(`${empty.address}/#/object?name=nobody`);
-    await house.waitForText(page, "#object-status.error", /There is no object called nobody/);
+    await house.waitForText(page, "#object-status.error", /There is no object named nobody/);
     await house.eventually(async () => assert.equal(await page.locator("#object-bar").isVisible(), false));
-    await page.goto(`${empty.address}/#/pictures?q=nobody`);
-    await house.waitForText(page, "#pictures-status", /Nothing here has "nobody"/);
-    await page.getByRole("searchbox", { name: "Find pictures" }).waitFor();
+    await page.goto(`${empty.address}/#/images?q=nobody`);
+    await house.waitForText(page, "#images-status", /No name or file contains "nobody"/);
+    await page.getByRole("searchbox", { name: "Find images" }).waitFor();
     await house.closePage(page);
   });
 }
@@ -74,7 +74,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
 test("every example finds its object", async () => {
   const page = await house.openPage(server.address);
   for (const name of ["tea packet", "newspaper", "flower cloth", "poster", "team flag"]) {
-    await page.getByRole("button", { name: `crumpled picture of: ${name}` }).click();
+    await page.getByRole("button", { name: `crumpled photo of ${name}` }).click();
     await house.waitForText(page, "#results .hit:first-child .name", new RegExp(`^1\\. ${name}$`));
   }
   await house.closePage(page);
@@ -84,7 +84,7 @@ test("the page is small, and a second visit transfers nothing again", async () =
   const page = await house.openPage("about:blank");
   const bodies = [];
   page.on("response", (response) => {
-    if (!/\/v1\//.test(response.url())) bodies.push(response.body());
+    if (!/\/(v1|assets\/demo)\//.test(response.url())) bodies.push(response.body());
   });
   page.faults.length = 0;
   await page.goto(server.address);

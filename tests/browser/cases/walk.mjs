@@ -18,19 +18,19 @@ async function firstVisit(where, options) {
   const page = await house.openPage(own.address, options);
   await page.locator("#welcome").waitFor();
   await house.shoot(page, `walk-welcome-${where}`);
-  await page.getByRole("link", { name: "Add my pictures" }).click();
+  await page.getByRole("link", { name: "Add images" }).click();
   await page.locator("#add-files").setInputFiles(files(24));
   await house.checkOverlaps(page, `24 files, ${where}`);
   await house.checkWidth(page, `24 files, ${where}`);
   await house.shoot(page, `walk-files-${where}`);
-  await page.getByRole("button", { name: "Add 24 pictures" }).click();
-  await house.waitForText(page, "#add-status", /Finished: 24 pictures added\./);
+  await page.getByRole("button", { name: "Add 24 images" }).click();
+  await house.waitForText(page, "#add-status", /Finished: 24 images added\./);
   await house.checkOverlaps(page, `24 added, ${where}`);
   await page.getByRole("link", { name: "Search with a photo" }).click();  // what comes next
-  await house.waitForText(page, "#search-status", /24 pictures of 24 objects to find/);
+  await house.waitForText(page, "#search-status", /24 images of 24 objects in this collection/);
 
   await page.getByRole("link", { name: "Browse" }).click();
-  await page.getByRole("button", { name: "Rename thing 03" }).click();
+  await page.getByRole("button", { name: "Edit thing 03", exact: true }).click();
   await page.getByLabel("Name", { exact: true }).fill("green tin");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#objects-list", /green tin/);
@@ -51,7 +51,7 @@ async function firstVisit(where, options) {
   await house.checkOverlaps(page, `found, ${where}`);
   await house.shoot(page, `walk-found-${where}`);
 
-  await ask(photo({ seed: 99, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Not in your collection\./);
+  await ask(photo({ seed: 99, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Not found\./);
   await house.eventually(async () => assert.equal(await page.locator(".tag").count(), 0));
   await house.shoot(page, `walk-absent-${where}`);
 
@@ -96,14 +96,14 @@ test("by keyboard alone: added, looked at, deleted, brought back, found", async 
     }
     assert.fail(`${key} does not lead to ${pattern}, but to ${await focused()}`);
   };
-  await tabTo(/Add my pictures/);
+  await tabTo(/Add images/);
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => document.activeElement.id === "add-title");
   await tabTo(/^add-files /);
   await page.locator("#add-files").setInputFiles(files(4));  // as the system's dialog would, after Enter
-  await tabTo(/Add 4 pictures/);
+  await tabTo(/Add 4 images/);
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#add-status", /Finished: 4 pictures added\./);
+  await house.waitForText(page, "#add-status", /Finished: 4 images added\./);
   await tabTo(/Browse/, "Shift+Tab");
   await page.keyboard.press("Enter");
   await page.locator("#objects-list .card").nth(3).waitFor();
@@ -111,21 +111,21 @@ test("by keyboard alone: added, looked at, deleted, brought back, found", async 
   await page.keyboard.press("Enter");
   await page.locator("#object-list .card").first().waitFor();
   await tabTo(/^ *thing 02, ?thing 02\.png|^ *thing 02/);
-  await tabTo(/^ *Edit the picture/);
+  await tabTo(/^ *Edit the image/);
   await tabTo(/^ *thing 02/, "Shift+Tab");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#picture-title", /thing 02/);
-  await tabTo(/Delete the picture thing 02/);
+  await house.waitForText(page, "#image-title", /thing 02/);
+  await tabTo(/Delete the image thing 02/);
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#notices", /Deleted: thing 02/);
   await tabTo(/^ *Undo/);
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#picture-title", /thing 02/);
+  await house.waitForText(page, "#image-title", /thing 02/);
   await tabTo(/^ *Find similar/);
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#search-status", /Nothing else in your collection is like it|Not sure/);
+  await house.waitForText(page, "#search-status", /No other similar object found|Perhaps/);
   await page.goBack();
-  await house.waitForText(page, "#picture-title", /thing 02/);
+  await house.waitForText(page, "#image-title", /thing 02/);
   await tabTo(/^ *Search$/, "Shift+Tab");
   await page.keyboard.press("Enter");
   await tabTo(/^search-file /);

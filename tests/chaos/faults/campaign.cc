@@ -3,12 +3,10 @@
 #include "tests/chaos/faults/campaign.h"
 
 #include <chrono>
-#include <new>
 #include <stdexcept>
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "tests/chaos/faults/failing_memory.h"
 #include "tests/unit/index_test_pictures.h"
 
 namespace pliant::chaos {
@@ -37,14 +35,13 @@ void Age(const fs::path& folder) {
   }
 }
 
-// What a caller may see: Error, and where memory is short bad_alloc.
+// What a caller may see: Error.
 template <typename Work>
 bool Threw(const std::string& doing, Verdict* verdict, Work&& work) {
   try {
     work();
     return false;
   } catch (const Error&) {
-  } catch (const std::bad_alloc&) {
   } catch (const std::exception& other) {
     verdict->problems.push_back(doing + " threw what is no Error: " + other.what());
   }
@@ -207,25 +204,6 @@ Verdict Campaign::Fail(const Fault& fault) {
     left = disk.AfterPowerLoss(Keep::kNothing, 0);
   }
   WriteImage(left, folder());
-  Recover(run.acknowledged, &verdict);
-  return verdict;
-}
-
-Verdict Campaign::FailMemory(std::uint64_t at) {
-  Verdict verdict;
-  WriteImage(base_, folder());
-  Run run;
-  {
-    FailingMemory memory(at);
-    Begin(&run, &verdict);
-    verdict.struck = memory.struck();
-    if (!verdict.struck) {
-      run.engine.reset();
-      verdict.struck = memory.struck();
-    }
-  }
-  if (run.engine) GoOnLiving(&run, &verdict);
-  run.engine.reset();
   Recover(run.acknowledged, &verdict);
   return verdict;
 }

@@ -40,8 +40,6 @@ class Campaign {
   // Calls fail or are cut short (Fault). The engine lives on: it must show the right state, do the
   // operation when asked again, and survive power loss after that.
   Verdict Fail(const Fault& fault);
-  // The `at`-th allocation fails (failing_memory.h), and the engine lives on likewise.
-  Verdict FailMemory(std::uint64_t at);
 
  private:
   struct Run {

@@ -17,7 +17,7 @@ constexpr int kWidthPx = 64;
 constexpr int kHeightPx = 48;
 constexpr int kMostKeypoints = 48;
 
-// Binary descriptors: the cheapest, and a vocabulary of them has signatures and codes, too.
+// Binary descriptors: the cheapest, and a vocabulary of them has codes, too.
 std::shared_ptr<const Descriptor> TheDescriptor() {
   static const std::shared_ptr<const Descriptor> descriptor = MakeDescriptor("orb");
   return descriptor;

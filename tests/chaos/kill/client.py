@@ -35,7 +35,7 @@ def state_of(record):
 
 def search_path(state):
     """A search that finds the picture of this state by itself."""
-    return SEARCH + ("&rank=tfidf" if state.sha256 in SHARED_HASHES else "")
+    return SEARCH + ("&rank=histogram" if state.sha256 in SHARED_HASHES else "")
 
 
 def form(pictures, items):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files and blobs of our own formats (index/README.md, section FORMAT; descriptor/base/safetensors.h)."""
+"""Files and blobs of our own formats (index/FORMAT.md; descriptor/base/safetensors.h)."""
 import json
 import math
 import pathlib
@@ -110,26 +110,26 @@ def varint(value):
     return out + bytes([value])
 
 
-def bow(version, entries, signatures=b"", codes=b""):
+def bow(entries, code_bytes, codes, version=1):
     """The vocabulary has 2^10 words."""
     return (bytes([10, version]) + varint(len(entries)) + b"".join(varint(gap) + varint(n) for gap, n in entries)
-            + signatures + codes)
+            + varint(code_bytes) + codes)
 
 
 def bow_blobs():
     entries = [(3, 1), (0, 2), (200, 1)]
     return {
-        "words": bow(1, entries),
-        "signed": bow(2, entries, bytes(range(24))),
-        "coded": bow(3, entries, bytes(24), varint(2) + bytes(range(8))),
-        "empty": bow(1, []),
-        "empty_coded": bow(3, [], b"", varint(5)),
-        "too_far": bow(1, [(1023, 1), (0, 1)]),
-        "no_count": bow(1, [(1, 0)]),
-        "counts_beyond_32_bits": bow(3, [(1, 0xFFFFFFFF), (1, 2)], bytes(16), varint(4) + bytes(4)),
+        "words": bow(entries, 2, bytes(range(8))),
+        "uncoded": bow(entries, 0, b""),
+        "version": bow(entries, 2, bytes(range(8)), version=2),
+        "empty": bow([], 0, b""),
+        "empty_coded": bow([], 5, b""),
+        "too_far": bow([(1023, 1), (0, 1)], 1, bytes(2)),
+        "no_count": bow([(1, 0)], 1, b""),
+        "counts_beyond_32_bits": bow([(1, 0xFFFFFFFF), (1, 2)], 4, bytes(4)),
         "long_number": bytes([10, 1, 0x81, 0x80, 0x80, 0x80, 0x00, 3, 1]),
         "too_long": bytes([10, 1, 1, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F, 1]),
-        "more": bow(1, entries) + b"\0",
+        "more": bow(entries, 2, bytes(range(8))) + b"\0",
     }
 
 

@@ -66,7 +66,7 @@ def conversations():
         "json_chunks": chunked("POST /x", '8\r\n{"limit"\r\n4\r\n: 3}\r\n0\r\n\r\n', small) + get,
         "form": with_length("POST /form", form, FORM),
         "form_chunks": chunked("POST /form", f"{len(form):x}\r\n{form}\r\n0\r\n\r\n", FORM),
-        "batch": with_length("PUT /form", part("image", "a") * 3 + form, FORM) + get,
+        "pair": with_length("PUT /form", part("image", "a") * 3 + form, FORM) + get,
         "cut_form": with_length("POST /form", form[:-9], FORM),
         "quoted": with_length("POST /form", form, FORM.replace("=b", '="b"')),
         "no_boundary": with_length("POST /form", form, "Content-Type: multipart/form-data\r\n"),

@@ -143,7 +143,7 @@ def pictures():
     return {**jpegs(), **pngs(), **webps(), **bmps(), **tiffs(), **hostile()}
 
 
-def directories():
+def exif_blocks():
     many = [(270, ASCII, 4, 0x64636261), (274, SHORT, 1, 3), (0x9000, 7, 4, 0x30303230)]
     return {**{name: data for name, data in {**tiffs(), **hostile()}.items() if name.endswith(".tif")},
             "exif_6": oriented(6), "exif_more": tiff.tiff(many), "exif_twice": tiff.tiff([many[1], (274, SHORT, 1, 8)]),
@@ -161,4 +161,4 @@ def pnms():
     }
 
 
-SEEDS = {"picture": pictures, "tiff_directory": directories, "pnm": pnms}
+SEEDS = {"picture": pictures, "exif": exif_blocks, "pnm": pnms}
