@@ -7,6 +7,8 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include <tiffio.h>
@@ -174,7 +176,11 @@ cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header) {
   MemoryFile file{bytes};
   const Tiff tiff = Open(file);
   char reason[1024] = "";
-  if (!tiff || TIFFRGBAImageOK(tiff.get(), reason) == 0) ThrowUndecodable(reason);
+  if (!tiff || TIFFRGBAImageOK(tiff.get(), reason) == 0) {
+    std::string_view text(reason);
+    if (text.starts_with("Sorry, ")) text.remove_prefix(7);
+    ThrowUndecodable(std::string(text));
+  }
   TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);  // callers turn it upright
   const PieceSize piece = PieceSizeOf(tiff, header);
   if (piece.width == 0 || piece.height == 0) ThrowUndecodable("strips of no size");

@@ -3,13 +3,44 @@
 // Authentication, authorisation and rate limits: checked for every request before its body is read.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
+#include <mutex>
 #include <string>
+#include <unordered_map>
 
 #include "server/auth/api_keys.h"
-#include "server/auth/rate_limiter.h"
 #include "server/http/router.h"
 
 namespace pliant::server {
+
+// A token bucket per key: `rate` requests per second in the long run, `burst` at once.
+
+// Thread-safe.
+class RateLimiter {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::size_t kMaxBuckets = 10'000;
+
+  // `rate` 0 = no limit; `burst` at least 1.
+  RateLimiter(double rate, double burst) : rate_(rate), burst_(burst) {}
+
+  // Takes one token of `who` and returns 0; or, if there is none, takes nothing and returns the
+  // whole seconds (at least 1) until there is one.
+  int Take(const std::string& who, Clock::time_point now = Clock::now());
+
+ private:
+  struct Bucket {
+    double tokens = 0;
+    Clock::time_point filled;
+  };
+  double TokensOf(const Bucket& bucket, Clock::time_point now) const;
+
+  const double rate_;
+  const double burst_;
+  std::mutex mutex_;  // guards buckets_
+  std::unordered_map<std::string, Bucket> buckets_;
+};
 
 // Thread-safe.
 class Gate {

@@ -3,16 +3,153 @@
 #include "server/openapi/document.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "descriptor/base/strings.h"
+#include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/openapi/parameters.h"
+#include "server/http/router.h"
 #include "server/openapi/route_codes.h"
-#include "server/openapi/tags.h"
 
 namespace pliant::server {
-
 namespace {
+
+// Parameters in the OpenAPI document.
+//
+// In words, what a picture may be.
+inline constexpr const char* kBinaryImage = "a picture: JPEG, PNG, WebP, BMP or TIFF";
+
+// "images" of "images.create"; what has no point has one of its own, or one for several.
+std::string TagOf(const Route& route) {
+  static const std::map<std::string, std::string> tags = {
+      {"livez", "health"}, {"readyz", "health"}, {"metrics", "health"},
+      {"openapi", "page"}, {"me", "keys"},       {"preview", "images"}};
+  const std::string first = route.name.substr(0, route.name.find('.'));
+  const auto tag = tags.find(first);
+  return tag == tags.end() ? first : tag->second;
+}
+
+// Those that the routes use, with descriptions. A tag that has none yet is described by its name; a
+// test finds that.
+Json TagsOf(const std::vector<Route>& routes) {
+  static const std::map<std::string, std::string> meanings = {
+      {"aliases", "Other names of collections, moved from one to another at once"},
+      {"backups", "Copies of the database in the operator's directory"},
+      {"collections", "Separate sets of pictures, objects and vocabularies"},
+      {"compare", "Two pictures, whether stored or not"},
+      {"demo", "Demonstration objects for a first try"},
+      {"health", "Whether the server lives, whether it is ready, how it is doing"},
+      {"images", "Pictures: adding, reading, changing, deleting"},
+      {"imports", "Pictures of a folder on the server"},
+      {"jobs", "What runs in the background"},
+      {"keys", "API keys, and what the caller may do"},
+      {"objects", "What the pictures show"},
+      {"page", "The web page, and this document"},
+      {"search", "Which object is this?"},
+      {"vocabularies", "Visual words: training, choosing"}};
+  std::set<std::string> used;
+  for (const Route& route : routes) used.insert(TagOf(route));
+  Json tags = Json::array();
+  for (const std::string& name : used) {
+    const auto meaning = meanings.find(name);
+    tags.push_back(
+        {{"name", name}, {"description", meaning == meanings.end() ? name : meaning->second}});
+  }
+  return tags;
+}
+
+Json PictureProperties() {
+  return {
+      {"image", {{"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}}},
+      {"image_url",
+       {{"type", "string"},
+        {"description",
+         "address (http, https) to fetch the picture from, where the operator allows its host "
+         "(--fetch-hosts); in place of image"}}}};
+}
+
+Json EitherPicture() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
+
+Json SchemaOf(const Parameter& parameter) {
+  Json schema;
+  switch (parameter.type) {
+    case Parameter::Type::kText:
+      schema = {{"type", "string"}};
+      break;
+    case Parameter::Type::kInteger:
+      schema = {{"type", "integer"},
+                {"minimum", static_cast<std::int64_t>(parameter.lowest)},
+                {"maximum", static_cast<std::uint64_t>(parameter.highest)}};
+      break;
+    case Parameter::Type::kNumber:
+      schema = {{"type", "number"}, {"minimum", parameter.lowest}, {"maximum", parameter.highest}};
+      break;
+    case Parameter::Type::kNumbers:
+      schema = {{"type", "array"},
+                {"items", {{"type", "number"}}},
+                {"minItems", parameter.count},
+                {"maxItems", parameter.count}};
+      break;
+    case Parameter::Type::kChoice:
+      schema = {{"type", "string"}, {"enum", parameter.choices}};
+      break;
+    case Parameter::Type::kBoolean:
+      schema = {{"type", "boolean"}};
+      break;
+    case Parameter::Type::kJson:
+      schema = {{"type", "object"}};
+      break;
+    case Parameter::Type::kJsonList:
+      schema = {{"type", "array"}};
+      break;
+    case Parameter::Type::kPicture:
+      schema = {{"type", "object"},
+                {"properties", PictureProperties()},
+                {"additionalProperties", false},
+                {"oneOf", EitherPicture()}};
+      break;
+  }
+  if (parameter.default_value.empty()) return schema;
+  const Json value = Json::parse(parameter.default_value, nullptr, /*allow_exceptions=*/false);
+  schema["default"] =
+      value.is_number() || value.is_boolean() ? value : Json(parameter.default_value);
+  return schema;
+}
+
+Json QueryParameter(const Parameter& parameter, bool only) {
+  Json json = {{"name", parameter.name},
+               {"in", "query"},
+               {"description", parameter.meaning},
+               {"required", only && parameter.required}};
+  using Type = Parameter::Type;
+  const Type type = parameter.type;
+  if (type == Type::kJson || type == Type::kJsonList || type == Type::kPicture) {
+    json["content"] = {{"application/json", {{"schema", SchemaOf(parameter)}}}};
+  } else {
+    if (type == Type::kNumbers) {
+      json["style"] = "form";
+      json["explode"] = false;
+    }
+    json["schema"] = SchemaOf(parameter);
+  }
+  return json;
+}
+
+Json PathParameter(const std::string& name) {
+  static const std::map<std::string, std::string> meanings = {
+      {"c", "name of a collection"}, {"id", "id of a picture or a job"},
+      {"o", "name of an object"},    {"v", "number of a vocabulary"},
+      {"b", "name of a backup"},     {"n", "number of an object"},
+      {"k", "id of a key"},          {"a", "name of an alias"}};
+  return {{"name", name},
+          {"in", "path"},
+          {"required", true},
+          {"description", meanings.at(name)},
+          {"schema", {{"type", "string"}}}};
+}
 
 Json Properties(const Route& route) {
   Json properties = Json::object();

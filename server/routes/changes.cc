@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "descriptor/base/sha256.h"
+#include "descriptor/image/image.h"
 #include "server/http/conditions.h"
 #include "server/http/json.h"
 #include "server/http/parameters.h"

@@ -12,7 +12,6 @@
 #include "server/routes/routes.h"
 
 namespace pliant::server {
-
 namespace {
 
 bool Works(const ApiKeyRecord& key) { return key.revoked_ms == 0; }
@@ -80,6 +79,21 @@ Response Revoke(Service& service, const Request& request) {
   return response;
 }
 
+Json MeJson(const Caller& caller, bool fetches) {
+  Json scopes = Json::array();
+  for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin}) {
+    if (scope <= caller.scope) scopes.push_back(ScopeName(scope));
+  }
+  // Who is admitted without a key would be with any.
+  const bool keys_required = !caller.key_id.empty();
+  Json key = nullptr;
+  if (keys_required) {
+    key = {{"id", caller.key_id}, {"name", caller.key_name}, {"scope", ScopeName(caller.scope)}};
+  }
+  return {
+      {"keys_required", keys_required}, {"scopes", scopes}, {"key", key}, {"image_url", fetches}};
+}
+
 }  // namespace
 
 void AddKeyRoutes(Service& service, std::vector<Route>& routes) {
@@ -131,6 +145,21 @@ void AddKeyRoutes(Service& service, std::vector<Route>& routes) {
          const std::lock_guard lock(*one_at_a_time);
          return Revoke(service, request);
        }});
+}
+
+void AddMeRoute(Service& service, std::vector<Route>& routes) {
+  routes.push_back(
+      {.name = "me",
+       .method = "GET",
+       .pattern = "/v1/me",
+       .summary = "What the caller may do: the scopes of its key, and whether pictures are fetched",
+       .answers = {{200, "the caller", "Me"}},
+       .example = R"(curl "$PLIANT/v1/me")",
+       .handler =
+           [&service](const Request& request, const Parameters&) {
+             return JsonResponse(MeJson(request.caller, service.fetcher.on()));
+           },
+       .needs_index = false});
 }
 
 }  // namespace pliant::server

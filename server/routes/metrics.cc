@@ -3,19 +3,24 @@
 #include "server/routes/metrics.h"
 
 #include <ctime>
+#include <exception>
 #include <fstream>
 #include <mutex>
+#include <utility>
 
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 namespace pliant::server {
-
 namespace {
+
+constexpr std::chrono::seconds kFresh{5};
+constexpr std::chrono::milliseconds kMostWait{1000};
 
 const prometheus::Histogram::BucketBoundaries kSeconds = {
     0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60};
@@ -36,6 +41,39 @@ double CpuSeconds() {
 }
 
 }  // namespace
+
+std::optional<EngineStats> StoreFigures::Get() {
+  if (!on_server_) return engine_.Stats();
+  std::unique_lock lock(mutex_);
+  const Clock::time_point start = Clock::now();
+  if (start - asked_at_ > kFresh) {
+    wanted_ = true;
+    changed_.notify_all();
+    if (!reader_.joinable()) {
+      reader_ = std::jthread([this](const std::stop_token& stop) { Read(stop); });
+    }
+    changed_.wait_for(lock, kMostWait, [&] { return asked_at_ >= start; });
+  }
+  return stats_;
+}
+
+void StoreFigures::Read(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (changed_.wait(lock, stop, [this] { return wanted_; })) {
+    wanted_ = false;
+    lock.unlock();
+    std::optional<EngineStats> stats;
+    try {
+      stats = engine_.Stats();
+    } catch (const std::exception& error) {
+      spdlog::warn("the figures of the database cannot be read: {}", error.what());
+    }
+    lock.lock();
+    if (stats) stats_ = std::move(stats);
+    asked_at_ = Clock::now();
+    changed_.notify_all();
+  }
+}
 
 class Metrics::Impl {
  public:

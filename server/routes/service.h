@@ -20,7 +20,6 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/worker_pool.h"
 #include "server/routes/metrics.h"
-#include "server/routes/store_figures.h"
 #include "server/routes/thumbnails.h"
 
 namespace pliant::server {

@@ -202,7 +202,7 @@ TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
     EXPECT_TRUE(codes_seen.contains(name)) << name << " is a code of no route";
   }
   for (const Json& tag : document["tags"]) {
-    EXPECT_NE(tag["name"], tag["description"]) << "openapi/tags.cc does not say what it means";
+    EXPECT_NE(tag["name"], tag["description"]) << "openapi/document.cc does not say what it means";
   }
   std::set<std::string> references;
   CollectReferences(document, &references);

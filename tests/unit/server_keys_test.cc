@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "server/auth/api_keys.h"
-#include "server/auth/rate_limiter.h"
+#include "server/auth/gate.h"
 
 namespace pliant::server {
 namespace {
