@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "descriptor/base/base64.h"
 #include "descriptor/base/sha256.h"
 #include "index/json/record_json.h"
 #include "server/http/json.h"
