@@ -64,9 +64,8 @@ bool TakesRange(const Route& route) { return Answers(route, 206); }
 
 std::set<std::string> RouteCodes(const Route& route) {
   // What any request may meet, whatever it asks for.
-  Codes codes = {"bad_request",           "uri_too_long",     "headers_too_large",
-                 "expectation_failed",    "request_timeout",  "internal",
-                 "range_not_satisfiable", "host_not_allowed", "busy"};
+  Codes codes = {"bad_request", "uri_too_long",          "headers_too_large", "request_timeout",
+                 "internal",    "range_not_satisfiable", "host_not_allowed",  "busy"};
   AddScopeCodes(route, codes);
   AddBodyCodes(route, codes);
   AddParameterCodes(route, codes);
