@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "descriptor/base/base64.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
