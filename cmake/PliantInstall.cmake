@@ -37,8 +37,7 @@ endforeach()
 
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
-# The public headers, each under the name that the sources include it by; the rest is each folder's
-# own business.
+# The public headers, each below pliant/, and what they include. Consumers see no others.
 set(PLIANT_PUBLIC_HEADERS
     descriptor/base/error.h
     descriptor/base/sha256.h
@@ -73,9 +72,13 @@ set(PLIANT_PUBLIC_HEADERS
     vocab/vocabulary.h
     vocab/word_groups.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)
-  cmake_path(GET header PARENT_PATH folder)
-  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/pliant/${folder})
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${header})
+  file(READ ${header} text)
+  string(REGEX REPLACE "#include \"(descriptor|vocab|index)/" "#include \"pliant/\\1/" text "${text}")
+  file(WRITE ${PROJECT_BINARY_DIR}/include/pliant/${header} "${text}")
 endforeach()
+file(WRITE ${PROJECT_BINARY_DIR}/include/pliant/version.h "#pragma once\n\n#define PLIANT_VERSION \"${PROJECT_VERSION}\"\n")
+install(DIRECTORY ${PROJECT_BINARY_DIR}/include/pliant DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 
 install(EXPORT PliantTargets NAMESPACE Pliant:: DESTINATION ${PLIANT_CMAKE_DIR})
 configure_package_config_file(cmake/PliantConfig.cmake.in

@@ -19,7 +19,7 @@ function(pliant_library name)
   target_compile_features(pliant_${name} PUBLIC cxx_std_20)
   target_include_directories(
     pliant_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-                          $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/pliant>)
+                          $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(pliant_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE}
                                                                    $<BUILD_INTERFACE:pliant_warnings>)
 endfunction()

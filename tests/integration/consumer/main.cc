@@ -3,8 +3,9 @@
 #include <iostream>
 #include <iterator>
 
-#include "descriptor/features/descriptor.h"
-#include "index/engine/engine.h"
+#include <pliant/descriptor/features/descriptor.h>
+#include <pliant/index/engine/engine.h>
+#include <pliant/version.h>
 
 int main(int, char** argv) {
   std::ifstream file(argv[1], std::ios::binary);
@@ -14,5 +15,5 @@ int main(int, char** argv) {
   pliant::Engine engine({.database = argv[2]});
   engine.Add({.object = "first", .bytes = bytes});
   std::cout << features.descriptors.rows << " descriptors, " << engine.Stats().images
-            << " picture\n";
+            << " picture, version " PLIANT_VERSION "\n";
 }
