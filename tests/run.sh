@@ -13,6 +13,8 @@ step "Packages"
 bash docker/install-packages.sh build python test
 bash tests/browser/install.sh
 bash tests/postgres/install.sh || echo "PostgreSQL could not be installed: its tests are skipped."
+step "Lines of the product"
+bash tests/lines.sh
 step "Configure"
 cmake --preset ci
 step "Build"
