@@ -35,7 +35,8 @@ template <typename Value>
 const Value& Bound(sqlite3_context* context, sqlite3_value* value, const char* type) {
   const auto& all = *static_cast<const BoundPointers*>(sqlite3_user_data(context));
   const SqlPointer& bound = all.at(sqlite3_value_int64(value));
-  if (std::string_view(bound.type) != type) throw std::invalid_argument("another kind of value is bound");
+  if (std::string_view(bound.type) != type)
+    throw std::invalid_argument("another kind of value is bound");
   return *static_cast<const Value*>(bound.value.get());
 }
 
