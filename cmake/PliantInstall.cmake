@@ -19,6 +19,7 @@ install(FILES ${PLIANT_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vend
         COMPONENT runtime)
 # Manual pages, where help2man is installed.
 find_program(PLIANT_HELP2MAN help2man)
+add_custom_target(manual ALL)
 foreach(program pliant pliant-server)
   install(FILES ${PLIANT_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program}
           COMPONENT runtime)
@@ -30,7 +31,8 @@ foreach(program pliant pliant-server)
               ${PROJECT_SOURCE_DIR}/cmake/PliantManual.cmake
       DEPENDS ${program} ${PROJECT_SOURCE_DIR}/cmake/PliantManual.cmake
       VERBATIM)
-    add_custom_target(${program}_manual ALL DEPENDS ${page})
+    add_custom_target(${program}_manual DEPENDS ${page})
+    add_dependencies(manual ${program}_manual)
     install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
   endif()
 endforeach()
