@@ -21,7 +21,6 @@ SHARED = [f"shared {number}" for number in range(6)]  # textures that all client
 # A descriptor that several pictures have becomes a word itself, and `neighbours` counts only what is nearer than the word.
 SHARED_HASHES = {sha256(texture(name)) for name in SHARED}
 HONEST = {"busy", "starting", "stopping"}
-BOUNDARY = "pliant-kill-test"
 MERGE_PATCH = "application/merge-patch+json"
 
 
@@ -36,15 +35,6 @@ def state_of(record):
 def search_path(state):
     """A search that finds the picture of this state by itself."""
     return SEARCH + ("&rank=histogram" if state.sha256 in SHARED_HASHES else "")
-
-
-def form(pictures, items):
-    """The body of a batch."""
-    parts = [b'Content-Disposition: form-data; name="image"; filename="%d.png"\r\nContent-Type: image/png\r\n\r\n%s'
-             % (number, data) for number, data in enumerate(pictures)]
-    parts.append(b'Content-Disposition: form-data; name="items"\r\n\r\n' + json.dumps(items).encode())
-    mark = b"--" + BOUNDARY.encode()
-    return b"".join(mark + b"\r\n" + part + b"\r\n" for part in parts) + mark + b"--\r\n"
 
 
 class Client(threading.Thread):
@@ -72,7 +62,7 @@ class Client(threading.Thread):
         self.connection.close()
 
     def act(self):
-        acts = {self.put_new: 30, self.put_shared: 12, self.relabel: 8, self.patch: 8, self.rename: 4, self.post: 8, self.batch: 6,
+        acts = {self.put_new: 30, self.put_shared: 12, self.relabel: 8, self.patch: 8, self.rename: 4, self.post: 8,
                 self.delete: 12, self.delete_object: 4, self.look: 8, self.search: 9, self.page: 3}
         self.dice.choices(list(acts), list(acts.values()))[0]()
 
@@ -196,36 +186,6 @@ class Client(threading.Thread):
         key = "default", state.sha256[:32]
         if self.change("POST", f"{IMAGES}?{query}", {key: state}, {201}, data):
             self.model.report.count("uploads")
-        return None
-
-    def batch(self):
-        """Each picture is a change of its own: one answer acknowledges all of them."""
-        keys = sorted({self.own_key() for _ in range(3)})
-        pictures = [self.new_picture() for _ in keys]
-        states = [State(sha256(data), self.own_object(), self.own_metadata()) for data in pictures]
-        items = [{"id": key[1], "object": state.object, "metadata": json.loads(state.metadata)}
-                 for key, state in zip(keys, states)]
-        self.send_batch(list(zip(keys, states)), form(pictures, items))
-
-    def send_batch(self, rest, body, changes=()):
-        if rest:
-            (key, state), *more = rest
-            with self.model.change(f"client {self.number} batch", {key: state}) as change:
-                return self.send_batch(more, body, [*changes, change])
-        status, data = self.ask("POST", IMAGES + ":batch", body, f"multipart/form-data; boundary={BOUNDARY}")
-        if status not in (207, 503):
-            raise Wrong(f"a batch was answered {status} {data[:300]!r}")
-        results = json.loads(data)["results"] if status == 207 else [{"status": 503}] * len(changes)
-        for change, result in zip(changes, results):
-            (key, state), = change.after.items()
-            if result["status"] == 503:
-                self.model.settle(change, False)
-                continue
-            outcome = "replaced" if change.before[key] else "created"
-            if result.get("outcome") != outcome or state_of(result["image"]) != state:
-                raise Wrong(f"a batch says of {key}: {result}, not {outcome}")
-            self.model.settle(change, True)
-            self.model.report.count("replaces" if change.before[key] else "uploads")
         return None
 
     def delete(self):
