@@ -33,7 +33,7 @@ finish() {
     kill "$server" 2>/dev/null || true
     wait "$server" 2>/dev/null || true
   fi
-  umount --lazy "$root/dev" "$root/proc"  
+  umount --lazy "$root/dev" "$root/proc" # a process that goes on may still use them
 }
 trap finish EXIT
 in_root() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 "$@"; }
