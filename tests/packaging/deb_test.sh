@@ -33,7 +33,7 @@ finish() {
     kill "$server" 2>/dev/null || true
     wait "$server" 2>/dev/null || true
   fi
-  umount --lazy "$root/dev" "$root/proc" # a process that goes on may still use them
+  umount "$root/dev" "$root/proc"
 }
 trap finish EXIT
 in_root() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 "$@"; }
@@ -48,7 +48,7 @@ in_root test -e /lib/systemd/system/pliant-server.service
 mkdir -p "$root/var/lib/pliant"
 
 sed "s/^listen.*/listen = \"127.0.0.1:$port\"/" "$root/etc/pliant/server.toml" >"$root/tmp/server.toml"
-in_root pliant-server --config /tmp/server.toml >"$work/server.log" 2>&1 &
+chroot "$root" pliant-server --config /tmp/server.toml >"$work/server.log" 2>&1 &  # not by in_root, whose shell would get the signal
 server=$!
 photographs=/usr/share/doc/opencv-doc/examples/data
 bash "$here/ask_server.sh" "http://127.0.0.1:$port" "$photographs/graf1.png" "$photographs/graf3.png" ||
