@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# From a clone to the first answer: installs packages, builds, indexes demonstration pictures,
+# From a clone to the first answer: installs packages, builds, indexes demonstration images,
 # starts the server, asks it one question and says what to look at.
 #   --once         end after the question instead of leaving the server running
 #   --data DIR     where to keep the demonstration data (default: build/quickstart-data)
@@ -32,9 +32,9 @@ cmake --preset quickstart
 cmake --build --preset quickstart
 bin=build/quickstart/bin
 
-step "3/5 Index the demonstration pictures (photographs from Debian's opencv-doc)"
+step "3/5 Index the demonstration images (photographs from Debian's opencv-doc)"
 mkdir -p "$data"
-bash server/app/demo_pictures.sh "$data"
+bash server/app/demo_images.sh "$data"
 "$bin/pliant" index "$data/objects" --db "$data/demo.db"
 
 step "4/5 Start the server"

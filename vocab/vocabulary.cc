@@ -67,7 +67,7 @@ Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_
   CheckDescriptors(samples, "vocabulary samples");
   if (samples.rows == 0) {
     throw Error(ErrorCode::kInvalidArgument, "no_samples",
-                "A vocabulary cannot be trained without descriptors; index pictures first.");
+                "A vocabulary cannot be trained without descriptors; index images first.");
   }
   KMedoidsOptions clustering = options;
   if (options.k > 1) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The nearest words of a large vocabulary, coarse to fine: words lie in groups, and only the groups
 // whose centres are nearest to a descriptor are looked into (the inverted file of J. Sivic and
-// A. Zisserman, "Video Google", ICCV 2003, on words instead of pictures; in Faiss: IndexIVFFlat).
+// A. Zisserman, "Video Google", ICCV 2003, on words instead of images; in Faiss: IndexIVFFlat).
 //
 // Approximate: a word in a group that was not looked into is missed. vocab/README.md has the
 // shares. Each distance depends on descriptor and word only, and of equally near words the lowest

@@ -13,10 +13,10 @@ namespace pliant {
 
 enum class ErrorCode {
   kInvalidArgument,       // the caller passed something out of range; the message names it
-  kNotFound,              // no such picture, object, vocabulary, file
+  kNotFound,              // no such image, object, vocabulary, file
   kConflict,              // the state forbids it (model mismatch, name taken)
   kCorrupt,               // stored data or a model file fails its checks
-  kUnsupportedMediaType,  // not a picture type that Pliant reads
+  kUnsupportedMediaType,  // not an image type that Pliant reads
   kTooLarge,              // over a limit an operator can set
   kUnprocessable,         // right type, but it decodes badly or has too few features
   kUnavailable,           // busy; trying later may succeed

@@ -22,10 +22,10 @@ inline constexpr int kTilePlanes = 36;
 struct Kernels {
   const char* name;  // "avx512", "avx2", "baseline"
 
-  // Bilinear samples of `picture` (height x width, [0, 1]) at (x, y) + radius * (grid + shift),
+  // Bilinear samples of `image` (height x width, [0, 1]) at (x, y) + radius * (grid + shift),
   // clamped to the border. grid and shift: kPatchPixels x values, then as many y values; `shift`
   // may be null.
-  void (*sample_patch)(const float* picture, int height, int width, float x, float y, float radius,
+  void (*sample_patch)(const float* image, int height, int width, float x, float y, float radius,
                        const float* grid, const float* shift, float* patch);
 
   // Bilinear samples of `map` (height x width x kFeatureChannels) at the 5 x 5 points one cell

@@ -23,7 +23,7 @@ inline float ClampCoordinate(float value, float last) {
   return low < last ? low : last;
 }
 
-void SamplePatch(const float* picture, int height, int width, float x, float y, float radius,
+void SamplePatch(const float* image, int height, int width, float x, float y, float radius,
                  const float* grid, const float* shift, float* patch) {
   const auto last_x = static_cast<float>(width - 1);
   const auto last_y = static_cast<float>(height - 1);
@@ -47,9 +47,9 @@ void SamplePatch(const float* picture, int height, int width, float x, float y, 
   }
   for (int p = 0; p < kPatchPixels; ++p) {
     const int at = offset[p];
-    const float top = picture[at] + (picture[at + right] - picture[at]) * fraction_x[p];
+    const float top = image[at] + (image[at + right] - image[at]) * fraction_x[p];
     const float bottom =
-        picture[at + down] + (picture[at + down + right] - picture[at + down]) * fraction_x[p];
+        image[at + down] + (image[at + down + right] - image[at + down]) * fraction_x[p];
     patch[p] = top + (bottom - top) * fraction_y[p];
   }
 }

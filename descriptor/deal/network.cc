@@ -67,7 +67,7 @@ double Rho(const Point& a, const Point& b) {
 using dnnl::memory;
 using Tag = memory::format_tag;
 
-// Buffers that are kept between calls. A network of its size is made for every size of picture.
+// Buffers that are kept between calls. A network of its size is made for every size of image.
 constexpr std::size_t kIdleBytes = std::size_t{512} << 20;
 
 // Output extent of a kernel of odd size with half of it as padding.
@@ -91,7 +91,7 @@ struct BlockPrimitives {
   memory result;
 };
 
-// Everything for one picture size and thread count, run by one caller at a time.
+// Everything for one image size and thread count, run by one caller at a time.
 class SizedBackbone {
  public:
   SizedBackbone(const DealWeights& weights, int height, int width, int threads)
@@ -124,9 +124,8 @@ class SizedBackbone {
     return sum;
   }
 
-  FeatureMap Run(const GreyPicture& picture) {
-    const memory source(stem_->source_desc(), CpuEngine(),
-                        const_cast<float*>(picture.values.data()));
+  FeatureMap Run(const GreyImage& image) {
+    const memory source(stem_->source_desc(), CpuEngine(), const_cast<float*>(image.values.data()));
     stem_->Run(stream_, source, stem_result_, scratch_.data());
     pool_.execute(stream_,
                   {{DNNL_ARG_SRC, stem_result_},
@@ -219,22 +218,22 @@ class SizedBackbone {
 
 constexpr std::size_t kLayers = 4;
 constexpr std::size_t kIdleWorkers = 64;
-// Key points a product. The first layer's 6.5 MB of weights are read once a batch, so the large
-// batch is large; the small one serves pictures with few key points and the remainder.
+// Keypoints a product. The first layer's 6.5 MB of weights are read once a batch, so the large
+// batch is large; the small one serves images with few keypoints and the remainder.
 constexpr std::size_t kLargeBatch = 128;
 constexpr std::size_t kSmallBatch = 16;
 
 using Mlp = std::vector<ProductPrimitive>;  // kLayers of them, for one batch size
 
-// Key point to cell: the corner pixels' centres lie on the corner cells.
+// Keypoint to cell: the corner pixels' centres lie on the corner cells.
 float CellScale(int cells, int pixels) {
   return pixels > 1 ? static_cast<float>(cells - 1) / static_cast<float>(pixels - 1) : 0.0F;
 }
 
 void SampleOne(const FeatureMap& map, const Keypoint& keypoint, float* out) {
   BestKernels().sample_features(map.values.data(), map.height, map.width,
-                                keypoint.x * CellScale(map.width, map.picture_width),
-                                keypoint.y * CellScale(map.height, map.picture_height), out);
+                                keypoint.x * CellScale(map.width, map.image_width),
+                                keypoint.y * CellScale(map.height, map.image_height), out);
 }
 
 constexpr std::size_t kBatch = HardNet::kBatch;
@@ -323,15 +322,14 @@ Backbone::Backbone(std::shared_ptr<const DealWeights> weights)
 
 Backbone::~Backbone() = default;
 
-FeatureMap Backbone::Run(const GreyPicture& picture, int threads) const {
+FeatureMap Backbone::Run(const GreyImage& image, int threads) const {
   const ScopedPrimitiveThreads scope(threads);
   const auto network = impl_->pool.Take(
-      [&](const SizedBackbone& idle) { return idle.Fits(picture.height, picture.width, threads); },
+      [&](const SizedBackbone& idle) { return idle.Fits(image.height, image.width, threads); },
       [&] {
-        return std::make_unique<SizedBackbone>(*impl_->weights, picture.height, picture.width,
-                                               threads);
+        return std::make_unique<SizedBackbone>(*impl_->weights, image.height, image.width, threads);
       });
-  return network->Run(picture);
+  return network->Run(image);
 }
 
 double Backbone::MultiplyAdds(int height, int width) {
@@ -463,7 +461,7 @@ double LocalizationNet::multiply_adds() const {
 struct DealNetwork::Impl {
   explicit Impl(RadialSpacing spacing) : warp(WarpProduct(spacing)), grid(PlanarGrid(spacing)) {}
 
-  // Buffers of one thread, for batches of key points.
+  // Buffers of one thread, for batches of keypoints.
   struct Worker {
     explicit Worker(const Impl& impl, const HardNet& net)
         : hardnet(net), scratch(impl.warp.scratch_bytes() / sizeof(float) + 1) {}
@@ -492,12 +490,12 @@ struct DealNetwork::Impl {
   }
 
   // `count` patches; shifts null = the fixed grid.
-  void Sample(const GreyPicture& picture, const Keypoint* keypoints, const float* shifts,
+  void Sample(const GreyImage& image, const Keypoint* keypoints, const float* shifts,
               std::size_t count, float radius_per_size, float* patches) const {
     for (std::size_t i = 0; i < count; ++i) {
       const Keypoint& point = keypoints[i];
-      BestKernels().sample_patch(picture.values.data(), picture.height, picture.width, point.x,
-                                 point.y, radius_per_size * point.size, grid.data(),
+      BestKernels().sample_patch(image.values.data(), image.height, image.width, point.x, point.y,
+                                 radius_per_size * point.size, grid.data(),
                                  shifts != nullptr ? shifts + i * kShiftValues : nullptr,
                                  patches + i * kPatchPixels);
     }
@@ -529,24 +527,24 @@ DealNetwork::DealNetwork(DealWeights weights)
 
 DealNetwork::~DealNetwork() = default;
 
-GreyPicture DealNetwork::ToPicture(const Image& grey) {
+GreyImage DealNetwork::ToImage(const Image& grey) {
   const std::int64_t pixels = std::int64_t{grey.width} * grey.height;
   if (grey.channels != 1 || grey.width < 1 || grey.height < 1 ||
       grey.pixels.size() != static_cast<std::size_t>(pixels)) {
     throw Error(ErrorCode::kInvalidArgument, "image_not_grey",
-                "DEAL describes grey pictures with one byte a pixel; decode with colour = false");
+                "DEAL describes grey images with one byte a pixel; decode with colour = false");
   }
   if (pixels > kMaxPixels) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "a picture of " + std::to_string(grey.width) + " x " + std::to_string(grey.height) +
+                "an image of " + std::to_string(grey.width) + " x " + std::to_string(grey.height) +
                     " pixels is too large to describe (limit " + std::to_string(kMaxPixels) +
                     " pixels); scale it down with max_side_px");
   }
-  GreyPicture picture = {grey.height, grey.width, {}};
-  picture.values.resize(grey.pixels.size());
-  std::transform(grey.pixels.begin(), grey.pixels.end(), picture.values.begin(),
+  GreyImage image = {grey.height, grey.width, {}};
+  image.values.resize(grey.pixels.size());
+  std::transform(grey.pixels.begin(), grey.pixels.end(), image.values.begin(),
                  [](std::uint8_t value) { return static_cast<float>(value) / 255.0F; });
-  return picture;
+  return image;
 }
 
 void DealNetwork::CheckKeypoints(std::span<const Keypoint> keypoints) {
@@ -556,7 +554,7 @@ void DealNetwork::CheckKeypoints(std::span<const Keypoint> keypoints) {
         !(point.size > 0)) {
       throw Error(
           ErrorCode::kInvalidArgument, "keypoint_invalid",
-          "key point " + std::to_string(i) + " needs a finite place and a finite size above 0");
+          "keypoint " + std::to_string(i) + " needs a finite place and a finite size above 0");
     }
   }
 }
@@ -573,8 +571,7 @@ std::vector<float> DealNetwork::Displacements(std::span<const float> theta, int 
   return shifts;
 }
 
-std::vector<float> DealNetwork::Patches(const GreyPicture& picture,
-                                        std::span<const Keypoint> keypoints,
+std::vector<float> DealNetwork::Patches(const GreyImage& image, std::span<const Keypoint> keypoints,
                                         std::span<const float> theta, int threads) const {
   std::vector<float> patches(keypoints.size() * kPatchPixels);
   const auto radius = static_cast<float>(weights_->radius_per_size);
@@ -582,7 +579,7 @@ std::vector<float> DealNetwork::Patches(const GreyPicture& picture,
                     [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
                       const bool warp = !theta.empty();
                       if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
-                      impl_->Sample(picture, keypoints.data() + first,
+                      impl_->Sample(image, keypoints.data() + first,
                                     warp ? worker.shifts.data() : nullptr, batch, radius,
                                     patches.data() + first * kPatchPixels);
                     });
@@ -603,13 +600,13 @@ std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, 
 std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keypoint> keypoints,
                                          bool warp, std::span<const float> supports,
                                          int threads) const {
-  const GreyPicture picture = ToPicture(grey);
+  const GreyImage image = ToImage(grey);
   CheckKeypoints(keypoints);
   std::vector<float> rows(keypoints.size() * kDescriptorDim);
   if (keypoints.empty()) return rows;
   std::vector<float> theta;
   if (warp) {
-    theta = localization_.Theta(backbone_.Run(picture, threads), keypoints, threads);
+    theta = localization_.Theta(backbone_.Run(image, threads), keypoints, threads);
   }
   const auto radius = static_cast<float>(weights_->radius_per_size);
   impl_->ForBatches(hardnet_, keypoints.size(), threads,
@@ -617,7 +614,7 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
                       if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
                       const float* shifts = warp ? worker.shifts.data() : nullptr;
                       const auto describe = [&](float support, float* into) {
-                        impl_->Sample(picture, keypoints.data() + first, shifts, batch,
+                        impl_->Sample(image, keypoints.data() + first, shifts, batch,
                                       support * radius, worker.patches.data());
                         worker.hardnet.Run(worker.patches.data(), batch, into);
                       };

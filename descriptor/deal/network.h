@@ -19,10 +19,10 @@ namespace pliant::deal {
 
 // The constants of the second spatial transformer (paper, section 3.2): polar grid and
 // thin-plate-spline basis. Because the grid is normalised by the half width of the paper's grid,
-// the linear one, both are the same for every key point, picture and radius.
+// the linear one, both are the same for every keypoint, image and radius.
 //
 // The paper's grid has its rings at equal distances. On a logarithmic one (Ebel et al., "Beyond
-// Cartesian Representations for Local Descriptors", ICCV 2019) another key-point size is a shift
+// Cartesian Representations for Local Descriptors", ICCV 2019) another keypoint size is a shift
 // along the rows of the patch, which convolutions and their strides bear, and the outer rings,
 // where the surroundings of small objects lie, have fewer points.
 
@@ -43,32 +43,32 @@ std::vector<float> TpsBasis(RadialSpacing spacing);
 double DisplacementGain();
 
 // The backbone (paper, section 3.1): ResNet-34 up to and including its second residual stage, on a
-// grey picture. A map of 128 channels at an eighth of the picture's size.
+// grey image. A map of 128 channels at an eighth of the image's size.
 
-// A grey picture in [0, 1], row-major.
-struct GreyPicture {
+// A grey image in [0, 1], row-major.
+struct GreyImage {
   int height = 0;
   int width = 0;
   std::vector<float> values;
 };
 
-// X of the paper: height x width x kFeatureChannels, with the size of the picture it came from.
+// X of the paper: height x width x kFeatureChannels, with the size of the image it came from.
 struct FeatureMap {
   int height = 0;
   int width = 0;
-  int picture_height = 0;
-  int picture_width = 0;
+  int image_height = 0;
+  int image_width = 0;
   std::vector<float> values;
 };
 
-// Thread-safe: each call has its own primitives and buffers, which later calls reuse for pictures
+// Thread-safe: each call has its own primitives and buffers, which later calls reuse for images
 // of the same size.
 class Backbone {
  public:
   explicit Backbone(std::shared_ptr<const DealWeights> weights);
   ~Backbone();
 
-  FeatureMap Run(const GreyPicture& picture, int threads) const;
+  FeatureMap Run(const GreyImage& image, int threads) const;
 
   // Multiply-adds of one run, for benchmarks.
   static double MultiplyAdds(int height, int width);
@@ -78,7 +78,7 @@ class Backbone {
   std::unique_ptr<Impl> impl_;
 };
 
-// First spatial transformer (paper, section 3.1): the map's 5 x 5 neighbourhood of each key point
+// First spatial transformer (paper, section 3.1): the map's 5 x 5 neighbourhood of each keypoint
 // through a small network to the parameters of its thin-plate-spline warp.
 
 // Immutable and thread-safe.
@@ -88,7 +88,7 @@ class LocalizationNet {
   ~LocalizationNet();
 
   // keypoints.size() x kSampledValues, rows of the neighbourhood slowest, channels fastest.
-  // Picture pixel x lies at cell x (w - 1) / (W - 1).
+  // Image pixel x lies at cell x (w - 1) / (W - 1).
   std::vector<float> Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
                             int threads) const;
 
@@ -99,7 +99,7 @@ class LocalizationNet {
   // theta from sampled values, count x kSampledValues.
   std::vector<float> ThetaFromSamples(std::span<const float> samples, int threads) const;
 
-  double multiply_adds() const;  // per key point
+  double multiply_adds() const;  // per keypoint
 
  private:
   struct Impl;
@@ -122,26 +122,26 @@ class DealNetwork {
   const Backbone& backbone() const { return backbone_; }
   const LocalizationNet& localization() const { return localization_; }
 
-  // Throws kInvalidArgument for a picture that is not grey or is empty, kTooLarge above
+  // Throws kInvalidArgument for an image that is not grey or is empty, kTooLarge above
   // kMaxPixels.
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 24;
-  static GreyPicture ToPicture(const Image& grey);
+  static GreyImage ToImage(const Image& grey);
 
-  // Throws kInvalidArgument naming the first key point that is not finite or has no positive size.
+  // Throws kInvalidArgument naming the first keypoint that is not finite or has no positive size.
   static void CheckKeypoints(std::span<const Keypoint> keypoints);
 
-  // count x 2 x kPatchPixels in units of R: x values, then y values, of each key point. One
+  // count x 2 x kPatchPixels in units of R: x values, then y values, of each keypoint. One
   // product of theta (count x kTpsParameters x 2) with the constant basis.
   std::vector<float> Displacements(std::span<const float> theta, int threads) const;
 
   // keypoints.size() x 32 x 32. `theta` empty: the fixed polar grid.
-  std::vector<float> Patches(const GreyPicture& picture, std::span<const Keypoint> keypoints,
+  std::vector<float> Patches(const GreyImage& image, std::span<const Keypoint> keypoints,
                              std::span<const float> theta, int threads) const;
 
   // count x kPatchPixels to count x kDescriptorDim, unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the picture, batch by batch. The warp of a key point, in
+  // keypoints.size() x kDescriptorDim from the image, batch by batch. The warp of a keypoint, in
   // radii, is the same for all supports.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
                               std::span<const float> supports, int threads) const;

@@ -102,7 +102,7 @@ ConvLayer TakeConv(TensorSource& source, const std::string& conv, const std::str
   return layer;
 }
 
-// The grey picture fills all three channels, so w_r * x + w_g * x + w_b * x = (w_r + w_g + w_b) *
+// The grey image fills all three channels, so w_r * x + w_g * x + w_b * x = (w_r + w_g + w_b) *
 // x.
 void SumInputChannels(ConvLayer* layer) {
   const std::size_t taps = static_cast<std::size_t>(layer->kernel_height) * layer->kernel_width;

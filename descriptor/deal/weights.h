@@ -15,7 +15,7 @@
 namespace pliant::deal {
 
 inline constexpr int kFeatureChannels = 128;  // channels of the backbone's map X
-inline constexpr int kNeighbours = 5;         // feature sampler: 5 x 5 cells around a key point
+inline constexpr int kNeighbours = 5;         // feature sampler: 5 x 5 cells around a keypoint
 inline constexpr int kSampledValues = kNeighbours * kNeighbours * kFeatureChannels;  // 3200
 inline constexpr int kTpsParameters = 66;  // 63 free weights and 3 affine rows, per axis
 inline constexpr int kThetaValues = 2 * kTpsParameters;
@@ -59,7 +59,7 @@ struct DealWeights {
   std::array<LinearLayer, 4> localization;  // 3200 -> ... -> 132; widths are the file's
   std::array<ConvLayer, 6> hardnet;         // 3 x 3 on the polar patch
   std::array<ConvLayer, 4> head;            // 1 x 3, 1 x 3, 1 x 3, 1 x 2 along the radius
-  double radius_per_size = 0;               // support radius R = this x key-point size
+  double radius_per_size = 0;               // support radius R = this x keypoint size
   RadialSpacing radial_spacing = RadialSpacing::kLinear;
   std::string sha256;  // of the file, 64 hex digits
 };

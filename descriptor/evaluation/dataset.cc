@@ -95,7 +95,7 @@ cv::Mat DecodeFile(const fs::path& file, int flags) {
   } catch (const cv::Exception& error) {
     why = " (" + error.err + ")";
   }
-  if (pixels.empty()) FailDataset(file, "it is no picture that can be decoded" + why);
+  if (pixels.empty()) FailDataset(file, "it is no image that can be decoded" + why);
   return pixels;
 }
 
@@ -172,7 +172,7 @@ std::string ReadTextFile(const fs::path& file) {
   return text;
 }
 
-Image ReadGreyPicture(const fs::path& file) {
+Image ReadGreyImage(const fs::path& file) {
   return CopyFromMat(DecodeFile(file, cv::IMREAD_GRAYSCALE));
 }
 

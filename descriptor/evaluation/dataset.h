@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Data sets of pictures with known correspondence, in the common layouts.
+// Data sets of images with known correspondence, in the common layouts.
 #pragma once
 
 #include <filesystem>
@@ -36,7 +36,7 @@ struct ViewPair {
 struct SceneEntry {
   std::string name;
   std::vector<ViewPair> pairs;  // all pairs of the set, in its own order
-  // Reads pictures and truth. Thread-safe; throws kCorrupt, kNotFound, kUnprocessable.
+  // Reads images and truth. Thread-safe; throws kCorrupt, kNotFound, kUnprocessable.
   std::function<std::unique_ptr<TruthScene>()> load;
 };
 
@@ -51,12 +51,12 @@ struct Dataset {
 // layout.
 Dataset OpenDataset(const std::filesystem::path& folder, Layout layout = Layout::kAuto);
 
-// The truth between two pictures (views 0 and 1 of the result) that lie in a simulated scene's
+// The truth between two images (views 0 and 1 of the result) that lie in a simulated scene's
 // folder or belong to the non-rigid benchmark; nullptr when there is none.
 std::unique_ptr<TruthScene> FindTruth(const std::filesystem::path& first,
                                       const std::filesystem::path& second);
 
-// Nine numbers, row by row, that map the first picture's pixels to the second's. Throws kNotFound,
+// Nine numbers, row by row, that map the first image's pixels to the second's. Throws kNotFound,
 // kCorrupt "homography_unreadable".
 Homography ReadHomography(const std::filesystem::path& file);
 

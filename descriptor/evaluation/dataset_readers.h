@@ -29,17 +29,17 @@ std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
 std::string SweepName(const std::string& preset);
 
 // A view of the simulator's folders and of the non-rigid benchmark.
-bool IsFolderView(const std::filesystem::path& picture);
-void AddFolderView(const std::filesystem::path& picture, SurfaceScene& scene);
-bool IsNonRigidView(const std::filesystem::path& picture);
-void AddNonRigidView(const std::filesystem::path& picture, SurfaceScene& scene);
+bool IsFolderView(const std::filesystem::path& image);
+void AddFolderView(const std::filesystem::path& image, SurfaceScene& scene);
+bool IsNonRigidView(const std::filesystem::path& image);
+void AddNonRigidView(const std::filesystem::path& image, SurfaceScene& scene);
 // The benchmark's own code treats surface points beyond this distance as not visible.
 inline constexpr float kNonRigidMaxDistance = 300.0F;
 
 [[noreturn]] void FailDataset(const std::filesystem::path& file, const std::string& fault);
 std::string ReadTextFile(const std::filesystem::path& file);
 // Any type that OpenCV reads, at its original size. Throws kNotFound, kCorrupt.
-Image ReadGreyPicture(const std::filesystem::path& file);
+Image ReadGreyImage(const std::filesystem::path& file);
 cv::Mat ReadUnchanged(const std::filesystem::path& file);
 
 }  // namespace pliant::evaluation

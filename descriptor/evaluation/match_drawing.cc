@@ -40,9 +40,9 @@ Image DrawMatches(const Image& first, const Image& second, std::span<const Drawn
   std::vector<Vec2> corners;
   for (const Vec2 p : outline) corners.push_back(Zoomed(p));
   DrawPolyline(right, corners, true, colours::kYellow, 2 * kZoom);
-  Image sheet = BlankPicture(kZoom * width, kZoom * (height + kCaptionHeight_px), colours::kWhite);
-  PastePicture(sheet, ZoomedImage(first), 0, 0);
-  PastePicture(sheet, right, kZoom * offset, 0);
+  Image sheet = BlankImage(kZoom * width, kZoom * (height + kCaptionHeight_px), colours::kWhite);
+  PasteImage(sheet, ZoomedImage(first), 0, 0);
+  PasteImage(sheet, right, kZoom * offset, 0);
   for (const auto& [verdict, colour] : kOrder) {
     for (const DrawnMatch& match : matches) {
       if (match.verdict != verdict) continue;

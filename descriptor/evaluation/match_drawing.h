@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Two pictures side by side with the matches between them.
+// Two images side by side with the matches between them.
 #pragma once
 
 #include <span>
@@ -15,13 +15,13 @@ namespace pliant::evaluation {
 enum class Verdict { kUnknown, kTrue, kFalse };
 
 struct DrawnMatch {
-  Vec2 first;  // pixels of the first picture
+  Vec2 first;  // pixels of the first image
   Vec2 second;
   Verdict verdict = Verdict::kUnknown;
 };
 
 // Correct matches in green, wrong ones in red, unknown ones in blue; `outline` (in the second
-// picture, may be empty) in yellow; `caption` below.
+// image, may be empty) in yellow; `caption` below.
 Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
                   std::span<const Vec2> outline, const std::string& caption);
 

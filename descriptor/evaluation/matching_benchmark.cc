@@ -36,11 +36,11 @@ void CheckOptions(const MatchingOptions& options) {
     if (!good) throw Error(ErrorCode::kInvalidArgument, "option_out_of_range", message);
   };
   require(options.max_keypoints >= 1 && options.max_keypoints <= 4096,
-          "the number of key points must be 1 to 4096");
+          "the number of keypoints must be 1 to 4096");
   require(options.tolerance_px > 0 && options.tolerance_px <= 100,
           "the tolerance must be above 0 and at most 100 pixels");
   require(options.pairs >= 0, "the number of pairs must not be negative (0 = all)");
-  require(options.min_true_pairs >= 1, "a pair needs at least 1 true key-point pair");
+  require(options.min_true_pairs >= 1, "a pair needs at least 1 true keypoint pair");
 }
 
 Contenders MakeContenders(const MatchingOptions& options) {
@@ -257,7 +257,7 @@ MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOption
     throw Error(ErrorCode::kUnprocessable, "no_pairs",
                 "none of " + std::to_string(candidates.size()) + " pairs has " +
                     std::to_string(options.min_true_pairs) +
-                    " true key-point pairs; nothing can be measured");
+                    " true keypoint pairs; nothing can be measured");
   }
   report.pairs = static_cast<int>(measured.size());
   report.results = AverageAll(measured, contenders, [](const Measured&) { return true; });

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The matching benchmark of `pliant eval matching`: descriptors compared at the same key points of
-// picture pairs with ground-truth correspondence. metrics.h defines the metrics.
+// The matching benchmark of `pliant eval matching`: descriptors compared at the same keypoints of
+// image pairs with ground-truth correspondence. metrics.h defines the metrics.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct DescriptorChoice {
   std::string label;            // name of the row
   std::string name;             // for MakeDescriptor
   std::filesystem::path model;  // weights; empty = the default ones
-  // Use SIFT's own key points, including the duplicates for a second orientation, instead of the
+  // Use SIFT's own keypoints, including the duplicates for a second orientation, instead of the
   // shared ones.
   bool repeats = false;
 };
@@ -35,14 +35,14 @@ std::vector<DescriptorChoice> AllDescriptorChoices();
 struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
   std::filesystem::path model;                // default weights; empty = DefaultModelPath()
-  int max_keypoints = 2048;                   // per picture, strongest first; 1..4096
-  // Also use faint key points (faint_keypoints.h), and at most max_keypoints more of the picture
+  int max_keypoints = 2048;                   // per image, strongest first; 1..4096
+  // Also use faint keypoints (faint_keypoints.h), and at most max_keypoints more of the image
   // enlarged (enlarged_keypoints.h), as the service does with every query.
   bool enlarge = false;
   double tolerance_px = 3;
   // Selects this many measurable pairs, from as many scenes as possible; 0 = all pairs.
   int pairs = 0;
-  // Pairs with fewer true key-point pairs overlap too little to be measured.
+  // Pairs with fewer true keypoint pairs overlap too little to be measured.
   int min_true_pairs = 12;
   std::uint64_t seed = 1;  // of the choice of pairs
   int jobs = 0;            // threads, one scene each; 0 = one per core
@@ -59,11 +59,11 @@ struct DescriptorResult {
   double ms_error = 0;  // standard error of the mean
   double mma = 0;
   double mutual_precision = 0;
-  double correct_matches = 0;   // per picture pair: correct mutual nearest neighbours
+  double correct_matches = 0;   // per image pair: correct mutual nearest neighbours
   double ms_ratio_to_sift = 0;  // mean MS / SIFT's on the same pairs; 0 where SIFT's is 0
-  double keypoints = 0;         // per picture, on the object
-  double true_pairs = 0;        // per picture pair
-  double describe_us = 0;       // microseconds per key point, on one of `jobs` busy threads
+  double keypoints = 0;         // per image, on the object
+  double true_pairs = 0;        // per image pair
+  double describe_us = 0;       // microseconds per keypoint, on one of `jobs` busy threads
 };
 
 // Results of the pairs with one value of the sweep, or of one group.

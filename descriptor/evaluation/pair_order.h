@@ -20,7 +20,7 @@ struct PairCandidate {
 std::vector<PairCandidate> AllPairs(const Dataset& dataset);
 
 // One random pair per scene, scenes in random order; then again with the remaining pairs. If the
-// set does not define which picture comes first (neither sweep nor group), that is random too.
+// set does not define which image comes first (neither sweep nor group), that is random too.
 std::vector<PairCandidate> ShufflePairs(const Dataset& dataset, std::uint64_t seed);
 
 }  // namespace pliant::evaluation

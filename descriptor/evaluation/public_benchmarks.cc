@@ -28,8 +28,8 @@ bool Exists(const fs::path& file) {
   return fs::is_regular_file(file, failed);
 }
 
-// NAME with whichever picture extension is there; empty when there is none.
-fs::path FindPicture(const fs::path& folder, const std::string& name) {
+// NAME with whichever image extension is there; empty when there is none.
+fs::path FindImage(const fs::path& folder, const std::string& name) {
   for (const char* extension : kExtensions) {
     if (Exists(folder / (name + extension))) return folder / (name + extension);
   }
@@ -37,7 +37,7 @@ fs::path FindPicture(const fs::path& folder, const std::string& name) {
 }
 
 struct Sequence {
-  std::vector<fs::path> pictures;
+  std::vector<fs::path> images;
   std::vector<fs::path> homographies;  // from the first to the second, third, ...
 };
 
@@ -45,26 +45,26 @@ Sequence FindSequence(const fs::path& folder) {
   const bool oxford = Exists(folder / "H1to2p");
   const std::string stem = oxford ? "img" : "";
   Sequence sequence;
-  sequence.pictures.push_back(FindPicture(folder, stem + "1"));
-  if (sequence.pictures.front().empty())
-    FailDataset(folder, "there is a homography, but no picture " + stem + "1.ppm (or .png, .jpg)");
+  sequence.images.push_back(FindImage(folder, stem + "1"));
+  if (sequence.images.front().empty())
+    FailDataset(folder, "there is a homography, but no image " + stem + "1.ppm (or .png, .jpg)");
   for (int k = 2;; ++k) {
     const std::string number = std::to_string(k);
     const fs::path homography = folder / (oxford ? "H1to" + number + "p" : "H_1_" + number);
     if (!Exists(homography)) return sequence;
-    sequence.pictures.push_back(FindPicture(folder, stem + number));
-    if (sequence.pictures.back().empty())
-      FailDataset(homography, "its picture " + stem + number + ".ppm is missing");
+    sequence.images.push_back(FindImage(folder, stem + number));
+    if (sequence.images.back().empty())
+      FailDataset(homography, "its image " + stem + number + ".ppm is missing");
     sequence.homographies.push_back(homography);
   }
 }
 
 std::unique_ptr<TruthScene> LoadSequence(const Sequence& sequence) {
-  std::vector<Image> pictures;
+  std::vector<Image> images;
   std::vector<Homography> from_first = {kIdentity};
-  for (const fs::path& picture : sequence.pictures) pictures.push_back(ReadGreyPicture(picture));
+  for (const fs::path& image : sequence.images) images.push_back(ReadGreyImage(image));
   for (const fs::path& file : sequence.homographies) from_first.push_back(ReadHomography(file));
-  return std::make_unique<HomographyScene>(std::move(pictures), from_first);
+  return std::make_unique<HomographyScene>(std::move(images), from_first);
 }
 
 // HPatches names its sequences i_NAME (light changes) and v_NAME (the camera moves).
@@ -73,56 +73,56 @@ std::string GroupOf(const std::string& sequence) {
   return sequence.starts_with("v_") ? "viewpoint" : "";
 }
 
-// The file beside a picture rgba_NNNNN.png (or rgb_NNNNN.png) that holds something else about it.
-fs::path Sibling(const fs::path& picture, const std::string& what) {
-  const std::string name = picture.filename().string();
+// The file beside an image rgba_NNNNN.png (or rgb_NNNNN.png) that holds something else about it.
+fs::path Sibling(const fs::path& image, const std::string& what) {
+  const std::string name = image.filename().string();
   const std::size_t underscore = name.find('_');
   const std::string rest = underscore == std::string::npos ? ".png" : name.substr(underscore);
-  return picture.parent_path() / (what + rest);
+  return image.parent_path() / (what + rest);
 }
 
 // A pixel's value as a small number; colours of a palette are folded.
-std::uint32_t PixelValue(const cv::Mat& picture, int x, int y) {
-  switch (picture.type()) {
+std::uint32_t PixelValue(const cv::Mat& image, int x, int y) {
+  switch (image.type()) {
     case CV_8UC1:
-      return picture.at<std::uint8_t>(y, x);
+      return image.at<std::uint8_t>(y, x);
     case CV_16UC1:
-      return picture.at<std::uint16_t>(y, x);
+      return image.at<std::uint16_t>(y, x);
     case CV_8UC3: {
-      const auto& p = picture.at<cv::Vec3b>(y, x);
+      const auto& p = image.at<cv::Vec3b>(y, x);
       return (p[0] + 256U * p[1] + 65536U * p[2]) % 65521U;
     }
     default: {
-      const auto& p = picture.at<cv::Vec4b>(y, x);
+      const auto& p = image.at<cv::Vec4b>(y, x);
       return (p[0] + 256U * p[1] + 65536U * p[2]) % 65521U;
     }
   }
 }
 
-// An optional picture of the given size; empty when the file is not there.
+// An optional image of the given size; empty when the file is not there.
 cv::Mat ReadLabels(const fs::path& file, const Image& like) {
   if (!Exists(file)) return {};
   cv::Mat labels = ReadUnchanged(file);
   const int type = labels.type();
   if (labels.cols != like.width || labels.rows != like.height ||
       (type != CV_8UC1 && type != CV_16UC1 && type != CV_8UC3 && type != CV_8UC4)) {
-    FailDataset(file, "it is not an 8- or 16-bit picture of the view's size");
+    FailDataset(file, "it is not an 8- or 16-bit image of the view's size");
   }
   return labels;
 }
 
 SceneEntry NonRigidEntry(const fs::path& root, const std::string& split, const Json& pair) {
-  std::vector<fs::path> pictures;
+  std::vector<fs::path> images;
   std::string name = split;
   for (std::size_t i = 0; i < 2; ++i) {
     std::string relative = pair.at(i).get<std::string>();
     relative.erase(0, relative.find_first_not_of('/'));  // some lists have a leading slash
     name += (i == 0 ? ":" : " ") + relative;
-    pictures.push_back(root / relative);
+    images.push_back(root / relative);
   }
-  return {name, {{0, 1, split, {}}}, [pictures]() -> std::unique_ptr<TruthScene> {
+  return {name, {{0, 1, split, {}}}, [images]() -> std::unique_ptr<TruthScene> {
             auto scene = std::make_unique<SurfaceScene>(kNonRigidMaxDistance);
-            for (const fs::path& picture : pictures) AddNonRigidView(picture, *scene);
+            for (const fs::path& image : images) AddNonRigidView(image, *scene);
             return scene;
           }};
 }
@@ -150,7 +150,7 @@ Dataset OpenHomographies(const std::vector<fs::path>& folders) {
     const std::string name =
         (whole.has_filename() ? whole : whole.parent_path()).filename().string();
     SceneEntry entry{name, {}, [sequence] { return LoadSequence(sequence); }};
-    for (int k = 1; k < static_cast<int>(sequence.pictures.size()); ++k)
+    for (int k = 1; k < static_cast<int>(sequence.images.size()); ++k)
       entry.pairs.push_back({0, k, GroupOf(name), {}});
     dataset.scenes.push_back(std::move(entry));
   }
@@ -175,22 +175,22 @@ Dataset OpenNonRigid(const std::vector<fs::path>& pair_lists) {
   return dataset;
 }
 
-bool IsNonRigidView(const fs::path& picture) {
-  return picture.filename().string().starts_with("rgb") && Exists(Sibling(picture, "uv"));
+bool IsNonRigidView(const fs::path& image) {
+  return image.filename().string().starts_with("rgb") && Exists(Sibling(image, "uv"));
 }
 
 // The background mask says what is the object (above 0); the segmentation numbers the objects, the
-// same in every picture; the 16-bit "uv" picture has three coordinates in the undeformed object.
-void AddNonRigidView(const fs::path& picture, SurfaceScene& scene) {
-  Image grey = ReadGreyPicture(picture);
-  const fs::path uv_file = Sibling(picture, "uv");
+// same in every image; the 16-bit "uv" image has three coordinates in the undeformed object.
+void AddNonRigidView(const fs::path& image, SurfaceScene& scene) {
+  Image grey = ReadGreyImage(image);
+  const fs::path uv_file = Sibling(image, "uv");
   const cv::Mat uv = ReadUnchanged(uv_file);
   if (uv.depth() != CV_16U || uv.channels() < 2 || uv.channels() > 4 || uv.cols != grey.width ||
       uv.rows != grey.height) {
-    FailDataset(uv_file, "it is not a 16-bit colour picture of the view's size");
+    FailDataset(uv_file, "it is not a 16-bit colour image of the view's size");
   }
-  const cv::Mat mask = ReadLabels(Sibling(picture, "bgmask"), grey);
-  const cv::Mat segments = ReadLabels(Sibling(picture, "segmentation"), grey);
+  const cv::Mat mask = ReadLabels(Sibling(image, "bgmask"), grey);
+  const cv::Mat segments = ReadLabels(Sibling(image, "segmentation"), grey);
   const int channels = std::min(uv.channels(), 3);
   SurfaceMap map{grey.width, grey.height, {}};
   map.points.reserve(uv.total());

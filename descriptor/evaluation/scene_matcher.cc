@@ -16,15 +16,15 @@ SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
   ViewFeatures& features = place->second;
   if (!is_new) return features;
   const KeypointOptions options{options_.max_keypoints, repeats};
-  const Image& picture = scene_.Picture(view);
+  const Image& image = scene_.ViewImage(view);
   const std::vector<Keypoint> found =
-      options_.enlarge ? DetectFaintKeypoints(picture, options) : DetectKeypoints(picture, options);
+      options_.enlarge ? DetectFaintKeypoints(image, options) : DetectKeypoints(image, options);
   for (const Keypoint& k : found) {
     if (scene_.OnObject(view, {k.x, k.y})) features.keypoints.push_back(k);
   }
   if (!options_.enlarge) return features;
-  EnlargedKeypoints more = DetectEnlarged(picture, found, /*max_side_px=*/0, options);
-  features.enlarged = std::move(more.picture);
+  EnlargedKeypoints more = DetectEnlarged(image, found, /*max_side_px=*/0, options);
+  features.enlarged = std::move(more.image);
   for (std::size_t i = 0; i < more.placed.size(); ++i) {
     const Keypoint& k = more.placed[i];
     if (!scene_.OnObject(view, {k.x, k.y})) continue;
@@ -63,7 +63,8 @@ const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
   const Descriptor& descriptor = *contenders_[contender].descriptor;
   const std::span<const Keypoint> keypoints(features.keypoints);
   const std::size_t plain = keypoints.size() - features.inside.size();
-  place->second = descriptor.Describe(scene_.Picture(view), keypoints.first(plain), /*threads=*/1);
+  place->second =
+      descriptor.Describe(scene_.ViewImage(view), keypoints.first(plain), /*threads=*/1);
   if (!features.inside.empty()) {
     place->second.Append(descriptor.Describe(features.enlarged, features.inside, /*threads=*/1));
   }

@@ -19,7 +19,7 @@ namespace pliant::evaluation {
 
 struct Contender {
   std::shared_ptr<const Descriptor> descriptor;
-  bool repeats = false;  // at SIFT's key points, duplicates included
+  bool repeats = false;  // at SIFT's keypoints, duplicates included
   std::string label = {};
 };
 
@@ -34,7 +34,7 @@ struct MatcherOptions {
 struct PairMeasurement {
   std::vector<PairFigures> figures;
   std::vector<double> describe_seconds;  // for this pair; 0 if the views were described before
-  std::vector<double> described;         // key points described in that time
+  std::vector<double> described;         // keypoints described in that time
 };
 
 // Not thread-safe. `scene` and `contenders` must outlive it.
@@ -44,11 +44,11 @@ class SceneMatcher {
                const MatcherOptions& options)
       : scene_(scene), contenders_(contenders), options_(options) {}
 
-  // nullopt when the shared key points give fewer than min_true_pairs true pairs. One thread.
+  // nullopt when the shared keypoints give fewer than min_true_pairs true pairs. One thread.
   std::optional<PairMeasurement> Measure(int first, int second);
 
  private:
-  // A view's key points on the object, and their descriptors.
+  // A view's keypoints on the object, and their descriptors.
   struct ViewFeatures {
     std::vector<Keypoint> keypoints;
     // Enlarged, and where the last inside.size() of `keypoints` are in it.
@@ -56,7 +56,7 @@ class SceneMatcher {
     std::vector<Keypoint> inside;
     std::map<std::size_t, Descriptors> descriptors;  // by contender
   };
-  // The key points of both views that count in this pair, and the truth between them.
+  // The keypoints of both views that count in this pair, and the truth between them.
   struct PairTruth {
     std::array<std::vector<std::uint32_t>, 2> rows;  // of ViewFeatures
     std::vector<Keypoint> second;

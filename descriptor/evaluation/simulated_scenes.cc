@@ -145,8 +145,8 @@ SceneEntry TensorEntry(const fs::path& file, std::string& sweep) {
   }
 }
 
-fs::path TruthFile(const fs::path& picture) {
-  return picture.parent_path() / (picture.stem().string() + ".uv.png");
+fs::path TruthFile(const fs::path& image) {
+  return image.parent_path() / (image.stem().string() + ".uv.png");
 }
 
 Json ReadSceneJson(const fs::path& file) {
@@ -162,16 +162,16 @@ SceneEntry FolderEntry(const fs::path& scene_json, std::string& sweep) {
   const Json json = ReadSceneJson(scene_json);
   try {
     const auto preset = json.at("preset").get<std::string>();
-    std::vector<fs::path> pictures;
+    std::vector<fs::path> images;
     for (const Json& view : json.at("views"))
-      pictures.push_back(folder / view.at("image").get<std::string>());
+      images.push_back(folder / view.at("image").get<std::string>());
     sweep = SweepName(preset);
     return {folder.filename().string(),
-            SimulatedPairs(preset, static_cast<int>(pictures.size()),
+            SimulatedPairs(preset, static_cast<int>(images.size()),
                            SweepValues(preset, json.at("views"))),
-            [pictures]() -> std::unique_ptr<TruthScene> {
+            [images]() -> std::unique_ptr<TruthScene> {
               auto scene = std::make_unique<SurfaceScene>();
-              for (const fs::path& picture : pictures) AddFolderView(picture, *scene);
+              for (const fs::path& image : images) AddFolderView(image, *scene);
               return scene;
             }};
   } catch (const Json::exception& error) {
@@ -225,14 +225,14 @@ Dataset OpenFolderScenes(const std::vector<fs::path>& scene_jsons) {
   return OpenScenes(scene_jsons, FolderEntry);
 }
 
-bool IsFolderView(const fs::path& picture) {
+bool IsFolderView(const fs::path& image) {
   std::error_code failed;
-  return fs::is_regular_file(TruthFile(picture), failed) &&
-         fs::is_regular_file(fs::absolute(picture).parent_path() / "scene.json", failed);
+  return fs::is_regular_file(TruthFile(image), failed) &&
+         fs::is_regular_file(fs::absolute(image).parent_path() / "scene.json", failed);
 }
 
-void AddFolderView(const fs::path& picture, SurfaceScene& scene) {
-  const fs::path scene_json = fs::absolute(picture).parent_path() / "scene.json";
+void AddFolderView(const fs::path& image, SurfaceScene& scene) {
+  const fs::path scene_json = fs::absolute(image).parent_path() / "scene.json";
   std::vector<std::array<float, 2>> sizes;
   try {
     const Json json = ReadSceneJson(scene_json);
@@ -241,10 +241,10 @@ void AddFolderView(const fs::path& picture, SurfaceScene& scene) {
   } catch (const Json::exception& error) {
     FailDataset(scene_json, std::string("it lacks something: ") + error.what());
   }
-  Image grey = ReadGreyPicture(picture);
-  const cv::Mat truth = ReadUnchanged(TruthFile(picture));
+  Image grey = ReadGreyImage(image);
+  const cv::Mat truth = ReadUnchanged(TruthFile(image));
   if (truth.type() != CV_16UC3 || truth.cols != grey.width || truth.rows != grey.height)
-    FailDataset(TruthFile(picture), "it is not a 16-bit colour picture of the view's size");
+    FailDataset(TruthFile(image), "it is not a 16-bit colour image of the view's size");
   SurfaceMap map{grey.width, grey.height, {}};
   map.points.resize(truth.total());
   for (std::size_t i = 0; i < map.points.size(); ++i) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground truth from surface coordinates: what each pixel of a picture shows, and where in another
-// picture the same point of the surface is seen.
+// Ground truth from surface coordinates: what each pixel of an image shows, and where in another
+// image the same point of the surface is seen.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ struct SurfaceMap {
     return points[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
                   static_cast<std::size_t>(x)];
   }
-  // Label of the pixel that holds p; 0 outside the picture.
+  // Label of the pixel that holds p; 0 outside the image.
   std::uint32_t LabelAt(Vec2 p) const;
   // The surface point at p, extrapolated linearly from the nearest pixel. nullopt off the surfaces.
   std::optional<SurfacePoint> Locate(Vec2 p) const;
@@ -45,7 +45,7 @@ struct SurfaceSlope {
 };
 std::optional<SurfaceSlope> SlopeAt(const SurfaceMap& map, int x, int y);
 
-// Finds surface points in a picture (a k-d tree over its pixels). Immutable and thread-safe; `map`
+// Finds surface points in an image (a k-d tree over its pixels). Immutable and thread-safe; `map`
 // must outlive it.
 class SurfaceIndex {
  public:
@@ -54,7 +54,7 @@ class SurfaceIndex {
                         float max_distance = std::numeric_limits<float>::infinity());
 
   // The position of the point, with sub-pixel accuracy; nullopt when it is hidden, faces away or is
-  // outside the picture (nearest pixel that shows its neighbourhood more than a pixel away).
+  // outside the image (nearest pixel that shows its neighbourhood more than a pixel away).
   std::optional<Vec2> Find(const SurfacePoint& point) const;
 
  private:

@@ -29,7 +29,7 @@ Homography Inverse(const Homography& h, std::size_t view) {
   const double determinant = matrix.determinant();
   if (!matrix.allFinite() || !(std::abs(determinant) > 1e-15 * size * size * size)) {
     throw Error(ErrorCode::kInvalidArgument, "homography_singular",
-                "the homography to picture " + std::to_string(view + 1) +
+                "the homography to image " + std::to_string(view + 1) +
                     " has no inverse; it needs nine finite numbers, row by row");
   }
   Homography inverse;
@@ -41,7 +41,7 @@ Homography Inverse(const Homography& h, std::size_t view) {
 
 void SurfaceScene::Add(Image grey, SurfaceMap map) {
   auto view = std::make_unique<View>();
-  view->picture = std::move(grey);
+  view->image = std::move(grey);
   view->map = std::move(map);
   views_.push_back(std::move(view));
 }
@@ -54,12 +54,12 @@ std::optional<Vec2> SurfaceScene::Map(int from, Vec2 p, int to) {
   return target.index->Find(*point);
 }
 
-HomographyScene::HomographyScene(std::vector<Image> pictures,
+HomographyScene::HomographyScene(std::vector<Image> images,
                                  const std::vector<Homography>& from_first)
-    : pictures_(std::move(pictures)), from_first_(from_first) {
-  if (pictures_.size() != from_first_.size()) {
+    : images_(std::move(images)), from_first_(from_first) {
+  if (images_.size() != from_first_.size()) {
     throw Error(ErrorCode::kInvalidArgument, "homography_count",
-                "there must be as many homographies as pictures");
+                "there must be as many homographies as images");
   }
   for (std::size_t k = 0; k < from_first_.size(); ++k)
     to_first_.push_back(Inverse(from_first_[k], k));
@@ -70,9 +70,9 @@ std::optional<Vec2> HomographyScene::Map(int from, Vec2 p, int to) {
   if (!flat) return std::nullopt;
   const std::optional<Vec2> mapped = Apply(from_first_[static_cast<std::size_t>(to)], *flat);
   if (!mapped) return std::nullopt;
-  const Image& picture = Picture(to);
-  const bool inside = mapped->x >= -0.5 && mapped->y >= -0.5 && mapped->x < picture.width - 0.5 &&
-                      mapped->y < picture.height - 0.5;
+  const Image& image = ViewImage(to);
+  const bool inside = mapped->x >= -0.5 && mapped->y >= -0.5 && mapped->x < image.width - 0.5 &&
+                      mapped->y < image.height - 0.5;
   return inside ? mapped : std::nullopt;
 }
 

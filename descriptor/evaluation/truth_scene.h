@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures with ground-truth correspondence between them.
+// Images with ground-truth correspondence between them.
 #pragma once
 
 #include <array>
@@ -21,16 +21,16 @@ class TruthScene {
   virtual ~TruthScene() = default;
 
   virtual int views() const = 0;
-  virtual const Image& Picture(int view) const = 0;  // grey
+  virtual const Image& ViewImage(int view) const = 0;  // grey
 
   // Whether the point (pixels of `view`) is on the object: elsewhere the truth is unknown.
   virtual bool OnObject(int view, Vec2 p) const = 0;
 
   // Where the point of view `from` is seen in view `to`; nothing when it is hidden there, outside
-  // the picture, or not on the object.
+  // the image, or not on the object.
   virtual std::optional<Vec2> Map(int from, Vec2 p, int to) = 0;
 
-  // Whether a key point of `view` takes part when `view` is compared with `other`.
+  // Whether a keypoint of `view` takes part when `view` is compared with `other`.
   virtual bool Counts(int view, Vec2 p, int /*other*/) { return OnObject(view, p); }
 };
 
@@ -44,13 +44,13 @@ class SurfaceScene : public TruthScene {
   void Add(Image grey, SurfaceMap map);
 
   int views() const override { return static_cast<int>(views_.size()); }
-  const Image& Picture(int view) const override { return At(view).picture; }
+  const Image& ViewImage(int view) const override { return At(view).image; }
   bool OnObject(int view, Vec2 p) const override { return At(view).map.LabelAt(p) != 0; }
   std::optional<Vec2> Map(int from, Vec2 p, int to) override;
 
  private:
   struct View {
-    Image picture;
+    Image image;
     SurfaceMap map;
     std::unique_ptr<SurfaceIndex> index;  // created by the first search
   };
@@ -63,23 +63,23 @@ class SurfaceScene : public TruthScene {
 // 3 x 3, row-major: pixel positions to pixel positions.
 using Homography = std::array<double, 9>;
 
-// A flat scene: every view is a homography of view 0. Everything is the object; a key point counts
-// in a pair when its place lies within the other picture's frame (Mikolajczyk et al., IJCV 2005).
+// A flat scene: every view is a homography of view 0. Everything is the object; a keypoint counts
+// in a pair when its place lies within the other image's frame (Mikolajczyk et al., IJCV 2005).
 class HomographyScene : public TruthScene {
  public:
   // `from_first[k]` maps view 0 to view k. Throws kInvalidArgument "homography_singular".
-  HomographyScene(std::vector<Image> pictures, const std::vector<Homography>& from_first);
+  HomographyScene(std::vector<Image> images, const std::vector<Homography>& from_first);
 
-  int views() const override { return static_cast<int>(pictures_.size()); }
-  const Image& Picture(int view) const override {
-    return pictures_[static_cast<std::size_t>(view)];
+  int views() const override { return static_cast<int>(images_.size()); }
+  const Image& ViewImage(int view) const override {
+    return images_[static_cast<std::size_t>(view)];
   }
   bool OnObject(int /*view*/, Vec2 /*p*/) const override { return true; }
   std::optional<Vec2> Map(int from, Vec2 p, int to) override;
   bool Counts(int view, Vec2 p, int other) override { return Map(view, p, other).has_value(); }
 
  private:
-  std::vector<Image> pictures_;
+  std::vector<Image> images_;
   std::vector<Homography> from_first_;
   std::vector<Homography> to_first_;
 };

@@ -25,16 +25,16 @@ namespace pliant {
 namespace {
 
 // Adds `border` reflected pixels on each side.
-inline cv::Mat WithBorder(const cv::Mat& picture, int border) {
+inline cv::Mat WithBorder(const cv::Mat& image, int border) {
   cv::Mat padded;
-  cv::copyMakeBorder(picture, padded, border, border, border, border, cv::BORDER_REFLECT_101);
+  cv::copyMakeBorder(image, padded, border, border, border, border, cv::BORDER_REFLECT_101);
   return padded;
 }
 
-// The key point's position, clamped to the picture.
-inline cv::Point2f PlaceInside(const Keypoint& keypoint, const Image& picture) {
-  return {std::clamp(keypoint.x, 0.0F, static_cast<float>(picture.width - 1)),
-          std::clamp(keypoint.y, 0.0F, static_cast<float>(picture.height - 1))};
+// The keypoint's position, clamped to the image.
+inline cv::Point2f PlaceInside(const Keypoint& keypoint, const Image& image) {
+  return {std::clamp(keypoint.x, 0.0F, static_cast<float>(image.width - 1)),
+          std::clamp(keypoint.y, 0.0F, static_cast<float>(image.height - 1))};
 }
 
 // Copies row j of `described`, the descriptor of given[j], to row given[j].class_id of `result`.
@@ -58,7 +58,7 @@ class Brisk : public Descriptor {
     if (keypoints.empty()) return result;
     float largest = 0;
     for (const Keypoint& k : keypoints) largest = std::max(largest, k.size);
-    // OpenCV drops key points whose pattern does not fit in: the picture gets a border.
+    // OpenCV drops keypoints whose pattern does not fit in: the image gets a border.
     const int border = static_cast<int>(std::ceil(kPatternRadius *
                                                   std::min(kSizeFactor * largest, kLargestSize))) +
                        4;
@@ -74,7 +74,7 @@ class Brisk : public Descriptor {
     cv::Mat described;
     cv::BRISK::create()->compute(WithBorder(ViewAsMat(grey), border), given, described);
     if (given.size() != keypoints.size() || described.cols != kDim) {
-      throw Error(ErrorCode::kInternal, "brisk_rows", "OpenCV's BRISK dropped key points");
+      throw Error(ErrorCode::kInternal, "brisk_rows", "OpenCV's BRISK dropped keypoints");
     }
     TakeRows(described, given, result);
     return result;
@@ -82,7 +82,7 @@ class Brisk : public Descriptor {
 
  private:
   static constexpr int kDim = 64;
-  // BRISK's size over SIFT's: the pattern then covers 4.6 times the key point's size around it, as
+  // BRISK's size over SIFT's: the pattern then covers 4.6 times the keypoint's size around it, as
   // SIFT's and ORB's do.
   static constexpr float kSizeFactor = 3.0F;
   static constexpr float kPatternRadius = 1.6F;  // of the pattern, times BRISK's size
@@ -101,7 +101,7 @@ constexpr int kWindows = 1 + kRings * kPetals;
 constexpr int kDim = kWindows * kBins;
 constexpr int kSide = 2 * (kRadius + 15) + 1;  // of the patch: two standard deviations more
 constexpr int kPixels = kSide * kSide;
-// The outermost ring's radius over the key point's size (a diameter).
+// The outermost ring's radius over the keypoint's size (a diameter).
 constexpr double kRadiusPerSize = 3.0;
 
 using Bins = Eigen::Matrix<float, kPixels, kBins, Eigen::ColMajor>;
@@ -129,7 +129,7 @@ Eigen::MatrixXf MakeWindows() {
   return windows;
 }
 
-// The picture at half, a quarter, ... of its size: pixel x of level l lies at x * 2^l.
+// The image at half, a quarter, ... of its size: pixel x of level l lies at x * 2^l.
 std::vector<cv::Mat> MakePyramid(const cv::Mat& grey) {
   std::vector<cv::Mat> levels(1);
   grey.convertTo(levels[0], CV_32F);
@@ -233,7 +233,7 @@ class Sift : public Descriptor {
     cv::Mat rows;
     cv::SIFT::create()->compute(ViewAsMat(grey), given, rows);
     if (rows.rows != static_cast<int>(keypoints.size()) || !rows.isContinuous()) {
-      throw Error(ErrorCode::kInternal, "sift_rows", "OpenCV's SIFT dropped key points");
+      throw Error(ErrorCode::kInternal, "sift_rows", "OpenCV's SIFT dropped keypoints");
     }
     std::memcpy(result.floats.data(), rows.data, result.floats.size() * sizeof(float));
     if (root_) {
@@ -278,7 +278,7 @@ class Orb : public Descriptor {
   static constexpr int kMaxLevel = 14;
   // The size that is described at full resolution; ORB's own patch is 31 pixels wide there.
   static constexpr float kBaseSize = 4.0F;
-  // ORB drops key points nearer to the border than this, so each level is padded by it.
+  // ORB drops keypoints nearer to the border than this, so each level is padded by it.
   static constexpr int kBorder = 40;
 
   static int PyramidLevel(float size) {
@@ -293,14 +293,14 @@ class Orb : public Descriptor {
     const auto scaled = [&](int side) {
       return std::max(1, static_cast<int>(std::lround(side * scale)));
     };
-    cv::Mat picture = ViewAsMat(grey);
+    cv::Mat image = ViewAsMat(grey);
     if (level > 0) {
-      cv::resize(picture, picture, {scaled(grey.width), scaled(grey.height)}, 0, 0, cv::INTER_AREA);
+      cv::resize(image, image, {scaled(grey.width), scaled(grey.height)}, 0, 0, cv::INTER_AREA);
     }
     std::vector<cv::KeyPoint> given;
     given.reserve(rows.size());
-    const float kx = static_cast<float>(picture.cols) / static_cast<float>(grey.width);
-    const float ky = static_cast<float>(picture.rows) / static_cast<float>(grey.height);
+    const float kx = static_cast<float>(image.cols) / static_cast<float>(grey.width);
+    const float ky = static_cast<float>(image.rows) / static_cast<float>(grey.height);
     for (const std::size_t i : rows) {
       const Keypoint& k = keypoints[i];
       const cv::Point2f place = PlaceInside(k, grey);
@@ -309,7 +309,7 @@ class Orb : public Descriptor {
                          static_cast<int>(i));
     }
     cv::Mat described;
-    cv::ORB::create()->compute(WithBorder(picture, kBorder), given, described);
+    cv::ORB::create()->compute(WithBorder(image, kBorder), given, described);
     TakeRows(described, given, result);
   }
 
@@ -326,7 +326,7 @@ std::shared_ptr<const Descriptor> MakeDaisy() { return std::make_shared<Daisy>()
 void CheckGrey(const Image& grey) {
   if (grey.channels != 1 || grey.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "not_grey",
-                "Descriptors are computed on grey pictures with at least one pixel");
+                "Descriptors are computed on grey images with at least one pixel");
   }
 }
 

@@ -16,11 +16,11 @@ std::shared_ptr<const Descriptor> MakeSift();
 // RootSIFT (Arandjelovic and Zisserman 2012): square root of the L1-normalised SIFT; unit length.
 std::shared_ptr<const Descriptor> MakeRootSift();
 
-// ORB (Rublee et al. 2011), 32 bytes, at given key points: each is described on the level of a
+// ORB (Rublee et al. 2011), 32 bytes, at given keypoints: each is described on the level of a
 // scale pyramid that matches its size, rotated by its angle.
 std::shared_ptr<const Descriptor> MakeOrb();
 
-// BRISK (Leutenegger et al. 2011), 64 bytes; the pattern is scaled by the key point's size and
+// BRISK (Leutenegger et al. 2011), 64 bytes; the pattern is scaled by the keypoint's size and
 // rotated by its angle.
 std::shared_ptr<const Descriptor> MakeBrisk();
 

@@ -17,7 +17,7 @@ constexpr int kMargin = 64;             // pixels of what is decoded
 constexpr int kWholeSide = 4096;        // what is decoded is kept in memory for a moment
 constexpr double kLeastPartGain = 1.1;  // below, what is decoded already does
 
-// What lies in the picture.
+// What lies in the image.
 Region Clipped(const Region& part, int width, int height) {
   const double left = std::max(part.x, -0.5);
   const double top = std::max(part.y, -0.5);
@@ -38,29 +38,29 @@ constexpr double kBeyondSide = 1.5;    // times the side that is allowed otherwi
 constexpr int kUsualSide = 1024;       // allowed where there is no limit
 constexpr double kLeastCloser = 1.25;  // below, nothing new comes to light
 constexpr int kStripPixels = 600'000;  // without the overlap
-constexpr int kOverlap = 96;           // rows on either side: what DEAL sees around fine key points
+constexpr int kOverlap = 96;           // rows on either side: what DEAL sees around fine keypoints
 
-// Rows of the picture.
+// Rows of the image.
 struct Strip {
-  int top = 0, bottom = 0;    // of its key points
+  int top = 0, bottom = 0;    // of its keypoints
   int first = 0, height = 0;  // of what is looked at
 };
 
-std::vector<Strip> StripsOf(const Image& picture) {
-  const std::int64_t pixels = std::int64_t{picture.width} * picture.height;
+std::vector<Strip> StripsOf(const Image& image) {
+  const std::int64_t pixels = std::int64_t{image.width} * image.height;
   const int count = static_cast<int>((pixels + kStripPixels - 1) / kStripPixels);
-  const int rows = (picture.height + count - 1) / count;
-  const int height = std::min(picture.height, rows + 2 * kOverlap);
+  const int rows = (image.height + count - 1) / count;
+  const int height = std::min(image.height, rows + 2 * kOverlap);
   std::vector<Strip> strips;
-  for (int top = 0; top < picture.height; top += rows) {
-    strips.push_back({top, std::min(picture.height, top + rows),
-                      std::clamp(top - kOverlap, 0, picture.height - height), height});
+  for (int top = 0; top < image.height; top += rows) {
+    strips.push_back({top, std::min(image.height, top + rows),
+                      std::clamp(top - kOverlap, 0, image.height - height), height});
   }
   return strips;
 }
 
-Image RowsOf(const Image& picture, const Strip& strip) {
-  return CutOut(picture, {0, strip.first, picture.width, strip.height});
+Image RowsOf(const Image& image, const Strip& strip) {
+  return CutOut(image, {0, strip.first, image.width, strip.height});
 }
 
 bool IsInMiddle(const Keypoint& k, const Strip& strip) {
@@ -68,7 +68,7 @@ bool IsInMiddle(const Keypoint& k, const Strip& strip) {
   return row >= strip.top && row < strip.bottom;
 }
 
-// Of all the strips' key points the strongest so many.
+// Of all the strips' keypoints the strongest so many.
 void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_strips) {
   std::vector<float> responses;
   for (const auto& keypoints : *of_strips) {
@@ -136,22 +136,22 @@ std::vector<EnlargedKeypoints> DetectCloser(const Image& grey, double scale,
                                             std::span<const Keypoint> known, double factor,
                                             const KeypointOptions& options) {
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  const Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  const std::vector<Strip> strips = StripsOf(picture);
+  const Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  const std::vector<Strip> strips = StripsOf(image);
   std::vector<std::vector<Keypoint>> found;
   for (const Strip& strip : strips) {
     KeypointOptions of_strip = options;
     if (options.inside) {
       of_strip.inside = SeenFrom(Scaled(*options.inside, factor), /*left=*/0, strip.first);
     }
-    found.push_back(DetectFaintKeypoints(RowsOf(picture, strip), of_strip));
+    found.push_back(DetectFaintKeypoints(RowsOf(image, strip), of_strip));
     std::erase_if(found.back(), [&](const Keypoint& k) { return !IsInMiddle(k, strip); });
   }
   KeepStrongest(static_cast<std::size_t>(options.max_keypoints), &found);
   std::vector<EnlargedKeypoints> result;
   for (std::size_t i = 0; i < strips.size(); ++i) {
     result.push_back(
-        WithoutKnown(RowsOf(picture, strips[i]), scale * factor, strips[i].first, found[i], known));
+        WithoutKnown(RowsOf(image, strips[i]), scale * factor, strips[i].first, found[i], known));
   }
   return result;
 }

@@ -42,10 +42,10 @@ std::array<std::uint8_t, 2> ChromaOf(const std::uint8_t* rgb) {
 
 }  // namespace
 
-ColourGrid MakeColourGrid(const Image& picture) {
-  if (picture.channels != 3 || picture.empty()) return {};
-  const ScaledSize size = ScaleToFit(picture.width, picture.height, kColourGridSide);
-  const Image cells = ResizeImage(picture, size.width, size.height);
+ColourGrid MakeColourGrid(const Image& image) {
+  if (image.channels != 3 || image.empty()) return {};
+  const ScaledSize size = ScaleToFit(image.width, image.height, kColourGridSide);
+  const Image cells = ResizeImage(image, size.width, size.height);
   ColourGrid grid{size.width, size.height, {}};
   grid.chroma.reserve(cells.pixels.size() / 3 * 2);
   bool grey = true;

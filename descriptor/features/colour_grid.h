@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The colours of a picture, coarse. Descriptors see grey only; what is told apart by its colour is
+// The colours of an image, coarse. Descriptors see grey only; what is told apart by its colour is
 // told apart by these.
 #pragma once
 
@@ -12,8 +12,8 @@
 
 namespace pliant {
 
-// Means of chroma (CIELAB's a* and b*, each + 128) over equal cells of a picture. Empty where the
-// colours are not known: of a grey picture, or one that was described without.
+// Means of chroma (CIELAB's a* and b*, each + 128) over equal cells of an image. Empty where the
+// colours are not known: of a grey image, or one that was described without.
 struct ColourGrid {
   int width = 0;  // cells
   int height = 0;
@@ -23,9 +23,9 @@ struct ColourGrid {
   bool operator==(const ColourGrid&) const = default;
 };
 
-// At most kColourGridSide cells along the longer side, square ones, of a colour picture. Empty for
+// At most kColourGridSide cells along the longer side, square ones, of a colour image. Empty for
 // a grey one, and for one whose pixels are all grey. Thread-safe.
 inline constexpr int kColourGridSide = 64;
-ColourGrid MakeColourGrid(const Image& picture);
+ColourGrid MakeColourGrid(const Image& image);
 
 }  // namespace pliant

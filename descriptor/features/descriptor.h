@@ -25,7 +25,7 @@ struct DescriptorInfo {
   std::string model_id;  // "deal:<first 16 hex digits of the weight file's SHA-256>", "sift:1", ...
 };
 
-// Describes given key points in a grey picture. Implementations are immutable and thread-safe.
+// Describes given keypoints in a grey image. Implementations are immutable and thread-safe.
 class Descriptor {
  public:
   virtual ~Descriptor() = default;
@@ -33,11 +33,11 @@ class Descriptor {
   virtual const DescriptorInfo& info() const = 0;
 
   // Row i of the result describes keypoints[i] (pixels of `grey`). `threads`: how many cores this
-  // call may use, 0 = all. Throws kInvalidArgument for a picture that is not grey.
+  // call may use, 0 = all. Throws kInvalidArgument for an image that is not grey.
   virtual Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                                int threads) const = 0;
 
-  // The same for a picture that is described once and compared with many: may take longer and
+  // The same for an image that is described once and compared with many: may take longer and
   // match better. The rows are comparable with those of Describe; the model id is the same.
   virtual Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
                                         int threads) const {
@@ -65,16 +65,16 @@ std::filesystem::path DefaultModelPath();
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
-  // 0: never. Above, faint key points are described, too (faint_keypoints.h); a picture with fewer
+  // 0: never. Above, faint keypoints are described, too (faint_keypoints.h); an image with fewer
   // than this is also described enlarged (enlarged_keypoints.h): what is found there and not before
   // is added, at most keypoints.max_keypoints more.
   int enlarge_below = 0;
-  bool colours = true;  // kept, coarse, beside the key points (colour_grid.h)
+  bool colours = true;  // kept, coarse, beside the keypoints (colour_grid.h)
   ImageDecoder decoder = DecodeImage;
 };
 
-// What a picture is described for.
-enum class PictureRole {
+// What an image is described for.
+enum class ImageRole {
   kQuery,      // to be compared now: Descriptor::Describe
   kReference,  // to be compared with many: Descriptor::DescribeReference
 };
@@ -86,7 +86,7 @@ struct ExtractionTimings {
   double describe_ms = 0;
 };
 
-// Encoded picture to features: decode, detect, describe. Immutable and thread-safe.
+// Encoded image to features: decode, detect, describe. Immutable and thread-safe.
 class FeatureExtractor {
  public:
   FeatureExtractor(std::shared_ptr<const Descriptor> descriptor, ExtractionOptions options);
@@ -94,13 +94,13 @@ class FeatureExtractor {
   const Descriptor& descriptor() const { return *descriptor_; }
   const ExtractionOptions& options() const { return options_; }
 
-  // Throws what DecodeImage throws. A picture without key points gives features without rows.
+  // Throws what DecodeImage throws. An image without keypoints gives features without rows.
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
-                   PictureRole role = PictureRole::kQuery) const;
+                   ImageRole role = ImageRole::kQuery) const;
 
-  // Of a part of a file's picture only, in as many of its own pixels as a whole picture may have
-  // (DecodePart). Key points are in pixels of the whole original, whose size and colours the
-  // features have. A part outside the picture gives features without rows.
+  // Of a part of a file's image only, in as many of its own pixels as a whole image may have
+  // (DecodePart). Keypoints are in pixels of the whole original, whose size and colours the
+  // features have. A part outside the image gives features without rows.
   Features ExtractPart(Bytes encoded, const Region& part, int threads,
                        ExtractionTimings* timings = nullptr) const;
 
@@ -110,11 +110,11 @@ class FeatureExtractor {
   // Of what Decode made of a file, for callers that want more of it (its format).
   // `timings->decode_ms` is left alone.
   Features Extract(const DecodedImage& decoded, int threads, ExtractionTimings* timings = nullptr,
-                   PictureRole role = PictureRole::kQuery) const;
+                   ImageRole role = ImageRole::kQuery) const;
 
-  // Of a picture that is decoded already, grey or colour, of any size: a frame of a video.
-  Features ExtractFrom(const Image& picture, int threads, ExtractionTimings* timings = nullptr,
-                       PictureRole role = PictureRole::kQuery) const;
+  // Of an image that is decoded already, grey or colour, of any size: a frame of a video.
+  Features ExtractFrom(const Image& image, int threads, ExtractionTimings* timings = nullptr,
+                       ImageRole role = ImageRole::kQuery) const;
 
   // `known`, which this extractor made of the same file, and after it what only a closer look finds
   // (CloserSide): up to four times keypoints.max_keypoints, but 4096, more; of a part where `known`
@@ -129,12 +129,11 @@ class FeatureExtractor {
 
  private:
   Features Extract(const DecodedImage& decoded, const std::optional<Region>& inside, int threads,
-                   ExtractionTimings* timings, PictureRole role) const;
+                   ExtractionTimings* timings, ImageRole role) const;
   void AddEnlarged(const Image& image, const KeypointOptions& keypoints, int threads,
-                   PictureRole role, Features* features, ExtractionTimings* timings) const;
-  void Append(const EnlargedKeypoints& more, int threads, PictureRole role,
-              Features* features) const;
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, PictureRole role,
+                   ImageRole role, Features* features, ExtractionTimings* timings) const;
+  void Append(const EnlargedKeypoints& more, int threads, ImageRole role, Features* features) const;
+  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, ImageRole role,
                        int threads) const;
 
   std::shared_ptr<const Descriptor> descriptor_;

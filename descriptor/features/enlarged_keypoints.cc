@@ -13,7 +13,7 @@ namespace pliant {
 namespace {
 
 constexpr double kEnlargement = 2;
-constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger picture is not a small one
+constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger image is not a small one
 constexpr double kLeastEnlargement = 1.25;  // below, nothing new comes to light
 
 bool IsTwin(const Keypoint& a, const Keypoint& b) {
@@ -42,10 +42,10 @@ double EnlargementOf(double longer_side_px, int max_side_px) {
   return factor < kLeastEnlargement ? 1 : factor;
 }
 
-EnlargedKeypoints WithoutKnown(Image picture, double scale, int top,
-                               std::span<const Keypoint> found, std::span<const Keypoint> known) {
+EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<const Keypoint> found,
+                               std::span<const Keypoint> known) {
   EnlargedKeypoints result;
-  result.picture = std::move(picture);
+  result.image = std::move(image);
   std::vector<Keypoint> placed(found.begin(), found.end());
   for (Keypoint& k : placed) k.y += static_cast<float>(top);
   ScaleToOriginal(placed, scale);
@@ -66,11 +66,11 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
   const double factor = EnlargementOf(std::max(grey.width, grey.height), max_side_px);
   if (factor == 1) return {};
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  Image picture = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
   KeypointOptions enlarged = options;
   if (options.inside) enlarged.inside = Scaled(*options.inside, factor);
-  const auto found = DetectFaintKeypoints(picture, enlarged);
-  return WithoutKnown(std::move(picture), factor, /*top=*/0, found, known);
+  const auto found = DetectFaintKeypoints(image, enlarged);
+  return WithoutKnown(std::move(image), factor, /*top=*/0, found, known);
 }
 
 }  // namespace pliant

@@ -14,7 +14,7 @@
 namespace pliant {
 namespace {
 
-// A closer look takes so many times the key points.
+// A closer look takes so many times the keypoints.
 constexpr int kCloserKeypoints = 4;
 
 void Shift(std::vector<Keypoint>* keypoints, double right, double down) {
@@ -45,26 +45,26 @@ DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
 }
 
 Descriptors FeatureExtractor::Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                                       PictureRole role, int threads) const {
-  return role == PictureRole::kReference ? descriptor_->DescribeReference(grey, keypoints, threads)
-                                         : descriptor_->Describe(grey, keypoints, threads);
+                                       ImageRole role, int threads) const {
+  return role == ImageRole::kReference ? descriptor_->DescribeReference(grey, keypoints, threads)
+                                       : descriptor_->Describe(grey, keypoints, threads);
 }
 
-Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
-                                       ExtractionTimings* timings, PictureRole role) const {
-  if (picture.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "picture_empty", "A picture without pixels was given");
+Features FeatureExtractor::ExtractFrom(const Image& image, int threads, ExtractionTimings* timings,
+                                       ImageRole role) const {
+  if (image.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "image_empty", "An image without pixels was given");
   }
   Stopwatch watch;
   DecodedImage decoded;
-  decoded.original_width = picture.width;
-  decoded.original_height = picture.height;
-  decoded.image = ToGrey(picture);
-  if (options_.colours && picture.channels == 3) {
-    const ScaledSize small = ScaleToFit(picture.width, picture.height, kColourGridSide);
-    decoded.thumbnail = ResizeImage(picture, small.width, small.height);
+  decoded.original_width = image.width;
+  decoded.original_height = image.height;
+  decoded.image = ToGrey(image);
+  if (options_.colours && image.channels == 3) {
+    const ScaledSize small = ScaleToFit(image.width, image.height, kColourGridSide);
+    decoded.thumbnail = ResizeImage(image, small.width, small.height);
   }
-  const ScaledSize size = ScaleToFit(picture.width, picture.height, options_.decode.max_side_px);
+  const ScaledSize size = ScaleToFit(image.width, image.height, options_.decode.max_side_px);
   decoded.scale = size.scale;
   if (size.scale < 1) decoded.image = ResizeImage(decoded.image, size.width, size.height);
   if (timings != nullptr) timings->decode_ms = watch.LapMs();
@@ -72,7 +72,7 @@ Features FeatureExtractor::ExtractFrom(const Image& picture, int threads,
 }
 
 Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings* timings,
-                                   PictureRole role) const {
+                                   ImageRole role) const {
   Stopwatch watch;
   const DecodedImage decoded = Decode(encoded);
   if (timings != nullptr) timings->decode_ms = watch.LapMs();
@@ -80,7 +80,7 @@ Features FeatureExtractor::Extract(Bytes encoded, int threads, ExtractionTimings
 }
 
 Features FeatureExtractor::Extract(const DecodedImage& decoded, int threads,
-                                   ExtractionTimings* timings, PictureRole role) const {
+                                   ExtractionTimings* timings, ImageRole role) const {
   return Extract(decoded, {}, threads, timings, role);
 }
 
@@ -98,14 +98,13 @@ Features FeatureExtractor::ExtractPart(Bytes encoded, const Region& part, int th
     none.height = whole.original_height;
     return none;
   }
-  Features features = Extract(view->decoded, view->inside, threads, timings, PictureRole::kQuery);
+  Features features = Extract(view->decoded, view->inside, threads, timings, ImageRole::kQuery);
   Shift(&features.keypoints, view->left, view->top);
   return features;
 }
 
 Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optional<Region>& inside,
-                                   int threads, ExtractionTimings* timings,
-                                   PictureRole role) const {
+                                   int threads, ExtractionTimings* timings, ImageRole role) const {
   Stopwatch watch;
   KeypointOptions keypoints = options_.keypoints;
   keypoints.inside = inside;
@@ -131,7 +130,7 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
 }
 
 void FeatureExtractor::AddEnlarged(const Image& image, const KeypointOptions& keypoints,
-                                   int threads, PictureRole role, Features* features,
+                                   int threads, ImageRole role, Features* features,
                                    ExtractionTimings* timings) const {
   Stopwatch watch;
   const EnlargedKeypoints more =
@@ -141,10 +140,10 @@ void FeatureExtractor::AddEnlarged(const Image& image, const KeypointOptions& ke
   if (timings != nullptr) timings->describe_ms += watch.LapMs();
 }
 
-void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, PictureRole role,
+void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, ImageRole role,
                               Features* features) const {
   if (more.inside.empty()) return;
-  features->descriptors.Append(Describe(more.picture, more.inside, role, threads));
+  features->descriptors.Append(Describe(more.image, more.inside, role, threads));
   features->keypoints.insert(features->keypoints.end(), more.placed.begin(), more.placed.end());
 }
 
@@ -177,7 +176,7 @@ std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Featur
   Features features = known;
   for (EnlargedKeypoints& more : strips) {
     Shift(&more.placed, view->left, view->top);
-    Append(more, threads, PictureRole::kQuery, &features);
+    Append(more, threads, ImageRole::kQuery, &features);
   }
   if (timings != nullptr) {
     timings->decode_ms += decode_ms;

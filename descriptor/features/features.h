@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The value types that all folders share: key points and descriptors.
+// The value types that all folders share: keypoints and descriptors.
 #pragma once
 
 #include <cstddef>
@@ -57,7 +57,7 @@ struct Descriptors {
   }
 };
 
-// The features of one picture. Key points are in pixels of the ORIGINAL upright picture
+// The features of one image. Keypoints are in pixels of the ORIGINAL upright image
 // (width x height), regardless of the size at which it was described.
 struct Features {
   int width = 0;
@@ -65,7 +65,7 @@ struct Features {
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;  // row i describes keypoints[i]
   std::string model_id;     // of the descriptors; a mismatch is an error, never an answer
-  ColourGrid colours = {};  // of the whole picture; empty where they are not known
+  ColourGrid colours = {};  // of the whole image; empty where they are not known
 };
 
 }  // namespace pliant

@@ -22,7 +22,7 @@ constexpr int kLayersAnOctave = 3;
 void CheckOptions(const Image& grey, const KeypointOptions& options) {
   if (grey.channels != 1 || grey.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "not_grey",
-                "Key points are detected in grey pictures with at least one pixel");
+                "Keypoints are detected in grey images with at least one pixel");
   }
   if (options.max_keypoints < 1 || options.max_keypoints > kMaxKeypoints) {
     throw Error(ErrorCode::kInvalidArgument, "bad_max_keypoints",

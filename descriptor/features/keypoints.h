@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// SIFT key-point detection (Lowe 2004) through OpenCV.
+// SIFT keypoint detection (Lowe 2004) through OpenCV.
 #pragma once
 
 #include <optional>
@@ -15,15 +15,15 @@ inline constexpr int kMaxKeypoints = 4096;
 
 struct KeypointOptions {
   int max_keypoints = 1024;  // strongest by response; 1 to kMaxKeypoints
-  // SIFT repeats a key point once for each dominant orientation (about 17 % of them). Rotation-
+  // SIFT repeats a keypoint once for each dominant orientation (about 17 % of them). Rotation-
   // invariant descriptors see the repeats as duplicates, so by default one per location is kept.
   bool keep_repeated_orientations = false;
-  // Only key points in this part, in pixels of the picture they are detected in.
+  // Only keypoints in this part, in pixels of the image they are detected in.
   std::optional<Region> inside = {};
 };
 
-// Detects in a grey picture. Order is deterministic: response descending, then y, x, size, angle.
-// Throws kInvalidArgument for options out of range or a picture that is not grey. Thread-safe.
+// Detects in a grey image. Order is deterministic: response descending, then y, x, size, angle.
+// Throws kInvalidArgument for options out of range or an image that is not grey. Thread-safe.
 std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options = {});
 
 }  // namespace pliant

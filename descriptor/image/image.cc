@@ -22,12 +22,12 @@ void CheckLimits(const ImageHeader& header, const DecodeOptions& options) {
   const std::string size = std::to_string(header.width) + " x " + std::to_string(header.height);
   if (header.width > options.max_pixels / header.height) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The picture has " + size + " pixels; at most " +
-                    std::to_string(options.max_pixels) + " are accepted. Scale it down.");
+                "The image has " + size + " pixels; at most " + std::to_string(options.max_pixels) +
+                    " are accepted. Scale it down.");
   }
   if (std::min(header.width, header.height) < options.min_side_px) {
     throw Error(ErrorCode::kUnprocessable, "image_too_small",
-                "The picture has " + size + " pixels; each side needs at least " +
+                "The image has " + size + " pixels; each side needs at least " +
                     std::to_string(options.min_side_px) + ".");
   }
 }
@@ -41,7 +41,7 @@ void CheckMemory(const ScannedImage& scanned, int reduction, const DecodeOptions
     return;
   }
   throw Error(ErrorCode::kTooLarge, "image_too_large",
-              "Decoding the picture of " + std::to_string(scanned.header.width) + " x " +
+              "Decoding the image of " + std::to_string(scanned.header.width) + " x " +
                   std::to_string(scanned.header.height) + " pixels takes more than " +
                   FormatBytes(static_cast<std::uint64_t>(options.max_decode_bytes)) +
                   " of memory. Scale it down, or save it as JPEG that is not progressive.");
@@ -130,7 +130,7 @@ cv::Mat Read(Bytes bytes, const ImageHeader& header, bool colour, int reduction)
   return pixels.channels() == 4 ? ComposeOnWhite(pixels) : pixels;
 }
 
-// What is asked of one picture: a size is of the upright one.
+// What is asked of one image: a size is of the upright one.
 struct Wanted {
   int reduction = 1;
   int orientation = 1;
@@ -156,7 +156,7 @@ Image ThumbnailFrom(const cv::Mat& pixels, const Wanted& wanted) {
 }
 
 // In one pass over the file where a decoder gives both; in two, the thumbnail's pixels are gone
-// before the picture's come, and memory is what it is without a thumbnail in colours.
+// before the image's come, and memory is what it is without a thumbnail in colours.
 void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, DecodedImage* decoded) {
   cv::Mat pixels;
   const auto planes = header.format == ImageFormat::kJpeg && !wanted.colour
@@ -180,7 +180,7 @@ void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, Deco
 DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The picture file is larger than " +
+                "The image file is larger than " +
                     FormatBytes(static_cast<std::uint64_t>(options.max_bytes)) +
                     ", which is the limit.");
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Decoding of pictures: type by content, limits before decoding, EXIF orientation applied.
+// Decoding of images: type by content, limits before decoding, EXIF orientation applied.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ namespace pliant {
 
 using Bytes = std::span<const std::uint8_t>;
 
-// An 8-bit picture, row-major, interleaved, `channels` 1 (grey) or 3 (R, G, B).
+// An 8-bit image, row-major, interleaved, `channels` 1 (grey) or 3 (R, G, B).
 // Pixel centres are at integer coordinates: the top-left pixel's centre is (0, 0).
 struct Image {
   int width = 0;
@@ -38,13 +38,13 @@ struct ImageHeader {
 };
 
 struct DecodeOptions {
-  int max_side_px = 1024;                       // longer side; larger pictures are scaled; 0 = no
+  int max_side_px = 1024;                       // longer side; larger images are scaled; 0 = no
   std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
   std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
   // Of memory while decoding, estimated before from what the file says: 100 megapixels of baseline
   // JPEG take little, of 16-bit colours with transparency 1.2 GB.
   std::int64_t max_decode_bytes = 1LL << 30;
-  int min_side_px = 16;       // smaller pictures are refused
+  int min_side_px = 16;       // smaller images are refused
   bool colour = false;        // decode to 3 channels instead of 1
   int thumbnail_side_px = 0;  // longer side of a thumbnail that is made beside; 0 = none
 };
@@ -67,7 +67,7 @@ ImageHeader ReadImageHeader(Bytes bytes);
 
 // Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
 // "image_too_large" (bytes, pixels or memory), kUnprocessable "image_too_small", "image_corrupt",
-// "image_truncated" (an incomplete picture is refused, never padded with grey); std::bad_alloc.
+// "image_truncated" (an incomplete image is refused, never padded with grey); std::bad_alloc.
 // Thread-safe.
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
 
@@ -90,13 +90,13 @@ std::string MediaType(ImageFormat format);
 std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality = 90);
 std::vector<std::uint8_t> EncodePng(const Image& image);
 
-// The grey values (0.299 R + 0.587 G + 0.114 B) of a colour picture; a copy of a grey one.
+// The grey values (0.299 R + 0.587 G + 0.114 B) of a colour image; a copy of a grey one.
 Image ToGrey(const Image& image);
 
-// The pixels in the box, which must lie within the picture.
+// The pixels in the box, which must lie within the image.
 Image CutOut(const Image& image, const PixelBox& box);
 
-// Scales to exactly width x height: bicubic to a larger picture, else averaging areas.
+// Scales to exactly width x height: bicubic to a larger image, else averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
 }  // namespace pliant

@@ -10,12 +10,12 @@ namespace {
 
 [[noreturn]] void ThrowTruncated(const std::string& what) {
   throw Error(ErrorCode::kUnprocessable, "image_truncated",
-              "The picture is cut short: " + what + ". Send the whole file.");
+              "The image is cut short: " + what + ". Send the whole file.");
 }
 
 [[noreturn]] void ThrowDefect(const ScannedImage& scanned) {
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The picture is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
+              "The image is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
 }
 
 ScannedImage Scan(Bytes bytes) {
@@ -34,7 +34,7 @@ ScannedImage Scan(Bytes bytes) {
       break;
   }
   throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-              "The file is no picture of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
+              "The file is no image of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
               "or TIFF.");
 }
 
@@ -71,7 +71,7 @@ ImageFormat SniffFormat(Bytes bytes) {
 ScannedImage ScanImage(Bytes bytes) {
   if (bytes.empty()) {
     throw Error(ErrorCode::kUnprocessable, "image_empty",
-                "The picture is empty (0 bytes). Send the file's content.");
+                "The image is empty (0 bytes). Send the file's content.");
   }
   const ScannedImage scanned = Scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any
@@ -91,7 +91,7 @@ void CheckStructure(Bytes bytes, ScannedImage& scanned) {
 
 void ThrowUndecodable(const std::string& detail) {
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The picture cannot be decoded: its data are damaged or of a kind that is not read" +
+              "The image cannot be decoded: its data are damaged or of a kind that is not read" +
                   (detail.empty() ? detail : " (" + detail + ")") +
                   ". Save it again as JPEG or PNG.");
 }
@@ -101,7 +101,7 @@ cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int re
   const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
   if (pixels.cols == reduced(header.width) && pixels.rows == reduced(header.height)) return pixels;
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The picture contradicts itself: its header says " + std::to_string(header.width) +
+              "The image contradicts itself: its header says " + std::to_string(header.width) +
                   " x " + std::to_string(header.height) + " pixels, its data are of " +
                   std::to_string(pixels.cols) + " x " + std::to_string(pixels.rows) +
                   ". Save it again as JPEG or PNG.");

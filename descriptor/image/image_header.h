@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Picture files, format by format: first what the structure says (size, completeness, cost of
+// Image files, format by format: first what the structure says (size, completeness, cost of
 // decoding), because a file of a few kilobytes can claim gigabytes; then the pixels, by the library
 // of the format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
 // Internal to the descriptor library; callers use image.h.

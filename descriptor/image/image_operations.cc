@@ -22,7 +22,7 @@ std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
   if (image.channels == 3) cv::cvtColor(pixels, pixels, cv::COLOR_RGB2BGR);
   std::vector<std::uint8_t> encoded;
   if (!cv::imencode(extension, pixels, encoded, parameters)) {
-    throw Error(ErrorCode::kInternal, "image_encode_failed", "A picture could not be encoded");
+    throw Error(ErrorCode::kInternal, "image_encode_failed", "An image could not be encoded");
   }
   return encoded;
 }
@@ -78,7 +78,7 @@ Image ResizeImage(const Image& image, int width, int height) {
   if (width < 1 || height < 1 || image.empty()) {
     throw Error(
         ErrorCode::kInvalidArgument, "bad_size",
-        "Cannot scale a picture to " + std::to_string(width) + " x " + std::to_string(height));
+        "Cannot scale an image to " + std::to_string(width) + " x " + std::to_string(height));
   }
   const bool larger = width > image.width && height > image.height;
   cv::Mat scaled;

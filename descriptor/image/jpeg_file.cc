@@ -61,7 +61,7 @@ bool WalkJpeg(Bytes bytes, std::size_t& at, Visit visit) {
   return false;
 }
 
-// Bytes of all components' coefficients (16 bits each) a pixel of the picture, times 16 to stay
+// Bytes of all components' coefficients (16 bits each) a pixel of the image, times 16 to stay
 // whole: component i has h_i v_i samples where the finest has h_max v_max (A.1.1).
 std::int64_t CoefficientBytesBy16(const ByteReader& frame) {
   const int components = frame.U8(5).value_or(0);

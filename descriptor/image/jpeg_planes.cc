@@ -24,12 +24,12 @@ cv::Mat ScaledTo(const cv::Mat& plane, const cv::Size& size) {
   return scaled;
 }
 
-// Of a plane that reaches as far beyond the picture as `padded` does beyond `picture`, the
-// picture's part, scaled to `size`.
-cv::Mat PartScaledTo(const cv::Mat& plane, const cv::Size& padded, const cv::Size& picture,
+// Of a plane that reaches as far beyond the image as `padded` does beyond `image`, the
+// image's part, scaled to `size`.
+cv::Mat PartScaledTo(const cv::Mat& plane, const cv::Size& padded, const cv::Size& image,
                      const cv::Size& size) {
-  const cv::Size whole(cvRound(1.0 * size.width * padded.width / picture.width),
-                       cvRound(1.0 * size.height * padded.height / picture.height));
+  const cv::Size whole(cvRound(1.0 * size.width * padded.width / image.width),
+                       cvRound(1.0 * size.height * padded.height / image.height));
   return ScaledTo(plane, whole)(cv::Rect(cv::Point(), size));
 }
 

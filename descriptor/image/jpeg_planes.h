@@ -14,9 +14,9 @@
 namespace pliant {
 
 // Planes of colour may be coarser than grey, as the file has them; they and `padded` (the size of
-// grey as they count it) reach beyond the picture, right and below, to whole samples of colour.
+// grey as they count it) reach beyond the image, right and below, to whole samples of colour.
 struct JpegPlanes {
-  cv::Mat grey;     // Y, in the picture's size divided by the reduction
+  cv::Mat grey;     // Y, in the image's size divided by the reduction
   cv::Size padded;  // at least that size
   cv::Mat blue;     // Cb; empty in a grey JPEG
   cv::Mat red;      // Cr

@@ -120,7 +120,7 @@ class PngDecoder {
     auto& self = *static_cast<PngDecoder*>(png_get_progressive_ptr(png));
     if (row != nullptr)
       png_progressive_combine_row(png, self.pixels_.ptr(static_cast<int>(y)), row);
-    // The last pass of an interlaced picture brings its odd rows.
+    // The last pass of an interlaced image brings its odd rows.
     const int last_pass =
         png_get_interlace_type(png, self.info_) != 0 && self.pixels_.rows > 1 ? 6 : 0;
     if (pass >= last_pass && static_cast<int>(y) + 1 == self.pixels_.rows) {
@@ -163,7 +163,7 @@ ScannedImage ScanPng(Bytes bytes) {
   });
   const int colour_type = reader.U8(25).value_or(0);
   scanned.pixel_bytes = PixelBytes(colour_type, transparent_colour);
-  // Compressed data that are larger than what they unpack to are none of this picture's.
+  // Compressed data that are larger than what they unpack to are none of this image's.
   constexpr double kTolerated = 64 * 1024;
   if (data_bytes > MostDataBytes(header, reader.U8(24).value_or(0), colour_type) + kTolerated) {
     scanned.defect = "it holds more data than its rows";

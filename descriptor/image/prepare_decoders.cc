@@ -64,14 +64,14 @@ void PrepareDecoders() {
   colours.convertTo(deep, CV_16U, 257);
   struct Example {
     const char* extension;
-    const cv::Mat& picture;
+    const cv::Mat& image;
   };
-  for (const auto& [extension, picture] :
+  for (const auto& [extension, image] :
        {Example{".jpg", colours}, Example{".png", colours}, Example{".png", transparent},
         Example{".png", deep}, Example{".webp", colours}, Example{".bmp", colours},
         Example{".tiff", colours}, Example{".tiff", deep}}) {
     std::vector<std::uint8_t> file;
-    cv::imencode(extension, picture, file, {cv::IMWRITE_WEBP_QUALITY, kWebpQuality});
+    cv::imencode(extension, image, file, {cv::IMWRITE_WEBP_QUALITY, kWebpQuality});
     DecodeInEveryWay(file);
     DecodeDamaged(file);
   }

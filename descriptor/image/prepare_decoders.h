@@ -6,11 +6,11 @@
 
 namespace pliant {
 
-// OpenCV logs nothing from now on: an Error says what is wrong with a picture.
+// OpenCV logs nothing from now on: an Error says what is wrong with an image.
 void QuietDecoders();
 
 // OpenCV starts no threads from now on, and whatever the decoders load, measure or ask of the
-// system when they are first used is done: a small picture of each format is decoded. Throws what
+// system when they are first used is done: a small image of each format is decoded. Throws what
 // DecodeImage throws. Call it before starting threads.
 void PrepareDecoders();
 

@@ -66,7 +66,7 @@ VideoReader::VideoReader(const fs::path& file)
     throw Error(ErrorCode::kUnsupportedMediaType, "video_unreadable",
                 name_ +
                     " is no video that can be read; give a video file (MP4, AVI, MKV, ...) or "
-                    "a folder of pictures");
+                    "a folder of images");
   }
   capture_->has_first = video.read(capture_->first) && !capture_->first.empty();
   if (!capture_->has_first) {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kFileHeaderBytes = 12;
 constexpr std::size_t kChunkHeaderBytes = 8;
-constexpr std::uint32_t kLeastChunkBytes = 5;  // the header of a lossless picture
+constexpr std::uint32_t kLeastChunkBytes = 5;  // the header of a lossless image
 
 // The data of the first EXIF chunk, empty for none.
 Bytes FindExif(Bytes bytes) {
@@ -41,11 +41,11 @@ ScannedImage ScanWebp(Bytes bytes) {
   WebPBitstreamFeatures features;
   const VP8StatusCode status = WebPGetFeatures(bytes.data(), bytes.size(), &features);
   if (status == VP8_STATUS_NOT_ENOUGH_DATA) return scanned;
-  // libwebp takes a file whose first chunk is another one for a picture without container.
+  // libwebp takes a file whose first chunk is another one for an image without container.
   if (status != VP8_STATUS_OK || !reader.StartsWith(kFileHeaderBytes, "VP8")) {
-    scanned.defect = "its first chunk is no picture";
+    scanned.defect = "its first chunk is no image";
   } else if (reader.U32(kFileHeaderBytes + 4).value_or(0) < kLeastChunkBytes) {
-    scanned.defect = "its first chunk is too short to be a picture";
+    scanned.defect = "its first chunk is too short to be an image";
   }
   scanned.header.width = features.width;
   scanned.header.height = features.height;

@@ -25,7 +25,7 @@ constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 cv::Mat Canvas(Image& image) {
   if (image.channels != 3 || image.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "not_colour",
-                "Drawing needs a picture with 3 channels and at least one pixel");
+                "Drawing needs an image with 3 channels and at least one pixel");
   }
   return ViewAsMat(image);
 }
@@ -88,10 +88,10 @@ Colour DistinctColour(std::size_t i) {
   return kColours[i % kColours.size()];
 }
 
-Image BlankPicture(int width, int height, Colour colour) {
+Image BlankImage(int width, int height, Colour colour) {
   if (width < 1 || height < 1) {
     throw Error(ErrorCode::kInvalidArgument, "bad_size",
-                "A picture of " + std::to_string(width) + " x " + std::to_string(height) +
+                "An image of " + std::to_string(width) + " x " + std::to_string(height) +
                     " pixels cannot be made");
   }
   return CopyFromMat(cv::Mat(height, width, CV_8UC3, ToScalar(colour)));
@@ -147,7 +147,7 @@ int TextWidth(const std::string& text, int height_px) {
       .width;
 }
 
-void PastePicture(Image& onto, const Image& what, int x, int y) {
+void PasteImage(Image& onto, const Image& what, int x, int y) {
   cv::Mat canvas = Canvas(onto);
   if (what.empty()) return;
   const cv::Rect place = cv::Rect(x, y, what.width, what.height);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lines, dots and text on colour pictures: matches, outlines, meshes. Everything is clipped
-// at the picture's border and anti-aliased. Points are in pixels, pixel
-// centres at integers. The pictures drawn on must have 3 channels: kInvalidArgument otherwise.
+// Lines, dots and text on colour images: matches, outlines, meshes. Everything is clipped
+// at the image's border and anti-aliased. Points are in pixels, pixel
+// centres at integers. The images drawn on must have 3 channels: kInvalidArgument otherwise.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +32,8 @@ inline constexpr Colour kBlue{60, 140, 250};
 // The i-th of a cyclic list of colours that are easy to distinguish on white and on black.
 Colour DistinctColour(std::size_t i);
 
-// A picture of one colour, 3 channels.
-Image BlankPicture(int width, int height, Colour colour = colours::kBlack);
+// An image of one colour, 3 channels.
+Image BlankImage(int width, int height, Colour colour = colours::kBlack);
 
 // A copy with 3 channels, to draw on.
 Image ToColour(const Image& image);
@@ -53,6 +53,6 @@ void DrawText(Image& on, int left, int baseline, const std::string& text, Colour
 int TextWidth(const std::string& text, int height_px = 12);
 
 // Copies `what` (grey or colour) so that its top left pixel is (x, y) of `onto`.
-void PastePicture(Image& onto, const Image& what, int x, int y);
+void PasteImage(Image& onto, const Image& what, int x, int y);
 
 }  // namespace pliant

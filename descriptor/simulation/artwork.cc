@@ -237,9 +237,9 @@ float Brighter(const Artwork& artwork, const Ink& cloth) {
   return sum / cover;
 }
 
-Artwork DrawArtwork(Random& random, const Texture* picture) {
-  const bool stencil = picture != nullptr && random.Chance(0.5F);
-  Artwork artwork = stencil ? DrawStencil(random, *picture) : PaintArtwork(random);
+Artwork DrawArtwork(Random& random, const Texture* image) {
+  const bool stencil = image != nullptr && random.Chance(0.5F);
+  Artwork artwork = stencil ? DrawStencil(random, *image) : PaintArtwork(random);
   float best = -1.0F;
   for (int i = 0; i < kGrounds; ++i) {
     const Ink ground = DrawClothColour(random);

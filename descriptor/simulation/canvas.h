@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A picture to paint on with anti-aliased shapes and stroked letters, for procedural textures.
+// An image to paint on with anti-aliased shapes and stroked letters, for procedural textures.
 #pragma once
 
 #include <string_view>

@@ -51,7 +51,7 @@ void Smear(Image& image, float amount) {
   }
 }
 
-// Stored with the corner of the blocks `shift` pixels inside the picture.
+// Stored with the corner of the blocks `shift` pixels inside the image.
 void StoreAgain(Image& image, int quality, int shift) {
   Image moved{image.width + shift, image.height + shift, image.channels, {}};
   moved.pixels.reserve(Samples(moved) * static_cast<std::size_t>(image.channels));
@@ -71,7 +71,7 @@ void StoreAgain(Image& image, int quality, int shift) {
   }
 }
 
-// Taps of one axis: for each pixel of the larger picture the first source pixel and four weights.
+// Taps of one axis: for each pixel of the larger image the first source pixel and four weights.
 struct Taps {
   std::vector<int> first;
   std::vector<std::array<float, 4>> weight;

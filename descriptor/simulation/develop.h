@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What cameras and programs do to a picture after it is taken: fewer pixels, tone curves, noise
+// What cameras and programs do to an image after it is taken: fewer pixels, tone curves, noise
 // reduction, sharpening, storing as JPEG again, enlarging.
 #pragma once
 

@@ -1,15 +1,15 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers pictures for the simulator from Debian packages, and splits them for ever.
+"""Gathers images for the simulator from Debian packages, and splits them for ever.
 
     /usr/bin/python3 descriptor/simulation/gather_textures.py --out textures
 
 Needs no root: `apt-get download` and `dpkg -x` into a temporary folder. Needs python3-opencv. Writes
 textures/{train,dev,test}/PACKAGE/NNNN.jpg and textures/manifest.csv (file, set, package, size, source, hash).
 
-The side is a hash of the picture's bytes: 76 % train, 12 % dev, 12 % test. A picture keeps its side whatever else is
-gathered, now or later. A picture that looks like one gathered before (in whatever package) is left out, so that no
+The side is a hash of the image's bytes: 76 % train, 12 % dev, 12 % test. An image keeps its side whatever else is
+gathered, now or later. An image that looks like one gathered before (in whatever package) is left out, so that no
 two sides share one.
 """
 
@@ -39,7 +39,7 @@ MIN_SIDE = 200
 
 
 def side_of(digest):
-    """train, dev or test, by the first byte of a picture's SHA-256."""
+    """train, dev or test, by the first byte of an image's SHA-256."""
     byte = digest[0]
     return "train" if byte < 196 else "dev" if byte < 226 else "test"
 
@@ -54,35 +54,35 @@ def unpack(package, folder):
     return None if unpacked.returncode == 0 else unpacked.stderr.strip()
 
 
-def read_picture(path, max_side):
-    """The picture in colour, scaled down; None when it is no use as a texture."""
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if picture is None or picture.ndim < 2 or picture.dtype != np.uint8 or min(picture.shape[:2]) < MIN_SIDE:
+def read_image(path, max_side):
+    """The image in colour, scaled down; None when it is no use as a texture."""
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.ndim < 2 or image.dtype != np.uint8 or min(image.shape[:2]) < MIN_SIDE:
         return None
-    if picture.ndim == 3 and picture.shape[2] == 4:
-        if (picture[..., 3] < 128).mean() > 0.1:  # a sprite, not a picture
+    if image.ndim == 3 and image.shape[2] == 4:
+        if (image[..., 3] < 128).mean() > 0.1:  # a sprite, not an image
             return None
-        picture = picture[..., :3]
-    if picture.ndim == 2:
-        picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-    if max(picture.shape[:2]) > 3 * min(picture.shape[:2]):
+        image = image[..., :3]
+    if image.ndim == 2:
+        image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    if max(image.shape[:2]) > 3 * min(image.shape[:2]):
         return None
-    scale = max_side / max(picture.shape[:2])
+    scale = max_side / max(image.shape[:2])
     if scale < 1:
-        picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return picture if has_texture(picture) else None
+        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return image if has_texture(image) else None
 
 
-def has_texture(picture):
-    """Key points need contrast in most parts of the picture."""
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.float32)
+def has_texture(image):
+    """Keypoints need contrast in most parts of the image."""
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
     edges = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
     parts = cv2.resize((edges > 60).astype(np.float32), (8, 8), interpolation=cv2.INTER_AREA)
     return grey.std() > 15 and (parts > 0.02).mean() > 0.5
 
 
-def difference_hash(picture):
-    small = cv2.resize(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
+def difference_hash(image):
+    small = cv2.resize(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
     return np.packbits(small[:, 1:] > small[:, :-1])
 
 
@@ -100,10 +100,10 @@ def gather(package, options, seen, writer):
         for path in files:
             if count >= options.limit:
                 break
-            picture = read_picture(path, options.max_side)
-            if picture is None:
+            image = read_image(path, options.max_side)
+            if image is None:
                 continue
-            code = difference_hash(picture)
+            code = difference_hash(image)
             if any(np.unpackbits(code ^ other).sum() <= 6 for other in seen):
                 continue
             seen.append(code)
@@ -111,19 +111,19 @@ def gather(package, options, seen, writer):
             side = side_of(digest.digest())
             target = pathlib.Path(side) / package / f"{count:04d}.jpg"
             (options.out / target).parent.mkdir(parents=True, exist_ok=True)
-            if not cv2.imwrite(str(options.out / target), picture, [cv2.IMWRITE_JPEG_QUALITY, 92]):
+            if not cv2.imwrite(str(options.out / target), image, [cv2.IMWRITE_JPEG_QUALITY, 92]):
                 raise OSError(f"cannot write {options.out / target}")
             source = str(path.relative_to(folder / "root"))
-            writer.writerow([target, side, package, picture.shape[1], picture.shape[0], source, digest.hexdigest()])
+            writer.writerow([target, side, package, image.shape[1], image.shape[0], source, digest.hexdigest()])
             count += 1
         return count
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for the pictures")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for the images")
     parser.add_argument("--packages", nargs="+", default=PACKAGES, help="Debian packages; default: a list of %d" % len(PACKAGES))
-    parser.add_argument("--limit", type=int, default=120, help="pictures a package (default %(default)s)")
+    parser.add_argument("--limit", type=int, default=120, help="images a package (default %(default)s)")
     parser.add_argument("--max-side", type=int, default=640, help="pixels of the longer side (default %(default)s)")
     options = parser.parse_args()
     if options.limit < 1 or options.max_side < MIN_SIDE:
@@ -136,10 +136,10 @@ def main():
         for package in options.packages:
             count = gather(package, options, seen, writer)
             total += count
-            print(f"{package}: {count} pictures", flush=True)
+            print(f"{package}: {count} images", flush=True)
     if total == 0:
-        sys.exit("no picture was gathered; is `apt-get update` done?")
-    print(f"{total} pictures in {options.out}")
+        sys.exit("no image was gathered; is `apt-get update` done?")
+    print(f"{total} images in {options.out}")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@
 namespace pliant::simulation {
 
 // A z-buffer of triangle numbers. Larger values are nearer (1 / z for a camera, -depth for a
-// parallel light), because those are linear over the picture.
+// parallel light), because those are linear over the image.
 class DepthBuffer {
  public:
   DepthBuffer(int width, int height) : width_(width), height_(height) {

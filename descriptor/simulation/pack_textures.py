@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Packs a folder of pictures into one safetensors file for pliant-simulate-scenes.
+"""Packs a folder of images into one safetensors file for pliant-simulate-scenes.
 
     python3 descriptor/simulation/pack_textures.py textures/train train.safetensors [--max-side 640]
 
@@ -25,18 +25,18 @@ def read_rgb(path, max_side):
         from PIL import Image
 
         try:
-            picture = Image.open(path).convert("RGB")
+            image = Image.open(path).convert("RGB")
         except OSError:
             return None
-        picture.thumbnail((max_side, max_side))
-        return np.asarray(picture)
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if picture is None:
+        image.thumbnail((max_side, max_side))
+        return np.asarray(image)
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
         return None
-    scale = max_side / max(picture.shape[:2])
+    scale = max_side / max(image.shape[:2])
     if scale < 1:
-        picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(picture[..., ::-1])
+        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(image[..., ::-1])
 
 
 def main():
@@ -46,26 +46,26 @@ def main():
     parser.add_argument("--max-side", type=int, default=640, help="pixels (default %(default)s)")
     options = parser.parse_args()
     names = sorted(p.relative_to(options.folder).as_posix() for p in options.folder.rglob("*") if p.is_file())
-    header, offset, pictures = {}, 0, []
+    header, offset, images = {}, 0, []
     for name in names:
-        picture = read_rgb(options.folder / name, options.max_side)
-        if picture is None:
-            print(f"skipped {name}: not a picture", file=sys.stderr)
+        image = read_rgb(options.folder / name, options.max_side)
+        if image is None:
+            print(f"skipped {name}: not an image", file=sys.stderr)
             continue
-        header[name] = {"dtype": "U8", "shape": list(picture.shape), "data_offsets": [offset, offset + picture.size]}
-        offset += picture.size
-        pictures.append(picture)
-    if not pictures:
-        sys.exit(f"no picture in {options.folder}")
+        header[name] = {"dtype": "U8", "shape": list(image.shape), "data_offsets": [offset, offset + image.size]}
+        offset += image.size
+        images.append(image)
+    if not images:
+        sys.exit(f"no image in {options.folder}")
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
     part = options.out.with_name(options.out.name + ".part")
     with open(part, "wb") as file:
         file.write(struct.pack("<Q", len(text)) + text)
-        for picture in pictures:
-            file.write(picture.tobytes())
+        for image in images:
+            file.write(image.tobytes())
     os.replace(part, options.out)
-    print(f"{len(pictures)} pictures, {offset / 1e6:.0f} MB in {options.out}")
+    print(f"{len(images)} images, {offset / 1e6:.0f} MB in {options.out}")
 
 
 if __name__ == "__main__":

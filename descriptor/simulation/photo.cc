@@ -31,7 +31,7 @@ class ToneCurve {
   std::array<float, 4096> table_{};
 };
 
-// Normal numbers made once; a picture walks through them from random places.
+// Normal numbers made once; an image walks through them from random places.
 const std::vector<float>& NormalTable() {
   static const std::vector<float> table = [] {
     Random random(20211206);
@@ -81,12 +81,12 @@ float MeterExposure(const Frame& frame) {
   }
   all /= static_cast<double>(frame.colour.size());
   if (on > 0) object /= static_cast<double>(on);
-  // Mostly for the object, a little for the whole picture; not so far as to make night day.
+  // Mostly for the object, a little for the whole image; not so far as to make night day.
   const double mean = on > 0 ? 0.75 * object + 0.25 * all : all;
   return std::clamp(kMiddleGrey / static_cast<float>(std::max(mean, 1e-4)), 0.4F, 5.0F);
 }
 
-float MeterPicture(const Frame& frame) {
+float MeterImage(const Frame& frame) {
   constexpr float kMiddleGrey = 0.2F;
   double all = 0.0;
   for (const Colour& colour : frame.colour) all += std::min(1.0F, colour.head<3>().mean());

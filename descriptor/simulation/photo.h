@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// From linear light to the picture that a camera would store: lens, exposure, tone, noise, JPEG.
+// From linear light to the image that a camera would store: lens, exposure, tone, noise, JPEG.
 #pragma once
 
 #include <vector>
@@ -27,8 +27,8 @@ struct PhotoOptions {
 
 // The exposure that maps the mean light on the object to middle grey, like a camera's light meter.
 float MeterExposure(const Frame& frame);
-// The same for all of the picture, whatever it shows.
-float MeterPicture(const Frame& frame);
+// The same for all of the image, whatever it shows.
+float MeterImage(const Frame& frame);
 
 // strength 0 (studio) .. 1 (everything goes wrong); `exposure` is then relative to the meter's.
 PhotoOptions DrawPhoto(Random& random, float strength);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures generated from a seed, so that the simulator needs no files: lettering, logos,
+// Images generated from a seed, so that the simulator needs no files: lettering, logos,
 // checks, flowers, weaves, newspaper pages, packaging and maps.
 #pragma once
 
@@ -15,7 +15,7 @@
 
 namespace pliant::simulation {
 
-// Common parts of the painters of procedural pictures. Internal.
+// Common parts of the painters of procedural images. Internal.
 
 // Each from 0 to 1; the hue repeats.
 Ink FromHue(float hue, float saturation, float value);
@@ -37,7 +37,7 @@ std::string Word(Random& random, int shortest, int longest);
 
 Point AnyPoint(const Canvas& canvas, Random& random);
 
-// Makes the picture lighter and darker by `amount`, in spots of which `cells` fit its width.
+// Makes the image lighter and darker by `amount`, in spots of which `cells` fit its width.
 void Mottle(Canvas& canvas, Random& random, float amount, float cells);
 
 // Lines of text that fill a column; returns where the next line would start.
@@ -47,7 +47,7 @@ float Column(Canvas& canvas, Random& random, const Point& top_left, float column
 // An ellipse, ring, polygon or star.
 void DrawShape(Canvas& canvas, Random& random, const Point& centre, float size, const Ink& ink);
 
-// One painter per kind of procedural picture; the canvas is filled with the palette's paper colour.
+// One painter per kind of procedural image; the canvas is filled with the palette's paper colour.
 // Internal.
 
 // Patterns.
@@ -75,10 +75,10 @@ enum class ProceduralKind {
 inline constexpr int kProceduralKinds = 8;
 std::string ToString(ProceduralKind kind);
 
-// A colour picture whose longer side is `side_px`.
+// A colour image whose longer side is `side_px`.
 Image PaintProcedural(ProceduralKind kind, std::uint64_t seed, int side_px = 640);
 
-// `count` pictures, the kinds in turn, named "procedural/KIND-NNNN". Throws Error kInvalidArgument
+// `count` images, the kinds in turn, named "procedural/KIND-NNNN". Throws Error kInvalidArgument
 // "option_out_of_range" when count < 1.
 TextureSource ProceduralTextures(int count, std::uint64_t seed, int side_px = 640);
 

@@ -18,8 +18,8 @@ constexpr int kSamples = 2;          // per pixel and axis
 constexpr float kNearPlane = 0.05F;  // camera units
 constexpr float kMagnified = -0.9F;  // level of detail from which a pixel covers hardly a texel
 
-// Values that are linear over the picture after division by depth: value(x, y) = dx x + dy y +
-// base. What is linear on a plane in space is, divided by z, linear in its picture, and so is 1/z;
+// Values that are linear over the image after division by depth: value(x, y) = dx x + dy y +
+// base. What is linear on a plane in space is, divided by z, linear in its image, and so is 1/z;
 // their quotient is the value itself (perspective-correct interpolation; Blinn 1992).
 struct Plane {
   Colour dx, dy, base;
@@ -27,7 +27,7 @@ struct Plane {
   Colour At(float x, float y) const { return dx * x + dy * y + base; }
 };
 
-// A triangle on the picture: 1/z, u/z, v/z and light/z (light: R, G, B of the side that is seen).
+// A triangle on the image: 1/z, u/z, v/z and light/z (light: R, G, B of the side that is seen).
 struct Drawn {
   Plane place;  // 1/z, u/z, v/z, 0
   Plane light;  // red/z, green/z, blue/z, 0

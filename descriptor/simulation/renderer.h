@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Renders surfaces, lights and a camera to a picture with its ground truth.
+// Renders surfaces, lights and a camera to an image with its ground truth.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +36,7 @@ struct Camera {
 
 inline constexpr std::uint8_t kNoChart = 255;
 
-// A picture in linear light and, per pixel, what the pixel's centre sees.
+// An image in linear light and, per pixel, what the pixel's centre sees.
 struct Frame {
   int width = 0;
   int height = 0;

@@ -16,7 +16,7 @@ namespace pliant::simulation {
 namespace {
 
 constexpr int kTries = 6;                 // cameras until enough of the object is seen
-constexpr double kEnoughCoverage = 0.05;  // of the picture
+constexpr double kEnoughCoverage = 0.05;  // of the image
 
 Body DrawBody(Preset preset, float aspect, int cells, Random& random) {
   const float draw = random.Uniform();
@@ -92,7 +92,7 @@ void TakeSweep(const Stage& stage, Random& random, Scene& scene) {
     const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
     if (stage.options.preset == Preset::kRotation) {
       shot.framing.roll_deg = 180.0F * t;
-      shot.framing.scale = 0.75F;  // so that no corner leaves the picture
+      shot.framing.scale = 0.75F;  // so that no corner leaves the image
     } else {
       shot.framing.scale = std::pow(0.25F, t);
     }

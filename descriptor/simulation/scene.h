@@ -52,12 +52,12 @@ void Validate(const SceneOptions& options);
 
 // How a camera was placed: what the sweeps change.
 struct Framing {
-  float roll_deg = 0.0F;  // turn in the picture plane
+  float roll_deg = 0.0F;  // turn in the image plane
   float tilt_deg = 0.0F;  // angle between the body's mean normal and the line of sight
   float tilt_direction_deg = 0.0F;
-  float scale = 1.0F;     // 1: the flat object just fills the picture
+  float scale = 1.0F;     // 1: the flat object just fills the image
   float distance = 2.5F;  // of the camera, in lengths of the object's longer side
-  float shift_x = 0.0F;   // of the object's centre from the picture's, in picture widths / heights
+  float shift_x = 0.0F;   // of the object's centre from the image's, in image widths / heights
   float shift_y = 0.0F;
 };
 

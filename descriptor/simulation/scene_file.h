@@ -25,7 +25,7 @@ inline constexpr const char* kSceneFormat = "pliant-scene 1";
 // "scene_000042.safetensors".
 std::string SceneFileName(std::uint64_t index);
 
-// One safetensors file: images, chart, uv, grid_xy, grid_size and metadata. Colour pictures make
+// One safetensors file: images, chart, uv, grid_xy, grid_size and metadata. Colour images make
 // `images` [V, H, W, 3]. Throws Error kNoSpace "file_unwritable".
 void WriteSceneFile(const std::filesystem::path& path, const Scene& scene);
 

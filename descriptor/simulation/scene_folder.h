@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Scenes as folders of pictures, for the matching benchmark and for retrieval. Part of the
+// Scenes as folders of images, for the matching benchmark and for retrieval. Part of the
 // descriptor library, not of the simulator's core (PNG and JPEG need OpenCV).
 #pragma once
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// pliant-simulate-scenes: training scenes on a machine that has only a compiler. Pictures are read
+// pliant-simulate-scenes: training scenes on a machine that has only a compiler. Images are read
 // as PGM/PPM or from a safetensors pack; `pliant simulate` reads every type that Pliant reads.
 #include <atomic>
 #include <charconv>
@@ -26,7 +26,7 @@ constexpr const char* kUsage =
     "[--scenes N]\n"
     "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
     "         [--occluders 0..1] [--turn DEG] [--least-scale 0.1..1] [--seed S] [--jobs N]\n"
-    "DIR of textures: PGM and PPM files. PACK: other pictures, made by\n"
+    "DIR of textures: PGM and PPM files. PACK: other images, made by\n"
     "descriptor/simulation/pack_textures.py DIR PACK.\n";
 
 constexpr int kProceduralTextures = 96;
@@ -100,18 +100,18 @@ int Run(Arguments arguments) {
   fs::create_directories(out, failed);
   if (failed) Arguments::Fail("cannot make the folder " + out.string() + ": " + failed.message());
   const pliant::Stopwatch watch;
-  std::atomic<std::uint64_t> pictures{0};
+  std::atomic<std::uint64_t> images{0};
   pliant::ParallelFor(scenes, jobs, [&](std::size_t i) {
     const fs::path path = out / sim::SceneFileName(first + i);
     if (fs::exists(path)) return;  // resumes
     const sim::Scene scene = sim::MakeScene(source, options, seed, first + i);
     sim::WriteSceneFile(path, scene);
-    pictures += scene.views.size();
+    images += scene.views.size();
   });
   const double seconds = watch.seconds();
-  std::fprintf(stderr, "%llu pictures in %.1f s: %.2f a second\n",
-               static_cast<unsigned long long>(pictures), seconds,
-               static_cast<double>(pictures) / seconds);
+  std::fprintf(stderr, "%llu images in %.1f s: %.2f a second\n",
+               static_cast<unsigned long long>(images), seconds,
+               static_cast<double>(images) / seconds);
   return skipped.empty() ? 0 : 3;
 }
 

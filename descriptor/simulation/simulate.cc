@@ -102,8 +102,7 @@ class Run {
     Count(scene, exists);
   }
   void Finish() {
-    if (report_.pictures > 0)
-      report_.mean_stretch = stretch_ / static_cast<double>(report_.pictures);
+    if (report_.images > 0) report_.mean_stretch = stretch_ / static_cast<double>(report_.images);
   }
 
  private:
@@ -126,7 +125,7 @@ class Run {
   void Count(const simulation::Scene& scene, bool exists) {
     const std::lock_guard lock(mutex_);
     ++(exists ? report_.unchanged : report_.scenes);
-    report_.pictures += static_cast<std::int64_t>(scene.views.size());
+    report_.images += static_cast<std::int64_t>(scene.views.size());
     for (const simulation::View& view : scene.views) {
       stretch_ += static_cast<double>(view.stretch_p95);
       report_.worst_stretch =

@@ -11,8 +11,8 @@
 namespace pliant {
 
 struct SimulateOptions {
-  // A folder of pictures of any type that Pliant reads (searched recursively), a safetensors pack,
-  // or "procedural" for generated pictures.
+  // A folder of images of any type that Pliant reads (searched recursively), a safetensors pack,
+  // or "procedural" for generated images.
   std::string textures;
   std::string out;               // folder, created if it does not exist
   std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar, street
@@ -38,7 +38,7 @@ struct SimulateOptions {
 struct SimulateReport {
   std::int64_t scenes = 0;     // made now
   std::int64_t unchanged = 0;  // existed already
-  std::int64_t pictures = 0;   // made now
+  std::int64_t images = 0;     // made now
   std::int64_t textures = 0;   // usable
   double seconds = 0.0;
   // Residual stretch of the cloth (95th percentile over the edges of a view): the mean over all

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Screen prints of pictures: flat colours by brightness, lines where brightness changes, dots.
+// Screen prints of images: flat colours by brightness, lines where brightness changes, dots.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,7 +17,7 @@ constexpr int kSide = 320;
 constexpr float kPi = std::numbers::pi_v<float>;
 
 struct Plan {
-  int levels = 3;         // flat colours; 0 = none, -1 = the picture's own colours
+  int levels = 3;         // flat colours; 0 = none, -1 = the image's own colours
   int bare = -1;          // level that is not printed
   bool lines = true;      // where it is darker than its surroundings
   float line_px = 1.0F;   // their scale
@@ -45,17 +45,16 @@ Plan DrawPlan(Random& random) {
   return plan;
 }
 
-// The picture's colours as sRGB-like values, brightness in the fourth place.
-std::vector<Colour> SamplePicture(const Texture& picture, int width, int height) {
+// The image's colours as sRGB-like values, brightness in the fourth place.
+std::vector<Colour> SampleImage(const Texture& image, int width, int height) {
   const float lod =
-      std::log2(static_cast<float>(picture.width()) / static_cast<float>(width) + 1e-3F);
+      std::log2(static_cast<float>(image.width()) / static_cast<float>(width) + 1e-3F);
   std::vector<Colour> pixels;
   pixels.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      Colour value =
-          picture.Sample((static_cast<float>(x) + 0.5F) / static_cast<float>(width),
-                         (static_cast<float>(y) + 0.5F) / static_cast<float>(height), lod);
+      Colour value = image.Sample((static_cast<float>(x) + 0.5F) / static_cast<float>(width),
+                                  (static_cast<float>(y) + 0.5F) / static_cast<float>(height), lod);
       value = value.max(0.0F).sqrt();
       value[3] = 0.3F * value[0] + 0.59F * value[1] + 0.11F * value[2];
       pixels.push_back(value);
@@ -101,10 +100,10 @@ void AddFlatColours(const Plan& plan, const std::vector<Colour>& smooth, Random&
   }
 }
 
-void AddLines(const Plan& plan, const std::vector<Colour>& picture, const Ink& ink,
+void AddLines(const Plan& plan, const std::vector<Colour>& image, const Ink& ink,
               Artwork& artwork) {
-  std::vector<Colour> fine = picture;
-  std::vector<Colour> coarse = picture;
+  std::vector<Colour> fine = image;
+  std::vector<Colour> coarse = image;
   Blur(fine, artwork.width, artwork.height, plan.line_px);
   Blur(coarse, artwork.width, artwork.height, 1.6F * plan.line_px);
   for (std::size_t p = 0; p < fine.size(); ++p) {
@@ -116,8 +115,8 @@ void AddLines(const Plan& plan, const std::vector<Colour>& picture, const Ink& i
   }
 }
 
-void AddPicture(const Plan& plan, const std::vector<Colour>& picture, Random& random,
-                Artwork& artwork) {
+void AddImage(const Plan& plan, const std::vector<Colour>& image, Random& random,
+              Artwork& artwork) {
   const float turn = random.Uniform(0.2F, 1.2F);
   const float step = plan.halftone > 0.0F ? 2.0F * kPi / plan.halftone : 0.0F;
   for (int y = 0; y < artwork.height; ++y) {
@@ -130,9 +129,9 @@ void AddPicture(const Plan& plan, const std::vector<Colour>& picture, Random& ra
         const float b =
             std::cos(turn) * static_cast<float>(y) - std::sin(turn) * static_cast<float>(x);
         const float dots = 0.5F + 0.25F * (std::cos(step * a) + std::cos(step * b));
-        cover = Smoothstep(-0.1F, 0.1F, dots - picture[p][3]);
+        cover = Smoothstep(-0.1F, 0.1F, dots - image[p][3]);
       }
-      artwork.inks[p] << cover * picture[p].head<3>(), cover;
+      artwork.inks[p] << cover * image[p].head<3>(), cover;
     }
   }
 }
@@ -162,22 +161,22 @@ void CutToShape(Random& random, Artwork& artwork) {
 
 }  // namespace
 
-Artwork DrawStencil(Random& random, const Texture& picture) {
+Artwork DrawStencil(Random& random, const Texture& image) {
   const Plan plan = DrawPlan(random);
   Artwork artwork;
-  const float aspect = std::clamp(picture.aspect(), 0.6F, 1.6F);
+  const float aspect = std::clamp(image.aspect(), 0.6F, 1.6F);
   artwork.width =
       static_cast<int>(std::lround(static_cast<float>(kSide) * std::min(1.0F, 1.0F / aspect)));
   artwork.height =
       static_cast<int>(std::lround(static_cast<float>(kSide) * std::min(1.0F, aspect)));
-  const std::vector<Colour> pixels = SamplePicture(picture, artwork.width, artwork.height);
+  const std::vector<Colour> pixels = SampleImage(image, artwork.width, artwork.height);
   artwork.inks.assign(pixels.size(), Eigen::Array4f::Zero());
   if (plan.levels > 0) {
     std::vector<Colour> smooth = pixels;
     Blur(smooth, artwork.width, artwork.height, random.LogUniform(1.5F, 4.0F));
     AddFlatColours(plan, smooth, random, artwork);
   }
-  if (plan.levels < 0) AddPicture(plan, pixels, random, artwork);
+  if (plan.levels < 0) AddImage(plan, pixels, random, artwork);
   if (plan.lines) {
     const Ink ink = plan.levels > 0 || random.Chance(0.6F)
                         ? Ink(Ink::Constant(random.Uniform(0.0F, 0.2F)))

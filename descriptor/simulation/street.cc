@@ -189,7 +189,7 @@ Garment Dress(Stage& stage, const Subject& subject, bool flat, Random& random) {
 Focus DrawFocus(const Stage& stage, const Subject& subject, float enlarge, Random& random) {
   const auto w = static_cast<float>(stage.options.width);
   const auto h = static_cast<float>(stage.options.height);
-  const float unit = w / 480.0F;  // sizes are meant for pictures of this width
+  const float unit = w / 480.0F;  // sizes are meant for images of this width
   Focus focus;
   focus.place = subject.place;
   focus.width_px = std::min(unit * random.LogUniform(55.0F, 220.0F) * enlarge, 0.75F * w);
@@ -275,7 +275,7 @@ Framing DrawFraming(Random& random, float strength) {
   framing.roll_deg = random.Uniform(0.0F, 360.0F);
   framing.tilt_deg = 60.0F * strength * std::sqrt(random.Uniform());
   framing.tilt_direction_deg = random.Uniform(0.0F, 360.0F);
-  // Most views fill a good part of the picture; the ends are there too.
+  // Most views fill a good part of the image; the ends are there too.
   framing.scale =
       random.Chance(0.7F) ? random.LogUniform(0.6F, 1.6F) : random.LogUniform(0.3F, 2.0F);
   framing.distance = random.LogUniform(1.6F, 4.5F);
@@ -315,7 +315,7 @@ Camera PlaceCamera(const Body& body, const Pose& pose, const Framing& framing, f
       body.kind == BodyKind::kTube ? chart.width / std::numbers::pi_v<float> : chart.width;
   const float fit = std::min(w / visible_width, h / chart.height);  // pixels a unit
   camera.focal_px = fit * framing.scale * framing.distance;
-  // The middle of the body's extent goes to the picture's centre, then the shift.
+  // The middle of the body's extent goes to the image's centre, then the shift.
   Vector3f low = Vector3f::Constant(1e9F);
   Vector3f high = -low;
   for (const Vector3f& position : pose.positions) {
@@ -327,7 +327,7 @@ Camera PlaceCamera(const Body& body, const Pose& pose, const Framing& framing, f
   camera.translation = -middle + Vector3f(0.0F, 0.0F, framing.distance);
   camera.centre_x = 0.5F * (w - 1.0F);
   camera.centre_y = 0.5F * (h - 1.0F);
-  // A small object may go nearly to the border, a large one hang out of the picture.
+  // A small object may go nearly to the border, a large one hang out of the image.
   const float pixels = fit * framing.scale;
   camera.centre_x +=
       framing.shift_x * (0.4F * std::abs(w - pixels * (high.x() - low.x())) + 0.03F * w);

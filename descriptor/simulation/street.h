@@ -12,7 +12,7 @@ namespace pliant::simulation {
 
 // In-plane rotation 0..360 degrees, scale 0.3..2, tilt to 60 degrees.
 Framing DrawFraming(Random& random, float strength);
-// Nearly upright, frontal and filling the picture.
+// Nearly upright, frontal and filling the image.
 Framing DrawFrontalFraming(Random& random);
 
 // A camera for the pose. `facing_u`: which part of a tube faces the camera (0.5 = its

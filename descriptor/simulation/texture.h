@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A picture as a texture: linear light, mip-mapped, bilinear.
+// An image as a texture: linear light, mip-mapped, bilinear.
 #pragma once
 
 #include <string>

@@ -66,7 +66,7 @@ void CheckUsable(const Image& image) {
   }
 }
 
-TextureSource LoadFolder(const fs::path& folder, const PictureDecoder& decoder, int jobs,
+TextureSource LoadFolder(const fs::path& folder, const ImageDecoder& decoder, int jobs,
                          std::vector<SkippedFile>& skipped) {
   std::vector<fs::path> files;
   std::error_code failed;
@@ -152,7 +152,7 @@ std::shared_ptr<const Texture> TextureSource::Get(std::size_t i) const {
 Image DecodePnm(std::span<const std::uint8_t> bytes) {
   if (bytes.size() < 3 || bytes[0] != 'P' || (bytes[1] != '5' && bytes[1] != '6')) {
     throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-                "not a binary PGM or PPM picture");
+                "not a binary PGM or PPM image");
   }
   PnmHeader header(bytes);
   Image image;
@@ -167,14 +167,14 @@ Image DecodePnm(std::span<const std::uint8_t> bytes) {
                            static_cast<std::size_t>(image.height) *
                            static_cast<std::size_t>(image.channels);
   if (bytes.size() < header.PixelsBegin() + size) {
-    throw Error(ErrorCode::kUnprocessable, "image_truncated", "the PNM picture ends early");
+    throw Error(ErrorCode::kUnprocessable, "image_truncated", "the PNM image ends early");
   }
   const auto pixels = bytes.subspan(header.PixelsBegin(), size);
   image.pixels.assign(pixels.begin(), pixels.end());
   return image;
 }
 
-TextureSource LoadTextures(const fs::path& where, const PictureDecoder& decoder, int jobs,
+TextureSource LoadTextures(const fs::path& where, const ImageDecoder& decoder, int jobs,
                            std::vector<SkippedFile>& skipped) {
   std::error_code failed;
   const fs::file_status status = fs::status(where, failed);
@@ -186,7 +186,7 @@ TextureSource LoadTextures(const fs::path& where, const PictureDecoder& decoder,
                                                   : LoadPack(where, skipped);
   if (source.size() == 0) {
     throw Error(ErrorCode::kInvalidArgument, "textures_missing",
-                "no usable picture in " + where.string() +
+                "no usable image in " + where.string() +
                     (skipped.empty() ? ""
                                      : " (first problem: " + skipped.front().file + ": " +
                                            skipped.front().reason + ")"));

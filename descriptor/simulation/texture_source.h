@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where textures come from: a folder of pictures, a safetensors pack, or the procedural generator.
+// Where textures come from: a folder of images, a safetensors pack, or the procedural generator.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@
 
 namespace pliant::simulation {
 
-// Pictures by number, 8 bits a channel; expanded to mip-mapped textures on demand, of which the
+// Images by number, 8 bits a channel; expanded to mip-mapped textures on demand, of which the
 // last few are kept. Thread-safe once filled.
 class TextureSource {
  public:
@@ -46,8 +46,8 @@ struct SkippedFile {
   std::string reason;
 };
 
-// File bytes to a picture; throws Error.
-using PictureDecoder = std::function<Image(std::span<const std::uint8_t>)>;
+// File bytes to an image; throws Error.
+using ImageDecoder = std::function<Image(std::span<const std::uint8_t>)>;
 
 // Binary PGM (P5) and PPM (P6), 8 bits. Throws Error kUnsupportedMediaType "image_type_unknown",
 // kUnprocessable "image_corrupt" or "image_truncated".
@@ -58,7 +58,7 @@ Image DecodePnm(std::span<const std::uint8_t> bytes);
 // their names. What cannot be decoded is skipped and listed. `jobs` threads decode (0 = one per
 // core). Throws Error: kNotFound "textures_not_found", kInvalidArgument "textures_missing" when
 // nothing usable is there, kCorrupt for a broken pack.
-TextureSource LoadTextures(const std::filesystem::path& where, const PictureDecoder& decoder,
+TextureSource LoadTextures(const std::filesystem::path& where, const ImageDecoder& decoder,
                            int jobs, std::vector<SkippedFile>& skipped);
 
 }  // namespace pliant::simulation

@@ -15,7 +15,7 @@
 namespace pliant::simulation {
 namespace {
 
-constexpr std::size_t kOthers = 5;  // pictures besides the object's that a scene uses
+constexpr std::size_t kOthers = 5;  // images besides the object's that a scene uses
 
 Colour DrawPlainColour(Random& random) {
   const float grey = random.LogUniform(0.03F, 0.8F);
@@ -192,7 +192,7 @@ std::vector<Colour> DrawBackdrop(Random& random, const Texture* texture, int wid
     }
     return pixels;
   }
-  // Mirrored beyond its borders, so that any turn and zoom fills the picture.
+  // Mirrored beyond its borders, so that any turn and zoom fills the image.
   const float zoom = random.Uniform(0.35F, 0.8F) / static_cast<float>(std::max(width, height));
   const float turn = random.Chance(0.5F) ? random.Angle() : 0.05F * random.Normal();
   const float cos = zoom * std::cos(turn);
@@ -227,7 +227,7 @@ void DrawOccluders(Random& random, const Texture* texture, Frame& frame) {
     const Colour plain =
         random.Chance(0.4F) ? Colour(Colour(0.55F, 0.33F, 0.24F, 0.0F) * random.Uniform(0.3F, 1.3F))
                             : DrawPlainColour(random);
-    const bool pictured = texture != nullptr && random.Chance(0.35F);
+    const bool imaged = texture != nullptr && random.Chance(0.35F);
     const Eigen::Array2f light(random.Uniform(-0.7F, 0.7F), random.Uniform(-0.7F, 0.7F));
     const Eigen::Array2f shadow = -light * capsule.radius * 0.5F;
     const float shade = random.Uniform(0.35F, 0.8F);
@@ -249,7 +249,7 @@ void DrawOccluders(Random& random, const Texture* texture, Frame& frame) {
         const float height = std::sqrt(std::max(0.0F, 1.0F - slope.square().sum()));
         const float lit = 0.35F + 0.75F * std::max(0.0F, (slope * light).sum() + 0.75F * height);
         Colour colour = plain;
-        if (pictured)
+        if (imaged)
           colour = texture->Sample(p.x() / static_cast<float>(frame.width),
                                    p.y() / static_cast<float>(frame.height), 1.0F);
         frame.colour[at] += cover * (colour * lit - frame.colour[at]);
@@ -307,7 +307,7 @@ View TakeView(const Stage& stage, Shot shot, Random random) {
   view.photo = DrawPhoto(random, shot.strength);
   view.develop = shot.develop;
   if (shot.develop) {
-    if (!shot.evenly_lit) view.photo.exposure *= MeterPicture(frame);
+    if (!shot.evenly_lit) view.photo.exposure *= MeterImage(frame);
     view.image = Develop(frame, view.photo, *shot.develop, options.channels, random);
   } else {
     view.photo.exposure *= MeterExposure(frame);

@@ -20,7 +20,7 @@ namespace pliant::simulation {
 
 // The textures used in a scene. Internal.
 
-// The object's picture first, then some others for backgrounds, backs and solids.
+// The object's image first, then some others for backgrounds, backs and solids.
 using Cast = std::vector<std::shared_ptr<const Texture>>;
 
 // Which texture scene `index` shows: all of them in turn, but neighbours in the source (often of
@@ -31,7 +31,7 @@ std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t 
 Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random);
 
 // The same for a scene of the preset objects: others come from the half of the textures that scenes
-// take last. As long as a set has no more objects than the other half, no picture shows another
+// take last. As long as a set has no more objects than the other half, no image shows another
 // object of the set in its background, where two answers would be correct.
 Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
                     Random& random);
@@ -39,7 +39,7 @@ Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_
 // One of the others; null where there is none.
 const Texture* AnyOther(const Cast& cast, Random& random);
 
-// The surroundings of the object: the picture behind it and occluders in front of it.
+// The surroundings of the object: the image behind it and occluders in front of it.
 
 // height x width colours: a part of `texture`, rotated, perhaps out of focus; or a soft gradient
 // when it is null.

@@ -61,7 +61,7 @@ class Budget:
     correspondences: int = 128
     crop_px: int = 240
     fit_scenes: int = 150     # scenes whose features the localisation network is fitted on
-    fit_per_view: int = 100   # key points of each of their views
+    fit_per_view: int = 100   # keypoints of each of their views
     fit_steps: int = 1000
     seed: int = 1
 

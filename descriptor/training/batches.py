@@ -23,23 +23,23 @@ _CROP_MARGIN_PX = 12
 
 @dataclass(frozen=True)
 class BatchOptions:
-    correspondences: int = 256   # pairs of key points in a batch
-    per_pair: int = 48           # at most, from one pair of pictures
+    correspondences: int = 256   # pairs of keypoints in a batch
+    per_pair: int = 48           # at most, from one pair of images
     min_per_pair: int = 8        # fewer and the pair is skipped (except to fill up the batch)
     radius_per_size: tuple[float, float] = (6.0, 14.0)  # log-uniform, one value a batch
-    size_jitter: float = 0.0     # sizes of key points err by up to so many octaves, each its own way
+    size_jitter: float = 0.0     # sizes of keypoints err by up to so many octaves, each its own way
     max_gamma_log: float = 0.35  # photometric augmentation: grey^exp(U(-g, g))
     crop_px: int = 0             # side of the windows for the backbone; 0 = no windows
-    extra_keypoints: int = 0     # further key points a window, for the supervised warp only
+    extra_keypoints: int = 0     # further keypoints a window, for the supervised warp only
 
 
 @dataclass
 class Batch:
-    """N correspondences: key points 0..N-1 and N..2N-1 belong together; E extra ones follow."""
+    """N correspondences: keypoints 0..N-1 and N..2N-1 belong together; E extra ones follow."""
 
-    pictures: np.ndarray                 # U8 [2P, H, W]
+    images: np.ndarray                 # U8 [2P, H, W]
     gamma: np.ndarray                    # F32 [2P]
-    index: np.ndarray                    # I64 [2N] picture of each key point
+    index: np.ndarray                    # I64 [2N] image of each keypoint
     keypoints: np.ndarray                # F32 [2N, 4] x, y, size, angle
     surface: np.ndarray                  # I64 [N] equal for points of one chart of one scene
     texture: np.ndarray                  # I64 [N] equal where surfaces look alike
@@ -55,7 +55,7 @@ class Batch:
 class _Draft:
     """The lists from which a batch is put together."""
 
-    pictures: list = field(default_factory=list)
+    images: list = field(default_factory=list)
     windows: list = field(default_factory=list)
     sides: tuple[list, list] = field(default_factory=lambda: ([], []))
     warps: tuple[list, list] = field(default_factory=lambda: ([], []))
@@ -98,7 +98,7 @@ class SceneSet:
 
 
 def _spaced(rng: np.random.Generator, xy_a: np.ndarray, xy_b: np.ndarray, count: int) -> list[int]:
-    """Random rows such that no two lie within 3 px of each other in either picture."""
+    """Random rows such that no two lie within 3 px of each other in either image."""
     kept: list[int] = []
     for row in rng.permutation(len(xy_a)):
         if len(kept) == count:
@@ -111,10 +111,10 @@ def _spaced(rng: np.random.Generator, xy_a: np.ndarray, xy_b: np.ndarray, count:
 
 
 def _window(rng: np.random.Generator, xy: np.ndarray, shape: tuple[int, int], side: int) -> np.ndarray:
-    """Corner of a window of the given side near the key points' median, inside the picture."""
+    """Corner of a window of the given side near the keypoints' median, inside the image."""
     height, width = shape
     if side > min(height, width):
-        raise ValueError(f"crop_px {side} exceeds the pictures ({width}x{height})")
+        raise ValueError(f"crop_px {side} exceeds the images ({width}x{height})")
     centre = np.median(xy, 0) + rng.uniform(-side / 5, side / 5, 2)
     return np.clip(np.rint(centre - side / 2), 0, [width - side, height - side]).astype(np.int64)
 
@@ -128,8 +128,8 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
               rng: np.random.Generator) -> None:
     scene, features = data.scenes[which], data.features[which]
     wanted = options.correspondences - sum(draft.counts)
-    if draft.pictures and scene.images.shape[1:] != draft.pictures[0].shape:
-        return  # pictures of a batch are of one size
+    if draft.images and scene.images.shape[1:] != draft.images[0].shape:
+        return  # images of a batch are of one size
     a, b = data.usable[which][rng.integers(len(data.usable[which]))]
     rows = features.pairs[a, b]
     if rng.random() < 0.5:
@@ -146,7 +146,7 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
     if len(kept) < min(options.min_per_pair, wanted):
         return
     for side, (number, view) in enumerate(((a, views[0]), (b, views[1]))):
-        draft.pictures.append(scene.images[number])
+        draft.images.append(scene.images[number])
         table = _jittered(tables[side][kept], options.size_jitter, rng)
         draft.sides[side].append(table)
         if options.crop_px:
@@ -169,7 +169,7 @@ def _jittered(keypoints: np.ndarray, octaves: float, rng: np.random.Generator) -
 
 def _supervision(scene: Scene, number: int, view: ViewFeatures, rows: np.ndarray,
                  keypoints: np.ndarray, radius: float):
-    """True warps around key points `rows` of a view, whose sizes may differ from the detector's."""
+    """True warps around keypoints `rows` of a view, whose sizes may differ from the detector's."""
     points = type(view.points)(view.points.chart[rows], view.points.uv[rows])
     return true_warp(scene, number, points, keypoints, radius)
 
@@ -201,7 +201,7 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
     counts = np.array(draft.counts)
     pair = np.repeat(np.arange(len(counts)), counts)
     batch = Batch(
-        pictures=np.stack(draft.pictures),
+        images=np.stack(draft.images),
         gamma=np.exp(rng.uniform(-1, 1, 2 * len(counts)) * options.max_gamma_log).astype(np.float32),
         index=np.concatenate([2 * pair, 2 * pair + 1]),
         keypoints=np.concatenate([*draft.sides[0], *draft.sides[1]]).astype(np.float32),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """DEAL on a regular grid: the first row of the paper's ablation (section 4.3, "Cartesian NRW").
 
-A square of the disc's area replaces the polar grid. It is turned by the key point's angle, because
+A square of the disc's area replaces the polar grid. It is turned by the keypoint's angle, because
 a regular grid does not get rotation invariance from pooling; HardNet has its published form. The
 warp is the same field of displacements, read at the square's points.
 """
@@ -55,7 +55,7 @@ def displacement_at(displacement: torch.Tensor, points: torch.Tensor) -> torch.T
 
 
 class CartesianDeal(Deal):
-    """Key points [N, 4] = x, y, size, angle in degrees."""
+    """Keypoints [N, 4] = x, y, size, angle in degrees."""
 
     format = "pliant-deal-cartesian"
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Learning curves of a run folder as a picture.
+"""Learning curves of a run folder as an image.
 
     python3 -m descriptor.training.curves RUN/hardnet RUN/warp RUN/joint --out curves.png
 """

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""SIFT's key-point detector (Lowe 2004, sections 3 and 4) in NumPy, without orientations.
+"""SIFT's keypoint detector (Lowe 2004, sections 3 and 4) in NumPy, without orientations.
 
 For machines without OpenCV: the conventions (doubled first octave, 3 layers, sigma 1.6, contrast
-0.04, edge ratio 10, size as a diameter) are OpenCV's, so that weights trained on these key points
+0.04, edge ratio 10, size as a diameter) are OpenCV's, so that weights trained on these keypoints
 fit those that OpenCV's detector finds.
 """
 
@@ -51,7 +51,7 @@ def _doubled(image: np.ndarray) -> np.ndarray:
 
 
 def _octave(base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Differences of Gaussians [5, H, W] of one octave, and the next octave's first picture."""
+    """Differences of Gaussians [5, H, W] of one octave, and the next octave's first image."""
     step = 2 ** (1 / _LAYERS)
     gaussians = [base]
     for layer in range(1, _LAYERS + 3):
@@ -129,9 +129,9 @@ def _refine(dog: np.ndarray, at: np.ndarray, threshold: float) -> tuple[np.ndarr
     return tuple(np.concatenate(part) for part in zip(*done))
 
 
-def detect(picture: np.ndarray, contrast_threshold: float = CONTRAST) -> np.ndarray:
-    """[N, 4] x, y, size, response of a grey uint8 picture [H, W]; pixel centres at integers."""
-    base = _doubled(picture.astype(np.float32) / 255)
+def detect(image: np.ndarray, contrast_threshold: float = CONTRAST) -> np.ndarray:
+    """[N, 4] x, y, size, response of a grey uint8 image [H, W]; pixel centres at integers."""
+    base = _doubled(image.astype(np.float32) / 255)
     base = _blur(base, float(np.sqrt(_SIGMA**2 - (2 * _CAMERA_BLUR) ** 2)))
     octaves = int(round(np.log2(min(base.shape)) - 2))
     found = []
@@ -140,7 +140,7 @@ def detect(picture: np.ndarray, contrast_threshold: float = CONTRAST) -> np.ndar
             break
         dog, base = _octave(base)
         at, offset, contrast = _refine(dog, _extrema(dog, contrast_threshold), contrast_threshold)
-        scale = 2.0**octave / 2  # the first octave is the doubled picture
+        scale = 2.0**octave / 2  # the first octave is the doubled image
         xy = (at[:, :0:-1] + offset[:, :2]) * scale
         size = _SIGMA * 2 ** ((at[:, 0] + offset[:, 2]) / _LAYERS) * 2 * scale
         found.append(np.column_stack([xy, size, contrast]))

@@ -54,12 +54,12 @@ class TrainingStep:
             return torch.autocast("cuda", torch.bfloat16)
         return contextlib.nullcontext()
 
-    def _warp(self, batch: Batch, pictures: torch.Tensor, keypoints: torch.Tensor,
+    def _warp(self, batch: Batch, images: torch.Tensor, keypoints: torch.Tensor,
               index: torch.Tensor) -> torch.Tensor:
-        """theta of all key points (correspondences, then extra ones) from the windows' features."""
+        """theta of all keypoints (correspondences, then extra ones) from the windows' features."""
         side = self.stage.batch.crop_px
-        windows = torch.stack([picture[y:y + side, x:x + side]
-                               for picture, (x, y) in zip(pictures, batch.windows.tolist())])
+        windows = torch.stack([image[y:y + side, x:x + side]
+                               for image, (x, y) in zip(images, batch.windows.tolist())])
         index = torch.cat([index, self._move(batch.extra_index)])
         where = torch.cat([keypoints, self._move(batch.extra_keypoints)])
         local = where.clone()
@@ -69,10 +69,10 @@ class TrainingStep:
         sampled = self.model.sample(maps.float(), windows.shape[1:], index, local)
         return self.model.localization(sampled)
 
-    def _describe(self, batch: Batch, pictures: torch.Tensor, keypoints: torch.Tensor,
+    def _describe(self, batch: Batch, images: torch.Tensor, keypoints: torch.Tensor,
                   index: torch.Tensor, theta: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
         displacement = None if theta is None else self.model.displacement(theta[:len(index)])
-        patches = self.model.patches(pictures, index, keypoints, batch.radius_per_size, displacement)
+        patches = self.model.patches(images, index, keypoints, batch.radius_per_size, displacement)
         if self.preset.patch_noise > 0:
             strength = torch.rand(len(patches), 1, 1, device=self.device) * self.preset.patch_noise
             patches = patches + torch.randn_like(patches) * strength
@@ -83,12 +83,12 @@ class TrainingStep:
         """Of a batch of tensors (prefetch.py): the loss (to be differentiated) and the figures of the step,
         which stay on the device, so that a GPU need not be waited for."""
         stage, figures = self.stage, {}
-        pictures = self._move(batch.pictures).float().div_(255)
-        pictures = pictures.clamp_(1e-3).pow_(self._move(batch.gamma)[:, None, None])
+        images = self._move(batch.images).float().div_(255)
+        images = images.clamp_(1e-3).pow_(self._move(batch.gamma)[:, None, None])
         keypoints, index = self._move(batch.keypoints), self._move(batch.index)
         loss, theta = torch.zeros((), device=self.device), None
         if stage.uses_warp:
-            theta = self._warp(batch, pictures, keypoints, index)
+            theta = self._warp(batch, images, keypoints, index)
         if stage.trains_warp:
             predicted = self.model.displacement(theta, self.points)
             truth, known = self._move(batch.warp), self._move(batch.warp_known)
@@ -98,7 +98,7 @@ class TrainingStep:
             figures["warp_loss"] = supervised.detach()
             figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
         if stage.train_hardnet:
-            a, b = self._describe(batch, pictures, keypoints, index, theta)
+            a, b = self._describe(batch, images, keypoints, index, theta)
             first, second = keypoints[:, :2].chunk(2)
             ignore = losses.false_negatives(first, second, self._move(batch.surface), self._move(batch.texture))
             if stage.triplet:

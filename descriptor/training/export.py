@@ -6,7 +6,7 @@
         --model descriptor/model --goldens tests/data --against descriptor/model/deal.safetensors
 
 The comparison (SIFT, RootSIFT, the weights with and without warp, and those of --against) is made
-on the development scenes with shared key points and written to comparison.csv and to the card.
+on the development scenes with shared keypoints and written to comparison.csv and to the card.
 
     python3 -m descriptor.training.export --onnx deal.onnx
 
@@ -36,13 +36,13 @@ _SHIPPED = Path(__file__).resolve().parent.parent / "model" / "deal.safetensors"
 _LIMITS = """## Limits
 
 - Trained on simulated cloth only. Real materials bend, shine and blur in ways that the simulator does not know.
-- The descriptor describes SIFT key points; where SIFT finds nothing twice, nothing can be matched.
-- Rotation in the picture is free; mirror images and views from behind are not covered.
+- The descriptor describes SIFT keypoints; where SIFT finds nothing twice, nothing can be matched.
+- Rotation in the image is free; mirror images and views from behind are not covered.
 - Repeated patterns look alike to it, as to every local descriptor.
 
 ## Conventions
 
-Metadata: `format` = `pliant-deal`; `radius_per_size`: support radius R over the key point's size. Polar grid, control points and sampling are
+Metadata: `format` = `pliant-deal`; `radius_per_size`: support radius R over the keypoint's size. Polar grid, control points and sampling are
 those of `descriptor/deal/network.h` and `descriptor/training`. Tensor names follow ResNet's habit: `backbone.*`, `localization.fc1..4`,
 `hardnet.*`; PyTorch layouts. The localisation network's widths are read from the tensors.
 """
@@ -79,7 +79,7 @@ def compare(weights: dict[str, Path], pairs: list[MatchingPair], device: torch.d
 
 
 def best_radius(path: Path, pairs: list[MatchingPair], radii: list[float], device: torch.device) -> float:
-    """The support radius (per key-point size) with the highest MMA."""
+    """The support radius (per keypoint size) with the highest MMA."""
     model, _ = load_model(path)
     model.to(device)
     scores = {radius: evaluate(deal_describer(model, radius, True, device), pairs)["mma"] for radius in radii}
@@ -106,8 +106,8 @@ digits. Features, vocabularies and databases carry that id; replacing the file m
 
 ## Development set
 
-{pairs} pairs of views of simulated objects whose textures are not in the training set; SIFT key points (one per place), shared by all
-methods, 3 px. MS = correct / min(key points), MMA = correct among the true pairs, precision = correct mutual nearest neighbours.
+{pairs} pairs of views of simulated objects whose textures are not in the training set; SIFT keypoints (one per place), shared by all
+methods, 3 px. MS = correct / min(keypoints), MMA = correct among the true pairs, precision = correct mutual nearest neighbours.
 
 | method | MS | MMA | precision | MS / MS(SIFT) |
 |---|---|---|---|---|

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""SIFT key points and correspondences of a scene, cached beside the scene file.
+"""SIFT keypoints and correspondences of a scene, cached beside the scene file.
 
     python3 -m descriptor.training.features DIR --jobs 2
 
-Key points are detected independently in every view. A correspondence is a pair of key points
+Keypoints are detected independently in every view. A correspondence is a pair of keypoints
 within 3 px of the true position whose sizes agree with the local scale of the surface within an octave.
 """
 
@@ -35,7 +35,7 @@ SCALE_TOLERANCE_LOG2 = 1.0  # beyond, two different things share a place
 
 @dataclass(frozen=True)
 class ViewFeatures:
-    """Key points on the surfaces of one view, strongest first, and where they lie."""
+    """Keypoints on the surfaces of one view, strongest first, and where they lie."""
 
     keypoints: np.ndarray  # [N, 4] x, y, size, angle in degrees (-1: the detector gives none)
     points: SurfacePoints
@@ -47,17 +47,17 @@ class SceneFeatures:
     pairs: dict[tuple[int, int], np.ndarray]  # (a, b), a < b -> [M, 2] rows of the two views
 
 
-def detect(picture: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool = True,
+def detect(image: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool = True,
            contrast: float = dog.CONTRAST) -> np.ndarray:
     """[N, 6] x, y, size, angle, response, octave; response descending, then y, x, size, angle.
 
-    With one_per_place, repeats of a key point with another orientation are dropped. Without OpenCV
+    With one_per_place, repeats of a keypoint with another orientation are dropped. Without OpenCV
     there are no orientations (angle -1) and no octaves.
     """
     if cv2 is None:
-        rows = [[x, y, size, -1, response, 0] for x, y, size, response in dog.detect(picture, contrast)]
+        rows = [[x, y, size, -1, response, 0] for x, y, size, response in dog.detect(image, contrast)]
     else:
-        found = cv2.SIFT_create(2 * count, contrastThreshold=contrast).detect(picture, None)
+        found = cv2.SIFT_create(2 * count, contrastThreshold=contrast).detect(image, None)
         rows = [[k.pt[0], k.pt[1], k.size, k.angle, k.response, k.octave] for k in found]
     table = np.array(rows, np.float32).reshape(-1, 6)
     order = np.lexsort((table[:, 3], table[:, 2], table[:, 0], table[:, 1], -table[:, 4]))
@@ -70,7 +70,7 @@ def detect(picture: np.ndarray, count: int = MAX_KEYPOINTS, one_per_place: bool 
 
 def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
                   tolerance_px: float = POSITION_TOLERANCE_PX) -> np.ndarray:
-    """[M, 2] mutually nearest key points of views a and b, by position and scale."""
+    """[M, 2] mutually nearest keypoints of views a and b, by position and scale."""
     first, second = features[a], features[b]
     if not len(first.keypoints) or not len(second.keypoints):
         return np.zeros((0, 2), np.int32)

@@ -16,7 +16,7 @@ namespace {
 constexpr int kMaxChannels = 512;
 
 struct Shape {
-  long pictures, height, width, channels;
+  long images, height, width, channels;
   long row() const { return width * channels; }
 };
 
@@ -25,16 +25,16 @@ struct Layer {
   int relu, wrap;
 };
 
-// The gradient that reaches row h of picture n: its own and those of the padding rows that copy it.
+// The gradient that reaches row h of image n: its own and those of the padding rows that copy it.
 struct GradRows {
   const float *own, *extra;
 };
 
 GradRows RowsOf(const float* grad_y, const Shape& s, int wrap, long n, long h) {
-  const float* picture = grad_y + n * (s.height + 2 * wrap) * s.row();
-  GradRows rows{picture + (h + wrap) * s.row(), nullptr};
-  if (wrap && h == 0) rows.extra = picture + (s.height + 1) * s.row();
-  if (wrap && h == s.height - 1) rows.extra = picture;
+  const float* image = grad_y + n * (s.height + 2 * wrap) * s.row();
+  GradRows rows{image + (h + wrap) * s.row(), nullptr};
+  if (wrap && h == 0) rows.extra = image + (s.height + 1) * s.row();
+  if (wrap && h == s.height - 1) rows.extra = image;
   return rows;
 }
 
@@ -113,18 +113,18 @@ void pliant_norm_sums(const float* x, long rows, long channels, double* sum, dou
 }
 
 void pliant_norm_forward(const float* x, const float* residual, const float* scale,
-                         const float* shift, int relu, int wrap, long pictures, long height,
+                         const float* shift, int relu, int wrap, long images, long height,
                          long width, long channels, float* y) {
-  const Shape s{pictures, height, width, channels};
+  const Shape s{images, height, width, channels};
 #pragma omp parallel for schedule(static)
-  for (long n = 0; n < pictures; ++n) {
-    float* picture = y + n * (height + 2 * wrap) * s.row();
+  for (long n = 0; n < images; ++n) {
+    float* image = y + n * (height + 2 * wrap) * s.row();
     for (long h = 0; h < height; ++h) {
       const long offset = (n * height + h) * s.row();
       for (long w = 0; w < width; ++w) {
         const float* in = x + offset + w * channels;
         const float* add = residual ? residual + offset + w * channels : nullptr;
-        float* out = picture + (h + wrap) * s.row() + w * channels;
+        float* out = image + (h + wrap) * s.row() + w * channels;
         for (long c = 0; c < channels; ++c) {
           const float v = scale[c] * in[c] + shift[c] + (add ? add[c] : 0.0f);
           out[c] = relu && v < 0 ? 0.0f : v;
@@ -133,8 +133,8 @@ void pliant_norm_forward(const float* x, const float* residual, const float* sca
     }
     if (wrap) {
       const size_t bytes = s.row() * sizeof(float);
-      std::memcpy(picture, picture + height * s.row(), bytes);
-      std::memcpy(picture + (height + 1) * s.row(), picture + s.row(), bytes);
+      std::memcpy(image, image + height * s.row(), bytes);
+      std::memcpy(image + (height + 1) * s.row(), image + s.row(), bytes);
     }
   }
 }
@@ -142,11 +142,11 @@ void pliant_norm_forward(const float* x, const float* residual, const float* sca
 // Per-channel sums of the masked gradient g and of g x^: the gradients of shift and scale/rstd.
 void pliant_norm_backward_sums(const float* grad_y, const float* x, const float* residual,
                                const float* scale, const float* shift, const float* mean,
-                               const float* rstd, int relu, int wrap, long pictures, long height,
+                               const float* rstd, int relu, int wrap, long images, long height,
                                long width, long channels, double* sum, double* product) {
-  const Shape s{pictures, height, width, channels};
+  const Shape s{images, height, width, channels};
   const Layer layer{scale, shift, mean, rstd, relu, wrap};
-  Reduce(pictures * height, channels, sum, product, [&](long begin, long end, double* out) {
+  Reduce(images * height, channels, sum, product, [&](long begin, long end, double* out) {
     std::vector<float> row(s.row());
     for (long r = begin; r < end; ++r) {
       MaskedRow(grad_y, x, residual, layer, s, r, row.data());
@@ -169,16 +169,16 @@ void pliant_norm_backward_sums(const float* grad_y, const float* x, const float*
 // grad_x = scale (g - mean(g) - x^ mean(g x^)); grad_residual (or null) = g.
 void pliant_norm_backward(const float* grad_y, const float* x, const float* residual,
                           const float* scale, const float* shift, const float* mean,
-                          const float* rstd, int relu, int wrap, long pictures, long height,
+                          const float* rstd, int relu, int wrap, long images, long height,
                           long width, long channels, const float* mean_g, const float* mean_gx,
                           float* grad_x, float* grad_residual) {
-  const Shape s{pictures, height, width, channels};
+  const Shape s{images, height, width, channels};
   const Layer layer{scale, shift, mean, rstd, relu, wrap};
 #pragma omp parallel
   {
     std::vector<float> row(s.row());
 #pragma omp for schedule(static)
-    for (long r = 0; r < pictures * height; ++r) {
+    for (long r = 0; r < images * height; ++r) {
       MaskedRow(grad_y, x, residual, layer, s, r, row.data());
       const float* __restrict in = x + r * s.row();
       const float* __restrict g = row.data();

@@ -3,11 +3,11 @@
 """The constants of the second spatial transformer: polar grid and thin-plate-spline basis.
 
 The grid is normalised by the half width of the linear grid, so the basis is the same for every key
-point and every radius (paper, section 3.2): one product (1024 x 66)(66 x 2N) warps N key points.
+point and every radius (paper, section 3.2): one product (1024 x 66)(66 x 2N) warps N keypoints.
 
 The rings of the paper's grid are at equal distances (LINEAR). On a LOGARITHMIC grid (Ebel et al.,
 "Beyond Cartesian Representations for Local Descriptors", ICCV 2019) each ring is the same factor
-larger than the one inside it, so that another size of the key point shifts the patch along its rows.
+larger than the one inside it, so that another size of the keypoint shifts the patch along its rows.
 """
 
 from __future__ import annotations

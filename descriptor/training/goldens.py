@@ -5,7 +5,7 @@
     python3 -m descriptor.training.goldens --model descriptor/model/deal.safetensors --out tests/data
 
 Everything is computed in double precision and stored as float32, so the file holds the true values
-and not one implementation's rounding. Pictures are drawn procedurally. README.md lists the tensors.
+and not one implementation's rounding. Images are drawn procedurally. README.md lists the tensors.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from . import geometry, tensor_file
 from .model import Deal, load_model
 
 SIZES = ((75, 53), (163, 117))  # width, height: no multiples of 8 or 32
-_DETAILED = 6                   # key points whose large per-stage tensors are stored
+_DETAILED = 6                   # keypoints whose large per-stage tensors are stored
 
 
-def draw_picture(width: int, height: int, seed: int) -> np.ndarray:
+def draw_image(width: int, height: int, seed: int) -> np.ndarray:
     """[height, width] uint8: smooth shading, discs, bars and letters, a little noise."""
     rng = np.random.RandomState(seed)
     y, x = np.mgrid[0:height, 0:width]
@@ -56,10 +56,10 @@ def choose_keypoints(width: int, height: int, count: int, seed: int) -> np.ndarr
 
 
 @torch.no_grad()
-def compute_stages(model: Deal, picture: np.ndarray, keypoints: np.ndarray,
+def compute_stages(model: Deal, image: np.ndarray, keypoints: np.ndarray,
                    radius_per_size: float) -> dict[str, np.ndarray]:
     """Values after each stage of a model in double precision, by golden tensor name."""
-    image = torch.from_numpy(picture / 255.0)[None]
+    image = torch.from_numpy(image / 255.0)[None]
     points = torch.from_numpy(keypoints.astype(np.float64))
     index = torch.zeros(len(points), dtype=torch.long)
     maps = model.backbone(image)
@@ -97,10 +97,10 @@ def write_goldens(model_path: Path, out: Path) -> list[Path]:
     written = []
     for i, (width, height) in enumerate(SIZES):
         stem = out / f"golden_{width}x{height}"
-        picture = draw_picture(width, height, seed=11 + i)
+        image = draw_image(width, height, seed=11 + i)
         keypoints = choose_keypoints(width, height, count=12 + 8 * i, seed=23 + i)
-        stages = compute_stages(model, picture, keypoints, radius_per_size)
-        if not cv2.imwrite(f"{stem}.png", picture):
+        stages = compute_stages(model, image, keypoints, radius_per_size)
+        if not cv2.imwrite(f"{stem}.png", image):
             raise OSError(f"cannot write {stem}.png")
         tensor_file.save(f"{stem}.safetensors", stages,
                          {**common, "image": f"{stem.name}.png, grey, values / 255"})

@@ -41,7 +41,7 @@ if [ ! -x "$WORK/simulate" ]; then
   ${CXX:-c++} "$WORK"/*.o -o "$WORK/simulate" -pthread
 fi
 
-make_scenes() { # FOLDER SET FROM TO SECONDS NICENESS: scenes and their key points; gives up after so long
+make_scenes() { # FOLDER SET FROM TO SECONDS NICENESS: scenes and their keypoints; gives up after so long
   nice -n "$6" timeout "$5" "$WORK/simulate" --textures "$PACK" --out "$1" --preset "$2" --first "$3" --scenes "$(($4 - $3))" \
     --views "$VIEWS" --width "${SIZE%x*}" --height "${SIZE#*x}" --seed 1 --jobs "$(nproc)" || true
   OMP_NUM_THREADS=1 nice -n "$6" timeout "$5" "$PYTHON" -W ignore -m descriptor.training.features "$1" --jobs "$(nproc)"
@@ -60,7 +60,7 @@ if [ "$FIRST" -lt "$SCENES" ]; then
       to=$((from + FIRST < SCENES ? from + FIRST : SCENES))
       for set in $SETS; do
         make_scenes "$WORK/more/$set" "$set" "$from" "$to" "$(left)" 19
-        # The key points before the scenes: a scene that is seen must not be without.
+        # The keypoints before the scenes: a scene that is seen must not be without.
         mv -n "$WORK/more/$set"/*.features "$WORK/more/$set"/*.safetensors "$WORK/scenes/$set/"
       done
     done

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Losses on descriptors of corresponding key points, and on the warp.
+"""Losses on descriptors of corresponding keypoints, and on the warp.
 
 All take unit descriptors a, b [N, D] (row i of a belongs to row i of b) and a mask [N, N] of pairs
 (i, j) that must not count as negatives.

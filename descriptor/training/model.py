@@ -3,7 +3,7 @@
 """The DEAL network (Potje et al., NeurIPS 2021): deformation-aware local features.
 
 Conventions (shared with the C++ side; tests/data/golden_* pin them):
-  pictures   [I, H, W] grey in [0, 1];  key points [N, 3 or more] = x, y, size in pixels of their picture
+  images   [I, H, W] grey in [0, 1];  keypoints [N, 3 or more] = x, y, size in pixels of their image
   radius     R = radius_per_size * size;  displacements in units of R unless named _px
   theta      [N, 66, 2] TPS parameters after tanh
 """
@@ -22,7 +22,7 @@ from . import geometry, tensor_file
 from .backbone import Backbone
 from .fast_linear import linear
 from .hardnet import HardNet
-from .sampling import sample_features, sample_pictures
+from .sampling import sample_features, sample_images
 
 DEFAULT_WIDTHS = (512, 256, 256)
 _SAMPLED_VALUES = 25 * 128
@@ -107,16 +107,16 @@ class Deal(nn.Module):
         self.basis = _constant(geometry.tps_basis(spacing)).to(like)
         self.linear_basis = _constant(geometry.tps_basis()).to(like)  # the true warp's: warp_target.py
 
-    def features_at(self, pictures: torch.Tensor, index: torch.Tensor,
+    def features_at(self, images: torch.Tensor, index: torch.Tensor,
                     keypoints: torch.Tensor) -> torch.Tensor:
         """Backbone and first spatial transformer: [N, 3200]."""
-        return self.sample(self.backbone(pictures), pictures.shape[1:], index, keypoints)
+        return self.sample(self.backbone(images), images.shape[1:], index, keypoints)
 
     @staticmethod
-    def sample(maps: torch.Tensor, picture_size: torch.Size, index: torch.Tensor,
+    def sample(maps: torch.Tensor, image_size: torch.Size, index: torch.Tensor,
                keypoints: torch.Tensor) -> torch.Tensor:
-        """maps [I, 128, h, w]; picture pixel x lies at cell x (w - 1) / (W - 1)."""
-        height, width = picture_size
+        """maps [I, 128, h, w]; image pixel x lies at cell x (w - 1) / (W - 1)."""
+        height, width = image_size
         scale = keypoints.new_tensor([(maps.shape[3] - 1) / max(width - 1, 1),
                                       (maps.shape[2] - 1) / max(height - 1, 1)])
         return sample_features(maps, index, keypoints[:, :2] * scale)
@@ -131,22 +131,22 @@ class Deal(nn.Module):
         """Sampling points [N or 1, 1024, 2] in units of R; the fixed grid where displacement is None."""
         return self.unit_grid[None] if displacement is None else self.unit_grid + displacement
 
-    def patches(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
+    def patches(self, images: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
                 radius_per_size: float | torch.Tensor,
                 displacement: torch.Tensor | None = None) -> torch.Tensor:
-        """Patches [N, 32, 32] of the pictures at offsets()."""
+        """Patches [N, 32, 32] of the images at offsets()."""
         radius = (keypoints[:, 2] * radius_per_size)[:, None, None]
         grid = keypoints[:, None, :2] + radius * self.offsets(keypoints, displacement)
-        return sample_pictures(pictures, index, grid).view(-1, geometry.GRID, geometry.GRID)
+        return sample_images(images, index, grid).view(-1, geometry.GRID, geometry.GRID)
 
-    def forward(self, pictures: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
+    def forward(self, images: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
                 radius_per_size: float, warp: bool = True) -> torch.Tensor:
         """Descriptors [N, 128]."""
         displacement = None
         if warp:
-            theta = self.localization(self.features_at(pictures, index, keypoints))
+            theta = self.localization(self.features_at(images, index, keypoints))
             displacement = self.displacement(theta)
-        return self.hardnet(self.patches(pictures, index, keypoints, radius_per_size, displacement))
+        return self.hardnet(self.patches(images, index, keypoints, radius_per_size, displacement))
 
 
 def _constant(array: np.ndarray) -> torch.Tensor:

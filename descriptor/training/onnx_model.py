@@ -7,7 +7,7 @@
     output   descriptors [N, 128] float32, unit length
 
 It holds operators of opset 13 only (sampling is Gather, exact in every runtime), and the metadata of the weights'
-file with their SHA-256. Key points are detected outside of it.
+file with their SHA-256. Keypoints are detected outside of it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _cells(coordinate: torch.Tensor, extent: torch.Tensor) -> tuple[torch.Tensor
 
 
 class OnnxDeal(nn.Module):
-    """Deal.forward for one picture, of operators that ONNX has and with nothing fixed but the weights."""
+    """Deal.forward for one image, of operators that ONNX has and with nothing fixed but the weights."""
 
     def __init__(self, model: Deal, radius_per_size: float):
         super().__init__()
@@ -56,7 +56,7 @@ class OnnxDeal(nn.Module):
         self.register_buffer("theta_bias", bias.detach())
 
     def features_at(self, maps: torch.Tensor, image: torch.Tensor, keypoints: torch.Tensor) -> torch.Tensor:
-        """5 x 5 neighbourhoods of maps [1, C, h, w] at the key points: [N, 25 C]."""
+        """5 x 5 neighbourhoods of maps [1, C, h, w] at the keypoints: [N, 25 C]."""
         channels = maps.shape[1]
         height, width = _side(maps, 2), _side(maps, 3)
         scale = [(width - 1) / (_side(image, 3) - 1).clamp(min=1), (height - 1) / (_side(image, 2) - 1).clamp(min=1)]
@@ -83,7 +83,7 @@ class OnnxDeal(nn.Module):
         return torch.matmul(self.model.basis, theta.view(-1, geometry.TPS_PARAMETERS, 2)) * self.model.gain
 
     def patches(self, image: torch.Tensor, points: torch.Tensor) -> torch.Tensor:
-        """The picture at points [N, 1024, 2]: [N, 32, 32]."""
+        """The image at points [N, 1024, 2]: [N, 32, 32]."""
         height, width = _side(image, 2), _side(image, 3)
         x, across = _cells(points[..., 0], width)
         y, along = _cells(points[..., 1], height)
@@ -114,7 +114,7 @@ def write_onnx(weights: str | os.PathLike, path: str | os.PathLike) -> None:
         raise OnnxError("writing ONNX needs the package onnx (Debian: python3-onnx)") from error
     model, metadata = load_model(weights)
     network = OnnxDeal(model, float(metadata["radius_per_size"])).eval()
-    # Any picture and key points will do: nothing of them stays in the graph.
+    # Any image and keypoints will do: nothing of them stays in the graph.
     example = (torch.rand(1, 1, 53, 75), torch.tensor([[20.0, 30.0, 4.0], [40.5, 20.25, 9.0]]))
     # Debian 13's PyTorch has two exporters, of which this is the one that Debian 12's has.
     legacy = {"dynamo": False} if "dynamo" in inspect.signature(torch.onnx.export).parameters else {}

@@ -17,14 +17,14 @@ def _corners(coordinate: torch.Tensor, extent: int) -> tuple[torch.Tensor, torch
     return first, clamped - first
 
 
-class _SamplePictures(torch.autograd.Function):
+class _SampleImages(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, pictures, index, xy):
-        _, height, width = pictures.shape
+    def forward(ctx, images, index, xy):
+        _, height, width = images.shape
         x0, fx = _corners(xy[..., 0], width)
         y0, fy = _corners(xy[..., 1], height)
         base = index[:, None] * (height * width) + (y0 * width + x0).long()
-        flat = pictures.reshape(-1)
+        flat = images.reshape(-1)
         take = lambda offset: torch.take(flat, base + offset)  # noqa: E731
         right, down = int(width > 1), width * int(height > 1)
         v00, v10 = take(0), take(right)
@@ -46,12 +46,12 @@ class _SamplePictures(torch.autograd.Function):
         return None, None, torch.stack([grad * gx, grad * gy], -1)
 
 
-def sample_pictures(pictures: torch.Tensor, index: torch.Tensor, xy: torch.Tensor) -> torch.Tensor:
-    """pictures [I, H, W], index [N] picture of each point set, xy [N, M, 2] px -> [N, M].
+def sample_images(images: torch.Tensor, index: torch.Tensor, xy: torch.Tensor) -> torch.Tensor:
+    """images [I, H, W], index [N] image of each point set, xy [N, M, 2] px -> [N, M].
 
     Differentiable in xy only.
     """
-    return _SamplePictures.apply(pictures, index, xy)
+    return _SampleImages.apply(images, index, xy)
 
 
 class _GatherRows(torch.autograd.Function):

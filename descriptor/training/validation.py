@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Matching score and accuracy on development scenes (3 px, nearest neighbour, shared key points).
+"""Matching score and accuracy on development scenes (3 px, nearest neighbour, shared keypoints).
 
-G: one-to-one true pairs of key points within 3 px, nearest first. A match of i is its nearest
-neighbour over all key points on the surfaces of the second picture; it is correct within 3 px.
+G: one-to-one true pairs of keypoints within 3 px, nearest first. A match of i is its nearest
+neighbour over all keypoints on the surfaces of the second image; it is correct within 3 px.
     MS = correct / min(n1, n2)    MMA = correct among G / G    precision = correct mutual / mutual
 """
 
@@ -27,14 +27,14 @@ _MIN_TRUE_PAIRS = 12
 
 @dataclass(frozen=True)
 class MatchingPair:
-    pictures: tuple[np.ndarray, np.ndarray]
+    images: tuple[np.ndarray, np.ndarray]
     keypoints: tuple[np.ndarray, np.ndarray]  # [n, 6], on the surfaces only
     distance: np.ndarray                      # [n1, n2] px from the true position, inf if hidden
     partners: np.ndarray                      # [G, 2]
     name: str
 
 
-Describe = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (picture, key points [n, 6]) -> [n, D]
+Describe = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (image, keypoints [n, 6]) -> [n, D]
 
 
 def one_to_one(distance: np.ndarray, tolerance_px: float) -> np.ndarray:
@@ -100,7 +100,7 @@ def score(pair: MatchingPair, a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 
 def evaluate(describe: Describe, pairs: list[MatchingPair]) -> dict[str, float]:
     """Means over the pairs."""
-    rows = [score(pair, *(describe(picture, table) for picture, table in zip(pair.pictures, pair.keypoints)))
+    rows = [score(pair, *(describe(image, table) for image, table in zip(pair.images, pair.keypoints)))
             for pair in pairs]
     return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
 
@@ -108,11 +108,11 @@ def evaluate(describe: Describe, pairs: list[MatchingPair]) -> dict[str, float]:
 def sift_describer(root: bool) -> Describe:
     import cv2  # only here: a bare training machine validates without the baselines
 
-    def describe(picture: np.ndarray, table: np.ndarray) -> np.ndarray:
+    def describe(image: np.ndarray, table: np.ndarray) -> np.ndarray:
         keypoints = [cv2.KeyPoint(*map(float, row[:5]), int(row[5])) for row in table]
-        kept, descriptors = cv2.SIFT_create().compute(picture, keypoints)
+        kept, descriptors = cv2.SIFT_create().compute(image, keypoints)
         if len(kept) != len(table):
-            raise RuntimeError(f"SIFT described {len(kept)} of {len(table)} key points")
+            raise RuntimeError(f"SIFT described {len(kept)} of {len(table)} keypoints")
         if root:
             return np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-6))
         return descriptors
@@ -123,10 +123,10 @@ def deal_describer(model: Deal, radius_per_size: float, warp: bool, device: torc
                    chunk: int = 256) -> Describe:
     """Descriptors of a model in evaluation mode; its training modes are restored after each call."""
     @torch.no_grad()
-    def describe(picture: np.ndarray, table: np.ndarray) -> np.ndarray:
+    def describe(image: np.ndarray, table: np.ndarray) -> np.ndarray:
         modes = [(module, module.training) for module in model.modules()]
         model.eval()
-        image = torch.from_numpy(np.array(picture)).to(device).float().div_(255)[None]
+        image = torch.from_numpy(np.array(image)).to(device).float().div_(255)[None]
         points = torch.from_numpy(table[:, :4].copy()).to(device)
         index = torch.zeros(len(points), dtype=torch.long, device=device)
         displacement = None

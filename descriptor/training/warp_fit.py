@@ -5,7 +5,7 @@
     python3 -m descriptor.training.warp_fit extract --scenes DIR --weights W --out features.safetensors
     python3 -m descriptor.training.warp_fit fit --features features.safetensors ... --weights W --out NEW
 
-The backbone runs once over every picture; after that a step of 512 key points costs a fifth of a
+The backbone runs once over every image; after that a step of 512 keypoints costs a fifth of a
 second on one core, a hundredth of a step through the backbone.
 """
 
@@ -41,7 +41,7 @@ class FitOptions:
 @torch.no_grad()
 def extract(directory: Path, model: Deal, radius_per_size: float, per_view: int, first: int,
             last: int | None, seed: int = 0) -> dict[str, np.ndarray]:
-    """Sampled features (float16), true warps and their masks of key points of the scenes' views."""
+    """Sampled features (float16), true warps and their masks of keypoints of the scenes' views."""
     rng = np.random.default_rng(seed)
     parts: dict[str, list[np.ndarray]] = {"features": [], "warp": [], "known": [], "scene": []}
     for number, path in enumerate(sorted(directory.glob("scene_*.safetensors"))[first:last], first):
@@ -154,7 +154,7 @@ def main() -> None:
         tensors = extract(arguments.scenes, model, float(metadata["radius_per_size"]), arguments.per_view,
                           arguments.first, arguments.last)
         tensor_file.save(arguments.out, tensors, {"weights": tensor_file.sha256(arguments.weights)})
-        print(f"{len(tensors['scene'])} key points")
+        print(f"{len(tensors['scene'])} keypoints")
         return
     options = FitOptions(steps=arguments.steps, dropout=arguments.dropout, learning_rate=arguments.learning_rate)
     if arguments.fresh:

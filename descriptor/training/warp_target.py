@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The true local warp around key points, which supervises the localisation network.
+"""The true local warp around keypoints, which supervises the localisation network.
 
-Around a key point the surface maps to the picture by X(p), p in physical units on the chart. With
+Around a keypoint the surface maps to the image by X(p), p in physical units on the chart. With
 J = dX/dp = S Q (polar decomposition: S symmetric, Q a rotation) and s = det(J)^(-1/2), the warp is
     z(e) = (X(p0 + s R Q^T e) - x0) / R - e,
 the displacement in radii that lets every view sample the same piece of surface, up to the rotation
-that the descriptor does not see and the scale that the key point's size already carries.
+that the descriptor does not see and the scale that the keypoint's size already carries.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def true_warp(scene: Scene, view: int, points: SurfacePoints, keypoints: np.ndar
               radius_per_size: float, grid_points: np.ndarray = SUPERVISED_POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Returns displacement [N, G, 2] in radii and mask [N, G] of the points where it is known.
 
-    A key point seen too obliquely, from behind or off the charts has an empty mask.
+    A keypoint seen too obliquely, from behind or off the charts has an empty mask.
     """
     unit = _UNIT[grid_points]
     jacobian = np.nan_to_num(scene.jacobian(view, points).astype(np.float64))

@@ -9,7 +9,7 @@
 
 namespace pliant {
 
-// A point of a picture, in pixels; pixel centres at integers.
+// A point of an image, in pixels; pixel centres at integers.
 struct Vec2 {
   double x = 0;
   double y = 0;
@@ -18,7 +18,7 @@ struct Vec2 {
 
 struct TpsOptions {
   // Weight of the bending energy against the mean squared error, in coordinates scaled to unit
-  // spread (so it does not depend on the size of the picture). 0 = the closest fit that the
+  // spread (so it does not depend on the size of the image). 0 = the closest fit that the
   // control points allow; large = affine.
   double regularization = 1e-3;
   // Up to this many points each carry a basis function: the exact smoothing spline. For n points

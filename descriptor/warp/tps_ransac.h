@@ -46,27 +46,27 @@ std::optional<LocalAffine> FitLocalAffine(std::span<const Vec2> reference,
 bool IsPlausible(double a, double b, double c, double d, double max_anisotropy);
 
 struct Correspondence {
-  Vec2 reference;         // pixels of the reference picture
-  Vec2 query;             // pixels of the query picture
-  double size_ratio = 0;  // key-point size in the query / in the reference; 0 = unknown
+  Vec2 reference;         // pixels of the reference image
+  Vec2 query;             // pixels of the query image
+  double size_ratio = 0;  // keypoint size in the query / in the reference; 0 = unknown
 };
 
 struct TpsRansacOptions {
   std::uint64_t seed = 1;
   int iterations = 1500;    // samples of three, at most
-  double tolerance_px = 4;  // in the query picture, between a point and its mapped partner
-  // The same in the reference picture: where the warp shows that smaller, tolerance_px shrinks to
+  double tolerance_px = 4;  // in the query image, between a point and its mapped partner
+  // The same in the reference image: where the warp shows that smaller, tolerance_px shrinks to
   // this times the warp's local scale, but not below least_tolerance_px. 0: it does not shrink.
   double reference_tolerance_px = 0;
   double least_tolerance_px = 0;
   double regularization = 3e-3;  // of the final spline, see TpsOptions
   double max_anisotropy = 6;     // of local maps, see IsPlausible
-  // The key points' size ratio may differ from the warp's local scale by this factor.
+  // The keypoints' size ratio may differ from the warp's local scale by this factor.
   double max_size_factor = 2;
   int min_inliers = 5;  // fewer agreeing correspondences are attributed to chance
 };
 
-// Pixels of the query picture in which a point may lie from its mapped partner, where the warp
+// Pixels of the query image in which a point may lie from its mapped partner, where the warp
 // scales areas by `determinant`.
 double ToleranceAt(const TpsRansacOptions& options, double determinant);
 

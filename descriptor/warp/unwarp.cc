@@ -105,7 +105,7 @@ std::vector<float> SsimMap(const Image& a, const Image& b) {
   if (a.channels != 1 || b.channels != 1 || a.empty() || a.width != b.width ||
       a.height != b.height) {
     throw Error(ErrorCode::kInvalidArgument, "not_comparable",
-                "SSIM compares two grey pictures of one size");
+                "SSIM compares two grey images of one size");
   }
   constexpr double kC1 = (0.01 * 255) * (0.01 * 255);
   constexpr double kC2 = (0.03 * 255) * (0.03 * 255);

@@ -21,7 +21,7 @@ struct UnwarpedImage {
 UnwarpedImage Unwarp(const Image& frame, const ThinPlateSpline& frame_from_template, int width,
                      int height);
 
-// Structural similarity (Wang et al. 2004) at each pixel of two grey pictures of one size: Gaussian
+// Structural similarity (Wang et al. 2004) at each pixel of two grey images of one size: Gaussian
 // window of 11 x 11, sigma 1.5, K1 = 0.01, K2 = 0.03; 1 = the same, around 0 = nothing in common.
 // Throws kInvalidArgument for colour or sizes that differ.
 std::vector<float> SsimMap(const Image& a, const Image& b);

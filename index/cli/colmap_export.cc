@@ -24,8 +24,8 @@ namespace {
 
 using Pair = std::pair<std::size_t, std::size_t>;
 
-// A point of the upright picture in the pixels as they are stored (EXIF 2.3, tag 0x0112), which is
-// what COLMAP reads. `width`, `height`: of the upright picture.
+// A point of the upright image in the pixels as they are stored (EXIF 2.3, tag 0x0112), which is
+// what COLMAP reads. `width`, `height`: of the upright image.
 Vec2 AsStored(Vec2 p, int orientation, int width, int height) {
   const double right = width - 1.0 - p.x;
   const double below = height - 1.0 - p.y;
@@ -57,7 +57,7 @@ class Export {
   ExitStatus Run() {
     const std::unique_ptr<ColmapDatabase> database =
         CreateColmapDatabase(options_.database, options_.one_camera);
-    folder_ = FindFolderPictures(options_.inputs);
+    folder_ = FindFolderImages(options_.inputs);
     RequireTwo(" found");
     if (!options_.pairs.empty()) ReadPairs();
     DescribeFolder(folder_, engine_, options_.match.threads, interrupt_);
@@ -79,43 +79,42 @@ class Export {
   bool Stopped() const { return interrupt_.requested(); }
 
   void RequireTwo(const std::string& which) const {
-    const std::size_t count = folder_.pictures.size();
+    const std::size_t count = folder_.images.size();
     if (count >= 2) return;
     ReportSkipped(folder_.skipped);
-    throw Error(ErrorCode::kInvalidArgument, "too_few_pictures",
-                std::to_string(count) + (count == 1 ? " picture" : " pictures") + which +
+    throw Error(ErrorCode::kInvalidArgument, "too_few_images",
+                std::to_string(count) + (count == 1 ? " image" : " images") + which +
                     "; two or more are matched with each other");
   }
 
   void Store(ColmapDatabase& database) {
-    for (const FolderPicture& picture : folder_.pictures) {
-      CheckDescriptors(picture.features.descriptors, "the picture's descriptors");
-      packed_.emplace_back(picture.features.descriptors);
-      const Features& features = picture.features;
+    for (const FolderImage& image : folder_.images) {
+      CheckDescriptors(image.features.descriptors, "the image's descriptors");
+      packed_.emplace_back(image.features.descriptors);
+      const Features& features = image.features;
       std::vector<Vec2> points;
       for (const Keypoint& k : features.keypoints) {
         points.push_back(
-            AsStored({k.x, k.y}, picture.exif_orientation, features.width, features.height));
+            AsStored({k.x, k.y}, image.exif_orientation, features.width, features.height));
       }
-      const bool turned = picture.exif_orientation >= 5;
-      numbers_.push_back(
-          database.AddPicture({picture.name, turned ? features.height : features.width,
-                               turned ? features.width : features.height, points}));
+      const bool turned = image.exif_orientation >= 5;
+      numbers_.push_back(database.AddImage({image.name, turned ? features.height : features.width,
+                                            turned ? features.width : features.height, points}));
     }
   }
 
-  // Pairs of pictures, each once, the one that comes first in the folder first.
+  // Pairs of images, each once, the one that comes first in the folder first.
   std::vector<Pair> Pairs() const {
     std::vector<Pair> pairs;
     if (options_.pairs.empty()) {
-      for (std::size_t a = 0; a < folder_.pictures.size(); ++a) {
-        for (std::size_t b = a + 1; b < folder_.pictures.size(); ++b) pairs.emplace_back(a, b);
+      for (std::size_t a = 0; a < folder_.images.size(); ++a) {
+        for (std::size_t b = a + 1; b < folder_.images.size(); ++b) pairs.emplace_back(a, b);
       }
       return pairs;
     }
     std::map<std::string, std::size_t> at;
-    for (std::size_t i = 0; i < folder_.pictures.size(); ++i) at[folder_.pictures[i].name] = i;
-    for (const auto& [first, second] : listed_) {  // those of skipped pictures are left out
+    for (std::size_t i = 0; i < folder_.images.size(); ++i) at[folder_.images[i].name] = i;
+    for (const auto& [first, second] : listed_) {  // those of skipped images are left out
       if (at.contains(first) && at.contains(second)) pairs.emplace_back(at[first], at[second]);
     }
     return pairs;
@@ -129,7 +128,7 @@ class Export {
       throw Error(ErrorCode::kNotFound, "cannot_read", shown + " cannot be read");
     }
     std::set<std::string> names;
-    for (const FolderPicture& picture : folder_.pictures) names.insert(picture.name);
+    for (const FolderImage& image : folder_.images) names.insert(image.name);
     std::string line;
     for (int number = 1; std::getline(file, line); ++number) {
       std::istringstream words(line);
@@ -141,21 +140,21 @@ class Export {
         throw Error(
             ErrorCode::kInvalidArgument, "pairs_invalid",
             shown + ":" + std::to_string(number) + ": " +
-                (!two || first == second ? "a line names two different pictures"
-                                         : "there is no picture " + ToDisplayText(name) +
-                                               " below " + ToDisplayText(folder_.root.string())));
+                (!two || first == second ? "a line names two different images"
+                                         : "there is no image " + ToDisplayText(name) + " below " +
+                                               ToDisplayText(folder_.root.string())));
       }
       listed_.insert(std::minmax(first, second));
     }
     if (!listed_.empty()) return;
-    throw Error(ErrorCode::kInvalidArgument, "pairs_invalid", shown + " names no pictures");
+    throw Error(ErrorCode::kInvalidArgument, "pairs_invalid", shown + " names no images");
   }
 
   std::vector<PointNumbers> MatchPair(std::size_t a, std::size_t b) const {
     std::vector<PointNumbers> found;
-    const Features& first = folder_.pictures[a].features;
+    const Features& first = folder_.images[a].features;
     if (options_.verify) {
-      const Verifier verifier(folder_.pictures[b].features);
+      const Verifier verifier(folder_.images[b].features);
       for (const MatchedPair& pair : verifier.Verify(first).inliers) {
         found.emplace_back(pair.reference, pair.query);
       }
@@ -190,24 +189,23 @@ class Export {
     if (options_.json) {
       PrintJson({{"file", file},
                  {"image_path", root},
-                 {"images", folder_.pictures.size()},
+                 {"images", folder_.images.size()},
                  {"pairs", pairs_},
                  {"matches", matches_},
-                 {"model_id", folder_.pictures[0].features.model_id},
+                 {"model_id", folder_.images[0].features.model_id},
                  {"skipped", SkippedJson(folder_.skipped)}});
       return;
     }
     ReportSkipped(folder_.skipped);
-    Print("wrote " + file + ": " + std::to_string(folder_.pictures.size()) + " pictures below " +
-          root + ", " + std::to_string(matches_) + " matches of " + std::to_string(pairs_) +
-          " pairs");
+    Print("wrote " + file + ": " + std::to_string(folder_.images.size()) + " images below " + root +
+          ", " + std::to_string(matches_) + " matches of " + std::to_string(pairs_) + " pairs");
   }
 
   const EngineOptions& engine_;
   const ColmapExportOptions& options_;
   const Interrupt interrupt_;
   FolderFeatures folder_;
-  std::vector<PackedDescriptors> packed_;  // one a picture
+  std::vector<PackedDescriptors> packed_;  // one an image
   std::vector<int> numbers_;               // in the database
   std::set<std::pair<std::string, std::string>> listed_;
   std::uint64_t pairs_ = 0;

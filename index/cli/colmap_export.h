@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// `pliant match --colmap`: all pictures of a folder matched with each other, for COLMAP.
+// `pliant match --colmap`: all images of a folder matched with each other, for COLMAP.
 #pragma once
 
 #include <filesystem>
@@ -13,17 +13,17 @@
 namespace pliant::cli {
 
 struct ColmapExportOptions {
-  std::vector<std::filesystem::path> inputs;  // one folder, or two or more pictures
+  std::vector<std::filesystem::path> inputs;  // one folder, or two or more images
   std::filesystem::path database;             // a new file
-  std::filesystem::path pairs;                // two names a line; empty = every two pictures
+  std::filesystem::path pairs;                // two names a line; empty = every two images
   bool one_camera = false;
   bool verify = false;  // only matches that agree with a warp
   MatchOptions match;   // threads: of everything
   bool json = false;
 };
 
-// `engine`: what concerns extraction. Pictures that cannot be read are skipped and reported. Throws
-// kInvalidArgument "too_few_pictures", "pairs_invalid", and what CreateColmapDatabase throws.
+// `engine`: what concerns extraction. Images that cannot be read are skipped and reported. Throws
+// kInvalidArgument "too_few_images", "pairs_invalid", and what CreateColmapDatabase throws.
 ExitStatus ExportToColmap(const EngineOptions& engine, const ColmapExportOptions& options);
 
 }  // namespace pliant::cli

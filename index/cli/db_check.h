@@ -14,7 +14,7 @@ enum class Access { kRead, kWrite };
 Engine OpenForCare(EngineOptions& options, Access access, bool with_index = false);
 
 struct CheckOptions {
-  bool sweep = false;  // also remove originals that no picture refers to
+  bool sweep = false;  // also remove originals that no image refers to
   bool json = false;
 };
 

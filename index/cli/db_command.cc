@@ -42,7 +42,7 @@ struct ExportOptions {
   // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
   std::filesystem::path out;
   std::string collection;
-  std::optional<std::string> object;  // only its pictures
+  std::optional<std::string> object;  // only its images
   std::string filter;                 // only those whose metadata pass
   bool json = false;
 };
@@ -72,7 +72,7 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
   copy.stop = interrupt.token();
   CopyResult result;
   {
-    Progress progress("pictures");
+    Progress progress("images");
     copy.progress = [&](std::uint64_t done, std::uint64_t total) { progress.Count(done, total); };
     result = CopyDatabase(copy);
   }
@@ -88,7 +88,7 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
                {"rankings_compared", compared.compared},
                {"differences", compared.differences}});
   } else {
-    Print("copied " + std::to_string(result.copied) + " pictures, " +
+    Print("copied " + std::to_string(result.copied) + " images, " +
           std::to_string(result.unchanged) + " were there, of " +
           std::to_string(result.collections) + " collections; " +
           std::to_string(result.vocabularies) + " vocabularies, " + std::to_string(result.keys) +
@@ -100,18 +100,18 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
   }
   if (result.extra > 0) {
     Message(std::to_string(result.extra) +
-            " pictures are in the copy and not, or not any more, in what was copied");
+            " images are in the copy and not, or not any more, in what was copied");
   }
   if (result.without_content > 0) {
     Message("of " + std::to_string(result.without_content) +
-            " pictures there are no uploaded bytes to copy");
+            " images there are no uploaded bytes to copy");
   }
   return compared.differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }
 
 constexpr int kRecordsAtOnce = 500;
 
-std::int64_t ExportNpz(Engine& engine, PictureListing list, const std::filesystem::path& out) {
+std::int64_t ExportNpz(Engine& engine, ImageListing list, const std::filesystem::path& out) {
   NewFile file(out);
   const std::int64_t images = WriteFeaturesNpz(
       engine, std::move(list), [](std::uint64_t) {},
@@ -120,13 +120,13 @@ std::int64_t ExportNpz(Engine& engine, PictureListing list, const std::filesyste
   return images;
 }
 
-std::int64_t ExportRecords(Engine& engine, PictureListing list, const std::filesystem::path& out) {
+std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesystem::path& out) {
   list.limit = kRecordsAtOnce;
   std::optional<NewFile> file;
   if (out != kStandardOutput) file.emplace(out);
   std::uint64_t written = 0;
   std::int64_t images = 0;
-  engine.ForEachPage(list, [&](const PicturePage& page) {
+  engine.ForEachPage(list, [&](const ImagePage& page) {
     std::string lines;
     for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
     file ? file->Write(written, lines) : WriteFile(out, lines);
@@ -147,9 +147,9 @@ void CheckExportName(const std::filesystem::path& out) {
           "of them, or give - for records on standard output");
 }
 
-// Replaces the file, by pictures that are all of one state of the database.
+// Replaces the file, by images that are all of one state of the database.
 ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
-  PictureListing list;
+  ImageListing list;
   list.which.collection = options.collection;
   list.which.object = options.object;
   if (!options.filter.empty()) list.which.filter = ParseFilter(options.filter);
@@ -220,8 +220,8 @@ ExitStatus Backup(Options& options) {
     Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
     if (originals && originals->files > 0) {
       Message("the originals of " + std::to_string(originals->files) +
-              " pictures are not in the backup: copy the directory " +
-              originals->directory.string() + " now");
+              " images are not in the backup: copy the directory " + originals->directory.string() +
+              " now");
     }
   }
   return ExitStatus::kDone;
@@ -270,7 +270,7 @@ ExitStatus MoveOriginals(Options& options) {
   if (options.json) {
     PrintJson({{"moved", result.moved}, {"left", result.left}});
   } else {
-    Print("moved the originals of " + std::to_string(result.moved) + " pictures");
+    Print("moved the originals of " + std::to_string(result.moved) + " images");
   }
   if (result.left == 0) return ExitStatus::kDone;
   Message("skipped " + std::to_string(result.left) +
@@ -293,9 +293,9 @@ ExitStatus Remove(Options& options) {
     }
   }
   for (const std::string& object : options.objects) {
-    const std::uint64_t pictures = engine.RemoveObject(options.collection, object);
-    removed += pictures;
-    if (pictures == 0) missing.push_back(ToDisplayText(object));
+    const std::uint64_t images = engine.RemoveObject(options.collection, object);
+    removed += images;
+    if (images == 0) missing.push_back(ToDisplayText(object));
   }
   if (options.json) {
     PrintJson({{"removed", removed}, {"missing", missing}});
@@ -340,7 +340,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
-                 "also remove files from the originals' directory that no picture refers to");
+                 "also remove files from the originals' directory that no image refers to");
   add("backup", "Copy the database to a new file, also while it is in use", Backup,
       "backup monday.db --db my.db")
       ->add_option("FILE", options->backup, "the new file")
@@ -358,7 +358,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   copy->add_option("--compare", options->copy.compare, "rankings of both to compare afterwards")
       ->capture_default_str();
   copy->add_option("--commit-every", options->copy.commit_every,
-                   "pictures written in one commit; fewer where 64 MiB are reached before")
+                   "images written in one commit; fewer where 64 MiB are reached before")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   CLI::App* exporting =
@@ -371,14 +371,14 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
           "output, records")
       ->required();
   AddCollectionFlag(*exporting, options->collection);
-  exporting->add_option("--object", options->exporting.object, "only pictures of this object")
+  exporting->add_option("--object", options->exporting.object, "only images of this object")
       ->type_name("NAME");
   exporting
       ->add_option("--filter", options->exporting.filter,
-                   "only pictures whose metadata match, as of `pliant query`")
+                   "only images whose metadata match, as of `pliant query`")
       ->option_text("JSON");
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
-      "originals pictures/ --db my.db")
+      "originals images/ --db my.db")
       ->add_option("DIR|database", options->place, "the new location of the files")
       ->required();
   CLI::App* remove =

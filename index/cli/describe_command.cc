@@ -13,9 +13,9 @@
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/folder_features.h"
+#include "index/cli/image_input.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/cli/picture_input.h"
 #include "index/cli/write_file.h"
 #include "index/files/features_npz.h"
 #include "index/files/text.h"
@@ -40,19 +40,19 @@ void WriteFeatures(const std::filesystem::path& path, const Features& features) 
 }
 
 void WriteFolderFeatures(const std::filesystem::path& path,
-                         const std::vector<FolderPicture>& pictures) {
+                         const std::vector<FolderImage>& images) {
   FeatureTotals totals;
-  for (const FolderPicture& picture : pictures) {
-    const Features& features = picture.features;
-    totals.Count(ToDisplayText(picture.name), features.keypoints.size());
+  for (const FolderImage& image : images) {
+    const Features& features = image.features;
+    totals.Count(ToDisplayText(image.name), features.keypoints.size());
     totals.kind = features.descriptors.kind;
     totals.dim = features.descriptors.dim;
     totals.model_id = features.model_id;
   }
   const auto write = [&](const auto& put) {
     FeaturesArchive archive(totals, put);
-    for (const FolderPicture& picture : pictures) {
-      archive.Add(ToDisplayText(picture.name), "", picture.features);
+    for (const FolderImage& image : images) {
+      archive.Add(ToDisplayText(image.name), "", image.features);
     }
     archive.Finish();
   };
@@ -79,24 +79,23 @@ struct Options {
 
 ExitStatus DescribeAll(const Options& options) {
   const Interrupt interrupt;
-  FolderFeatures folder = FindFolderPictures({options.image});
+  FolderFeatures folder = FindFolderImages({options.image});
   DescribeFolder(folder, options.engine, options.threads, interrupt);
   if (interrupt.requested()) {
     Message("stopped on request; nothing was written");
     return ExitStatus::kFailed;
   }
   const std::string root = ToDisplayText(folder.root.string());
-  const std::size_t images = folder.pictures.size();
+  const std::size_t images = folder.images.size();
   if (images == 0) {
     ReportSkipped(folder.skipped);
-    throw Error(ErrorCode::kUnprocessable, "no_pictures",
-                root + " holds no picture that can be described");
+    throw Error(ErrorCode::kUnprocessable, "no_images",
+                root + " holds no image that can be described");
   }
-  WriteFolderFeatures(options.out, folder.pictures);
+  WriteFolderFeatures(options.out, folder.images);
   std::size_t keypoints = 0;
-  for (const FolderPicture& picture : folder.pictures)
-    keypoints += picture.features.keypoints.size();
-  const Features& first = folder.pictures.front().features;
+  for (const FolderImage& image : folder.images) keypoints += image.features.keypoints.size();
+  const Features& first = folder.images.front().features;
   const std::string file = ToDisplayText(options.out.string());
   if (options.json) {
     PrintJson({{"file", file},
@@ -108,9 +107,9 @@ ExitStatus DescribeAll(const Options& options) {
                {"skipped", SkippedJson(folder.skipped)}});
   } else {
     ReportSkipped(folder.skipped);
-    Print("wrote " + file + ": " + std::to_string(keypoints) + " key points of " +
-          std::to_string(images) + (images == 1 ? " picture" : " pictures") + " below " + root +
-          ", " + first.model_id);
+    Print("wrote " + file + ": " + std::to_string(keypoints) + " keypoints of " +
+          std::to_string(images) + (images == 1 ? " image" : " images") + " below " + root + ", " +
+          first.model_id);
   }
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
@@ -120,15 +119,14 @@ ExitStatus Run(const Options& options) {
   CheckFeaturesName(options.out);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
-  const PictureInput picture =
-      ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
+  const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
   const std::string name =
       options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
                                    options.engine.extraction);
   ExtractionTimings timings;
   const Features features =
-      Naming(picture, [&] { return extractor.Extract(picture.bytes, options.threads, &timings); });
+      Naming(image, [&] { return extractor.Extract(image.bytes, options.threads, &timings); });
   WriteFeatures(options.out, features);
   if (options.json) {
     PrintJson({{"file", ToDisplayText(options.out.string())},
@@ -144,7 +142,7 @@ ExitStatus Run(const Options& options) {
                  {"describe_ms", timings.describe_ms}}}});
   } else {
     Print("wrote " + ToDisplayText(options.out.string()) + ": " +
-          std::to_string(features.keypoints.size()) + " key points, " + features.model_id +
+          std::to_string(features.keypoints.size()) + " keypoints, " + features.model_id +
           ", described in " + FormatFixed(timings.describe_ms, 0) + " ms");
   }
   return ExitStatus::kDone;
@@ -156,9 +154,9 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "describe",
-      "Write the key points and descriptors of a picture, or of a folder's, to a file for NumPy");
+      "Write the keypoints and descriptors of an image, or of a folder's, to a file for NumPy");
   app->add_option("IMAGE|DIR", options->image,
-                  "the picture; - = standard input; or a folder, of which all pictures are "
+                  "the image; - = standard input; or a folder, of which all images are "
                   "described")
       ->required();
   app->add_option("--out,-o", options->out,

@@ -13,11 +13,11 @@ void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOption
   app.add_option("--model", descriptor.model_path, "weight file for deal and its variants")
       ->type_name("FILE");
   app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
-                 "number of key points per picture, strongest first")
+                 "number of keypoints per image, strongest first")
       ->capture_default_str()
       ->check(Between(1, 4096));
   app.add_option("--max-side", extraction.decode.max_side_px,
-                 "scale larger pictures down to this longer side in pixels; 0 = never")
+                 "scale larger images down to this longer side in pixels; 0 = never")
       ->capture_default_str()
       ->check(AtLeast(0));
 }
@@ -54,7 +54,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
            engine.max_keypoints = value;
            engine.extraction.keypoints.max_keypoints = value;
          },
-         "number of key points per picture, strongest first (default: the database's own, 1024 for "
+         "number of keypoints per image, strongest first (default: the database's own, 1024 for "
          "a new one)")
       ->check(Between(1, 4096));
   app.add_option_function<int>(
@@ -63,7 +63,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
            engine.max_side_px = value;
            engine.extraction.decode.max_side_px = value;
          },
-         "scale larger pictures down to this longer side in pixels (default: the database's own, "
+         "scale larger images down to this longer side in pixels (default: the database's own, "
          "1024 for a new one)")
       ->check(Between(16, 65536));
 }

@@ -9,7 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include "index/engine/engine.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 #include "index/verify/locate.h"
 
 namespace pliant::cli {
@@ -18,7 +18,7 @@ namespace pliant::cli {
 void AddDatabaseFlag(CLI::App& app, EngineOptions& engine);
 // --collection NAME
 void AddCollectionFlag(CLI::App& app, std::string& collection);
-// --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how pictures are described.
+// --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how images are described.
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine);
 // The same with several names, NAME,... (commands that compare descriptors).
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,

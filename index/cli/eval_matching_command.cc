@@ -29,7 +29,7 @@ std::string ResultTable(const std::vector<DescriptorResult>& results) {
                     FormatFixed(r.describe_us, 0)});
   }
   return FormatTable({"descriptor", "MS", "+-", "MMA", "mutual precision", "correct", "MS / SIFT's",
-                      "key points", "true pairs", "us / key point"},
+                      "keypoints", "true pairs", "us / keypoint"},
                      rows);
 }
 
@@ -111,7 +111,7 @@ void AddCsvRows(const std::string& set, const std::string& value,
 std::string MatchingReportText(const MatchingReport& report) {
   std::string text = std::to_string(report.pairs) + " pairs (" + ToString(report.layout) + "), " +
                      std::to_string(report.left_out) +
-                     " excluded for lack of common key points\n\n" + ResultTable(report.results);
+                     " excluded for lack of common keypoints\n\n" + ResultTable(report.results);
   for (const Subset& group : report.groups) {
     text += "\n\n" + (group.name.empty() ? "other" : group.name) + ", " +
             std::to_string(group.results.front().pairs) + " pairs\n" + ResultTable(group.results);
@@ -221,16 +221,16 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
       ->capture_default_str();
   app.add_option("--seed", matching.seed, "same seed, same pairs")->capture_default_str();
   app.add_option("--keypoints", matching.max_keypoints,
-                 "number of key points per picture, strongest first")
+                 "number of keypoints per image, strongest first")
       ->capture_default_str();
   app.add_flag("--enlarge", matching.enlarge,
-               "also use faint key points and those of the pictures enlarged, as queries of the "
+               "also use faint keypoints and those of the images enlarged, as queries of the "
                "service do");
   app.add_option("--tolerance", matching.tolerance_px,
                  "distance from the true position, in pixels, up to which a match is correct")
       ->capture_default_str();
   app.add_option("--min-true-pairs", matching.min_true_pairs,
-                 "exclude pairs with fewer common key points")
+                 "exclude pairs with fewer common keypoints")
       ->capture_default_str();
   app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one per core")
       ->capture_default_str()
@@ -242,7 +242,7 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
 void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = eval.add_subcommand(
-      "matching", "Compare descriptors at the same key points of pictures with ground truth");
+      "matching", "Compare descriptors at the same keypoints of images with ground truth");
   app->add_option("DIR", options->folder, "the data set")->required();
   AddSelectionFlags(*app, *options);
   AddCsvFlag(*app, options->csv, "write the tables to this file");

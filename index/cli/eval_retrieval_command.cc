@@ -15,7 +15,7 @@
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
 #include "index/evaluation/retrieval_evaluation.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 #include "index/files/text.h"
 #include "index/json/json.h"
 
@@ -64,8 +64,8 @@ std::string CostTable(const RetrievalReport& report) {
     for (const double ms :
          {t.decode, t.detect, t.describe, t.quantize, t.rank, t.verify, t.total()})
       cells.push_back(FormatFixed(ms, 1));
-    cells.push_back(FormatFixed(row.stored_bytes_per_picture, 0));
-    cells.push_back(FormatFixed(row.index_bytes_per_picture, 0));
+    cells.push_back(FormatFixed(row.stored_bytes_per_image, 0));
+    cells.push_back(FormatFixed(row.index_bytes_per_image, 0));
     rows.push_back(std::move(cells));
   }
   return FormatTable({"descriptor", "protocol", "words", "decode", "detect", "describe", "quantize",
@@ -130,8 +130,8 @@ Json ResultJson(const RetrievalResult& row) {
             {"quantize", t.quantize},
             {"rank", t.rank},
             {"verify", t.verify}}},
-          {"bytes_per_picture",
-           {{"stored", row.stored_bytes_per_picture}, {"index", row.index_bytes_per_picture}}}};
+          {"bytes_per_image",
+           {{"stored", row.stored_bytes_per_image}, {"index", row.index_bytes_per_image}}}};
 }
 
 // The fields of ResultJson that a peer must give, and those that it may.
@@ -163,19 +163,19 @@ std::string FileField(const std::filesystem::path& file) {
 
 // Accuracy and times, a row for each descriptor and protocol.
 std::string RetrievalReportText(const RetrievalReport& report) {
-  std::string text =
-      std::to_string(report.queries) + " queries, " + std::to_string(report.pictures) +
-      " pictures of " + std::to_string(report.objects) + " objects, " +
-      std::to_string(report.distractors) + " of them distractors (layout " +
-      ToString(report.layout) + "), mean of " + std::to_string(report.seeds) + " seeds\n\n";
+  std::string text = std::to_string(report.queries) + " queries, " + std::to_string(report.images) +
+                     " images of " + std::to_string(report.objects) + " objects, " +
+                     std::to_string(report.distractors) + " of them distractors (layout " +
+                     ToString(report.layout) + "), mean of " + std::to_string(report.seeds) +
+                     " seeds\n\n";
   text += AccuracyTable(report) + FoundTable(report);
-  return text + "\n\nmilliseconds a query by stage, and bytes a picture\n" + CostTable(report);
+  return text + "\n\nmilliseconds a query by stage, and bytes an image\n" + CostTable(report);
 }
 
 // One document: {"layout", "pictures", "distractors", "queries", "objects", "seeds", "results":
 // [{"descriptor", "protocol", "words", "accuracy_at": [20], "map", "top1", "mrr", "ns_score",
 // "object_top1", "object_mrr", "spread": {...}, "seconds_per_query", "milliseconds": {...},
-// "bytes_per_picture": {...}}], "skipped": [{"file", "reason", "code"}], "seconds"}.
+// "bytes_per_image": {...}}], "skipped": [{"file", "reason", "code"}], "seconds"}.
 Json RetrievalReportJson(const RetrievalReport& report) {
   Json results = Json::array();
   for (const RetrievalResult& row : report.results) results.push_back(ResultJson(row));
@@ -184,7 +184,7 @@ Json RetrievalReportJson(const RetrievalReport& report) {
     skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
   }
   return {{"layout", ToString(report.layout)},
-          {"pictures", report.pictures},
+          {"pictures", report.images},
           {"distractors", report.distractors},
           {"queries", report.queries},
           {"absent", report.absent},
@@ -199,7 +199,7 @@ Json RetrievalReportJson(const RetrievalReport& report) {
 std::string RetrievalReportCsv(const RetrievalReport& report) {
   std::string csv =
       "descriptor,protocol,words,map,map_spread,top1,mrr,ns_score,object_top1,"
-      "seconds_per_query,stored_bytes_per_picture,index_bytes_per_picture";
+      "seconds_per_query,stored_bytes_per_image,index_bytes_per_image";
   for (std::size_t k = 1; k <= kAccuracyRanks; ++k) csv += ",accuracy_at_" + std::to_string(k);
   csv += '\n';
   for (const RetrievalResult& row : report.results) {
@@ -209,8 +209,8 @@ std::string RetrievalReportCsv(const RetrievalReport& report) {
     csv += ',' + (row.ns_score ? FormatFixed(*row.ns_score, 6) : "");
     csv += ',' + (row.object ? FormatFixed(row.object->top1, 6) : "");
     csv += ',' + FormatFixed(row.times.total() / 1000, 6);
-    csv += ',' + FormatFixed(row.stored_bytes_per_picture, 0);
-    csv += ',' + FormatFixed(row.index_bytes_per_picture, 0);
+    csv += ',' + FormatFixed(row.stored_bytes_per_image, 0);
+    csv += ',' + FormatFixed(row.index_bytes_per_image, 0);
     for (const double value : row.mean.accuracy_at) csv += ',' + FormatFixed(value, 6);
     csv += '\n';
   }
@@ -246,32 +246,32 @@ std::string RetrievalAnswersCsv(const RetrievalReport& report) {
 // The set to be measured, for scripts that run other programs on it: {"layout", "counts_itself",
 // "pictures": [{"file", "object" or null, "query", "searched"}]}.
 Json RetrievalSetJson(const RetrievalSet& set) {
-  Json pictures = Json::array();
-  for (const RetrievalPicture& picture : set.pictures) {
-    pictures.push_back({{"file", ToDisplayText(picture.path.string())},
-                        {"object", picture.object.empty() ? Json(nullptr) : Json(picture.object)},
-                        {"query", picture.is_query},
-                        {"searched", picture.is_searched},
-                        {"absent", picture.is_absent}});
+  Json images = Json::array();
+  for (const RetrievalImage& image : set.images) {
+    images.push_back({{"file", ToDisplayText(image.path.string())},
+                      {"object", image.object.empty() ? Json(nullptr) : Json(image.object)},
+                      {"query", image.is_query},
+                      {"searched", image.is_searched},
+                      {"absent", image.is_absent}});
   }
   return {{"layout", ToString(set.layout)},
           {"counts_itself", set.counts_itself},
-          {"pictures", std::move(pictures)}};
+          {"pictures", std::move(images)}};
 }
 
 // Adds the results in a file of the form above (written by the scripts of tests/accuracy for other
 // programs). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form,
-// and kConflict "peers_differ" when they were measured with other numbers of pictures or queries.
+// and kConflict "peers_differ" when they were measured with other numbers of images or queries.
 void AddPeers(const std::filesystem::path& file, RetrievalReport* report) {
   const std::vector<std::uint8_t> bytes = ReadFile(file, kMaxPeersBytes);
   const std::string name = ToDisplayText(file.string());
   try {
     const Json json = Json::parse(bytes);
-    if (json.at("pictures") != report->pictures || json.at("queries") != report->queries) {
+    if (json.at("pictures") != report->images || json.at("queries") != report->queries) {
       throw Error(ErrorCode::kConflict, "peers_differ",
                   name + " was measured with " + json.at("queries").dump() + " queries and " +
-                      json.at("pictures").dump() + " pictures, not " +
-                      std::to_string(report->queries) + " and " + std::to_string(report->pictures));
+                      json.at("pictures").dump() + " images, not " +
+                      std::to_string(report->queries) + " and " + std::to_string(report->images));
     }
     for (const Json& row : json.at("results")) report->results.push_back(ReadResult(row));
   } catch (const Json::exception& error) {
@@ -295,7 +295,7 @@ struct Options {
   bool list = false;
 };
 
-// Pictures are counted; the steps after them, each short, are named by the line's unit.
+// Images are counted; the steps after them, each short, are named by the line's unit.
 class Steps {
  public:
   void Tell(const std::string& what, std::size_t done, std::size_t total) {
@@ -352,7 +352,7 @@ ExitStatus Run(Options& options) {
 }
 
 void AddSetFlags(CLI::App& app, Options& options) {
-  app.add_option("DIR", options.folder, "the pictures")->required();
+  app.add_option("DIR", options.folder, "the images")->required();
   AddChoice<RetrievalLayout>(
       app, "--layout", options.layout,
       "how DIR names objects and queries; default: detect from the file names",
@@ -362,7 +362,7 @@ void AddSetFlags(CLI::App& app, Options& options) {
        {"pairs", RetrievalLayout::kPairs},
        {"labels", RetrievalLayout::kLabels}});
   app.add_option("--distractors", options.distractors,
-                 "folder of pictures that show none of the objects; may be given more than once")
+                 "folder of images that show none of the objects; may be given more than once")
       ->allow_extra_args(false)
       ->type_name("DIR");
   app.add_option(
@@ -401,10 +401,10 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
       "(default: neighbours)",
       {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   app.add_option("--verify-depth", retrieval.verify_depth,
-                 "pictures verified per query; 0 = as query does")
+                 "images verified per query; 0 = as query does")
       ->capture_default_str()
       ->check(Between(0, 1'000'000));
-  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe pictures; 0 = one a core")
+  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe images; 0 = one a core")
       ->capture_default_str()
       ->check(Between(0, 1024));
   app.add_option("--cache", retrieval.cache,
@@ -418,13 +418,13 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   RetrievalOptions& retrieval = options->retrieval;
   CLI::App* app = eval.add_subcommand(
-      "retrieval", "Query a gallery with pictures of known objects, and measure the accuracy");
+      "retrieval", "Query a gallery with images of known objects, and measure the accuracy");
   AddSetFlags(*app, *options);
   AddDescriptorListFlags(*app, retrieval.descriptors, retrieval.descriptor_options,
                          retrieval.extraction);
   AddRunFlags(*app, retrieval);
   app->add_option("--peers", options->peers,
-                  "results of another program on the same pictures, to be listed too; may be given "
+                  "results of another program on the same images, to be listed too; may be given "
                   "more than once")
       ->allow_extra_args(false)
       ->type_name("FILE");
@@ -432,8 +432,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
   app->add_option("--answers", options->answers,
                   "write the first ten hits of every query to this CSV file; - = standard output")
       ->type_name("FILE");
-  app->add_flag("--list", options->list,
-                "only print the queries and the searched pictures, as JSON");
+  app->add_flag("--list", options->list, "only print the queries and the searched images, as JSON");
   app->add_flag("--json", options->json, "print one JSON document");
   app->footer("Example:  pliant eval retrieval dev --descriptor deal,rootsift --protocol default");
   app->callback([options, &status] { status = Run(*options); });

@@ -165,7 +165,7 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   app->add_option("--model", benchmark.model, "weight file for deal and its variants")
       ->type_name("FILE");
   app->add_option("--max-keypoints", benchmark.max_keypoints,
-                  "number of key points of the object and of each frame, strongest first")
+                  "number of keypoints of the object and of each frame, strongest first")
       ->capture_default_str()
       ->check(Between(1, 4096));
   app->add_option("--every", benchmark.every, "use every N-th frame only")

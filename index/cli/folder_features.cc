@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "descriptor/base/parallel.h"
+#include "index/cli/image_input.h"
 #include "index/cli/output.h"
-#include "index/cli/picture_input.h"
 #include "index/cli/progress.h"
 #include "index/files/text.h"
 
@@ -41,33 +41,33 @@ bool IsSurfaceMap(const fs::path& path) {  // of the simulator
 
 // Why it cannot be described, if it cannot.
 std::optional<SkippedFile> Describe(const FeatureExtractor& extractor, const EngineOptions& engine,
-                                    int threads, FolderPicture& picture) {
+                                    int threads, FolderImage& image) {
   try {
     const std::vector<std::uint8_t> bytes =
-        ReadPicture(picture.path, engine.extraction.decode.max_bytes).bytes;
-    picture.features = extractor.Extract(bytes, threads);
-    picture.exif_orientation = ReadImageHeader(bytes).exif_orientation;
+        ReadImage(image.path, engine.extraction.decode.max_bytes).bytes;
+    image.features = extractor.Extract(bytes, threads);
+    image.exif_orientation = ReadImageHeader(bytes).exif_orientation;
     return std::nullopt;
   } catch (const Error& error) {
-    if (!ConcernsOnePicture(error.code()) && error.code() != ErrorCode::kNotFound) throw;
-    return SkippedFile{ToDisplayText(picture.name), error.reason(), ToDisplayText(error.what())};
+    if (!ConcernsOneImage(error.code()) && error.code() != ErrorCode::kNotFound) throw;
+    return SkippedFile{ToDisplayText(image.name), error.reason(), ToDisplayText(error.what())};
   }
 }
 
 }  // namespace
 
-FolderFeatures FindFolderPictures(const std::vector<fs::path>& inputs) {
+FolderFeatures FindFolderImages(const std::vector<fs::path>& inputs) {
   FolderFeatures folder;
-  PictureFiles files = FindPictures(inputs, ObjectFrom::kNone);
+  ImageFiles files = FindImages(inputs, ObjectFrom::kNone);
   folder.root = RootOf(inputs);
   folder.skipped = std::move(files.skipped);
   for (SkippedFile& skipped : folder.skipped) skipped.file = NameBelow(folder.root, skipped.file);
-  for (const PictureFile& file : files.pictures) {
+  for (const ImageFile& file : files.images) {
     if (IsSurfaceMap(file.path)) continue;
-    FolderPicture picture;
-    picture.path = file.path;
-    picture.name = NameBelow(folder.root, file.path);
-    folder.pictures.push_back(std::move(picture));
+    FolderImage image;
+    image.path = file.path;
+    image.name = NameBelow(folder.root, file.path);
+    folder.images.push_back(std::move(image));
   }
   return folder;
 }
@@ -78,25 +78,25 @@ void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int thr
       engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(descriptor, engine.descriptor_options),
                                    engine.extraction);
-  std::vector<FolderPicture> pictures = std::move(folder.pictures);
-  folder.pictures.clear();
+  std::vector<FolderImage> images = std::move(folder.images);
+  folder.images.clear();
   const int wanted = ResolveThreads(threads);
-  const auto at_once = static_cast<int>(
-      std::clamp<std::size_t>(pictures.size(), 1, static_cast<std::size_t>(wanted)));
-  Progress progress("pictures");
+  const auto at_once =
+      static_cast<int>(std::clamp<std::size_t>(images.size(), 1, static_cast<std::size_t>(wanted)));
+  Progress progress("images");
   std::atomic<std::uint64_t> done{0};
-  std::vector<std::optional<SkippedFile>> failures(pictures.size());
-  ParallelFor(pictures.size(), wanted, [&](std::size_t i) {
+  std::vector<std::optional<SkippedFile>> failures(images.size());
+  ParallelFor(images.size(), wanted, [&](std::size_t i) {
     if (interrupt.requested()) return;
-    failures[i] = Describe(extractor, engine, wanted / at_once, pictures[i]);
-    progress.Count(++done, pictures.size());
+    failures[i] = Describe(extractor, engine, wanted / at_once, images[i]);
+    progress.Count(++done, images.size());
   });
   if (interrupt.requested()) return;
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
+  for (std::size_t i = 0; i < images.size(); ++i) {
     if (failures[i]) {
       folder.skipped.push_back(*failures[i]);
     } else {
-      folder.pictures.push_back(std::move(pictures[i]));
+      folder.images.push_back(std::move(images[i]));
     }
   }
 }

@@ -31,7 +31,7 @@ struct Outcome {
   double seconds = 0;
 };
 
-const char* NamedBy(const PictureFiles& files) {
+const char* NamedBy(const ImageFiles& files) {
   if (files.by_folder) return files.by_stem ? "folder, and by file name outside of one" : "folder";
   return files.by_stem ? "file name" : "nothing";
 }
@@ -50,7 +50,7 @@ void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interru
   const CollectionRecord record = engine.GetCollection(options.job.collection);
   if (!AutomaticTrainingIsDue(record)) return;
   Message(record.vocabulary ? "the collection has outgrown its vocabulary: training another one"
-                            : "no vocabulary yet: training one from the stored pictures");
+                            : "no vocabulary yet: training one from the stored images");
   TrainOptions train;
   train.automatic = true;
   train.collection = options.job.collection;
@@ -70,7 +70,7 @@ void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interru
   outcome.trained = true;
 }
 
-void PrintText(const Outcome& outcome, const PictureFiles& files) {
+void PrintText(const Outcome& outcome, const ImageFiles& files) {
   const FolderImportResult& job = outcome.job;
   for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
   if (std::any_of(job.skipped.begin(), job.skipped.end(),
@@ -80,7 +80,7 @@ void PrintText(const Outcome& outcome, const PictureFiles& files) {
         "--object NAME) or rename the object on the web page");
   }
   Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
-        ", skipped " + std::to_string(job.skipped.size()) + " pictures in " +
+        ", skipped " + std::to_string(job.skipped.size()) + " images in " +
         FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(files) + ")");
   if (outcome.vocabulary) {
     Print(std::string(outcome.trained ? "trained" : "using") + " vocabulary " +
@@ -107,18 +107,18 @@ Json ToJson(const Outcome& outcome) {
 ExitStatus Run(Options& options) {
   const Stopwatch watch;
   const Interrupt interrupt;
-  const PictureFiles files = FindPictures(options.inputs, options.object_from);
+  const ImageFiles files = FindImages(options.inputs, options.object_from);
   Engine engine(options.engine);
   if (options.job.collection != kDefaultCollection) engine.CreateCollection(options.job.collection);
   Outcome outcome;
   options.job.max_bytes = options.engine.extraction.decode.max_bytes;
   options.job.stop = interrupt.token();
   {
-    Progress progress("pictures");
+    Progress progress("images");
     options.job.progress = [&](std::uint64_t done, std::uint64_t total) {
       progress.Count(done, total);
     };
-    outcome.job = ImportPictures(engine, files, options.job);
+    outcome.job = ImportImages(engine, files, options.job);
     options.job.progress = {};
   }
   outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
@@ -136,10 +136,10 @@ ExitStatus Run(Options& options) {
   } else {
     PrintText(outcome, files);
   }
-  if (files.pictures.empty()) Message("no pictures were found");
+  if (files.images.empty()) Message("no images were found");
   if (outcome.job.interrupted) {
     Message(
-        "stopped on request; indexed pictures are kept: run the same command again to "
+        "stopped on request; indexed images are kept: run the same command again to "
         "resume");
     return ExitStatus::kFailed;  // of which main makes 130 or 143
   }
@@ -150,22 +150,22 @@ ExitStatus Run(Options& options) {
 
 void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("index", "Add the pictures of folders to a database");
-  app->add_option("DIR", options->inputs, "folders, searched recursively, or picture files")
+  CLI::App* app = program.add_subcommand("index", "Add the images of folders to a database");
+  app->add_option("DIR", options->inputs, "folders, searched recursively, or image files")
       ->required();
   AddDatabaseFlag(*app, options->engine);
   AddCollectionFlag(*app, options->job.collection);
   AddChoice<ObjectFrom>(
       *app, "--object-from", options->object_from,
-      "the name of a picture's object: its folder below DIR (\"coat/front\"), its file name "
+      "the name of an image's object: its folder below DIR (\"coat/front\"), its file name "
       "without extension (stem), or none (default: folder; stem for files that are given "
       "themselves, and for what lies directly in a single DIR)",
       {{"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}});
-  app->add_option("--jobs,-j", options->job.threads, "threads, one picture each; 0 = one a core")
+  app->add_option("--jobs,-j", options->job.threads, "threads, one image each; 0 = one a core")
       ->capture_default_str()
       ->check(Between(0, 1024));
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
-                "also store the picture files, for the web page (default: yes)");
+                "also store the image files, for the web page (default: yes)");
   app->add_option_function<std::string>(
          "--originals-dir",
          [options](const std::string& text) {

@@ -17,7 +17,7 @@ using pliant::cli::ExitStatus;
 constexpr const char* kFooter =
     "Exit status: 0 done, 1 failed, 2 wrong usage, 3 done but some inputs were skipped,\n"
     "130 stopped by Ctrl-C (128 and the signal).\n"
-    "Start with:  pliant index PICTURES/ --db my.db\n"
+    "Start with:  pliant index IMAGES/ --db my.db\n"
     "             pliant query PHOTO.jpg --db my.db";
 
 // True when some subcommand that ran was asked for JSON: then failures are JSON as well.

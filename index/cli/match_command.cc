@@ -11,10 +11,10 @@
 #include "index/cli/colmap_export.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/image_input.h"
 #include "index/cli/output.h"
-#include "index/cli/picture_input.h"
 #include "index/cli/write_file.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 #include "index/verify/verification.h"
 
 namespace pliant::cli {
@@ -37,7 +37,7 @@ struct Options {
 // What was found, and what is known about it.
 struct Result {
   Features first, second;
-  std::vector<Match> matches;     // Match::reference: of the first picture
+  std::vector<Match> matches;     // Match::reference: of the first image
   std::vector<Verdict> verdicts;  // one a match
   std::optional<int> correct;     // of those whose truth is known
   int known = 0;
@@ -73,32 +73,32 @@ void Judge(TruthScene& truth, const Options& options, Result& result) {
 }
 
 // Both are read once: standard input is there once.
-struct Pictures {
-  PictureInput first, second;
+struct Images {
+  ImageInput first, second;
 };
 
-Pictures ReadPictures(const Options& options) {
+Images ReadImages(const Options& options) {
   if (options.first == "-" && options.second == "-") {
     throw Error(ErrorCode::kInvalidArgument, "bad_arguments",
-                "only one of both pictures can be standard input");
+                "only one of both images can be standard input");
   }
   const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
-  return {ReadPicture(options.first, max_bytes), ReadPicture(options.second, max_bytes)};
+  return {ReadImage(options.first, max_bytes), ReadImage(options.second, max_bytes)};
 }
 
-Result MatchPictures(const Options& options, const Pictures& pictures) {
+Result MatchImages(const Options& options, const Images& images) {
   const std::string name =
       options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
   const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
                                    options.engine.extraction);
   Result result;
-  const auto extract = [&](const PictureInput& picture) {
-    return Naming(picture, [&] { return extractor.Extract(picture.bytes, options.match.threads); });
+  const auto extract = [&](const ImageInput& image) {
+    return Naming(image, [&] { return extractor.Extract(image.bytes, options.match.threads); });
   };
-  result.first = extract(pictures.first);
-  result.second = extract(pictures.second);
-  CheckDescriptors(result.first.descriptors, "the first picture's descriptors");
-  CheckDescriptors(result.second.descriptors, "the second picture's descriptors");
+  result.first = extract(images.first);
+  result.second = extract(images.second);
+  CheckDescriptors(result.first.descriptors, "the first image's descriptors");
+  CheckDescriptors(result.second.descriptors, "the second image's descriptors");
   result.matches = MatchDescriptors(PackedDescriptors(result.second.descriptors),
                                     result.first.descriptors, options.match);
   result.verdicts.resize(result.matches.size(), Verdict::kUnknown);
@@ -145,7 +145,7 @@ Json ToJson(const Result& result) {
 
 std::string Summary(const Result& result) {
   std::string text = std::to_string(result.first.keypoints.size()) + " and " +
-                     std::to_string(result.second.keypoints.size()) + " key points, " +
+                     std::to_string(result.second.keypoints.size()) + " keypoints, " +
                      std::to_string(result.matches.size()) + " mutual matches";
   if (result.correct) {
     text += "; of " + std::to_string(result.known) + " on the object " +
@@ -159,9 +159,9 @@ std::string Summary(const Result& result) {
   return text;
 }
 
-Image DecodeForDrawing(const PictureInput& picture, DecodeOptions decode, double& scale) {
+Image DecodeForDrawing(const ImageInput& image, DecodeOptions decode, double& scale) {
   decode.colour = true;
-  DecodedImage decoded = DecodeImage(picture.bytes, decode);
+  DecodedImage decoded = DecodeImage(image.bytes, decode);
   scale = decoded.scale;
   return std::move(decoded.image);
 }
@@ -171,11 +171,11 @@ Vec2 Scaled(double x, double y, double scale) {
 }
 
 // All mutual matches, or those that agree with the warp where that was asked for.
-void Draw(const Options& options, const Pictures& pictures, const Result& result) {
+void Draw(const Options& options, const Images& images, const Result& result) {
   double first_scale = 1, second_scale = 1;
   const DecodeOptions& decode = options.engine.extraction.decode;
-  const Image first = DecodeForDrawing(pictures.first, decode, first_scale);
-  const Image second = DecodeForDrawing(pictures.second, decode, second_scale);
+  const Image first = DecodeForDrawing(images.first, decode, first_scale);
+  const Image second = DecodeForDrawing(images.second, decode, second_scale);
   std::vector<evaluation::DrawnMatch> drawn;
   std::vector<Vec2> outline;
   for (std::size_t m = 0; m < result.matches.size(); ++m) {
@@ -197,8 +197,7 @@ void Draw(const Options& options, const Pictures& pictures, const Result& result
     for (const Vec2& p : result.verification->outline)
       outline.push_back(Scaled(p.x, p.y, second_scale));
   }
-  WritePicture(options.draw,
-               evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
+  WriteImage(options.draw, evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
 }
 
 ExitStatus Export(Options& options) {
@@ -214,12 +213,12 @@ ExitStatus Export(Options& options) {
 ExitStatus Run(Options& options) {
   if (!options.colmap.database.empty()) return Export(options);
   if (options.second.empty()) throw CLI::RequiredError("B");
-  if (!options.draw.empty()) CheckPictureName(options.draw);
+  if (!options.draw.empty()) CheckImageName(options.draw);
   CheckNotInput(options.draw, {options.first, options.second, options.homography});
   if (options.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
-  const Pictures pictures = ReadPictures(options);
-  const Result result = MatchPictures(options, pictures);
-  if (!options.draw.empty()) Draw(options, pictures, result);
+  const Images images = ReadImages(options);
+  const Result result = MatchImages(options, images);
+  if (!options.draw.empty()) Draw(options, images, result);
   if (options.json) {
     PrintJson(ToJson(result));
   } else {
@@ -232,10 +231,10 @@ ExitStatus Run(Options& options) {
 
 void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("match", "Match the key points of two pictures");
-  app->add_option("A", options->first, "a picture; - = standard input; with --colmap also a folder")
+  CLI::App* app = program.add_subcommand("match", "Match the keypoints of two images");
+  app->add_option("A", options->first, "an image; - = standard input; with --colmap also a folder")
       ->required();
-  app->add_option("B", options->second, "another picture of the same object");
+  app->add_option("B", options->second, "another image of the same object");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
                   "ratio test: drop matches whose distance is more than this times that of the "
@@ -246,7 +245,7 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
              "--homography", options->homography,
              "file with nine numbers that map pixels of A to pixels of B: shows which matches "
              "are correct "
-             "(pictures of a simulated scene or of the non-rigid benchmark need none)")
+             "(images of a simulated scene or of the non-rigid benchmark need none)")
           ->type_name("FILE");
   app->add_option("--tolerance", options->tolerance_px,
                   "distance from the true position, in pixels, up to which a match is correct")
@@ -254,24 +253,23 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
       ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
   CLI::Option* draw =
-      app->add_option(
-             "--draw", options->draw,
-             "draw both pictures with the matches: green correct, red wrong, blue unknown; "
-             "- = standard output")
+      app->add_option("--draw", options->draw,
+                      "draw both images with the matches: green correct, red wrong, blue unknown; "
+                      "- = standard output")
           ->type_name("PNG");
   CLI::Option* colmap =
       app->add_option("--colmap", options->colmap.database,
-                      "write the key points and matches of the folder's pictures, every two of "
+                      "write the keypoints and matches of the folder's images, every two of "
                       "them, to this new database of COLMAP")
           ->type_name("FILE")
           ->excludes(draw)
           ->excludes(homography);
   app->add_option("--pairs", options->colmap.pairs,
-                  "file with two names a line: match only these pictures with each other")
+                  "file with two names a line: match only these images with each other")
       ->type_name("FILE")
       ->needs(colmap);
   app->add_flag("--one-camera", options->colmap.one_camera,
-                "all pictures were taken by one camera, with one focal length")
+                "all images were taken by one camera, with one focal length")
       ->needs(colmap);
   app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one per core")
       ->capture_default_str()

@@ -11,7 +11,7 @@
 
 namespace pliant::cli {
 
-// "  120/1000 pictures  12 %  8.0/s  1:50 left". `total` 0: no line.
+// "  120/1000 images  12 %  8.0/s  1:50 left". `total` 0: no line.
 std::string ProgressLine(const std::string& unit, std::uint64_t done, std::uint64_t total,
                          double seconds);
 // "  training the vocabulary  45 %  0:12 left"

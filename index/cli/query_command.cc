@@ -6,9 +6,9 @@
 #include "descriptor/base/stopwatch.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/image_input.h"
 #include "index/cli/output.h"
-#include "index/cli/picture_input.h"
-#include "index/cli/query_pictures.h"
+#include "index/cli/query_images.h"
 #include "index/cli/write_file.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
@@ -22,7 +22,7 @@ struct Options {
   std::filesystem::path image;
   std::vector<double> region;
   std::string filter;
-  QueryPictureOptions pictures;
+  QueryImageOptions images;
   bool json = false;
 };
 
@@ -49,7 +49,7 @@ void PrintText(const SearchResult& result, double took_ms) {
         FormatTable({"rank", "score", "probability", "inliers", "object", "image", "file"}, rows));
   }
   Message(std::to_string(result.hits.size()) + " of " + std::to_string(result.total) + " hits, " +
-          std::to_string(result.keypoints) + " key points, vocabulary " +
+          std::to_string(result.keypoints) + " keypoints, vocabulary " +
           std::to_string(result.vocabulary) + " of " + std::to_string(result.words) + " words, " +
           FormatFixed(took_ms, 0) + " ms");
 }
@@ -76,27 +76,24 @@ ExitStatus Run(Options& options) {
         Region{options.region[0], options.region[1], options.region[2], options.region[3]};
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
-  if (!options.pictures.draw.empty()) CheckPictureName(options.pictures.draw);
-  CheckNotInput(options.pictures.draw, {options.image});
-  CheckNotInput(options.pictures.unwarp, {options.image});
-  if (options.pictures.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
-  if (options.pictures.unwarp == kStandardOutput) ClaimStandardOutput("--unwarp", options.json);
-  const PictureInput picture =
-      ReadPicture(options.image, options.engine.extraction.decode.max_bytes);
+  if (!options.images.draw.empty()) CheckImageName(options.images.draw);
+  CheckNotInput(options.images.draw, {options.image});
+  CheckNotInput(options.images.unwarp, {options.image});
+  if (options.images.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
+  if (options.images.unwarp == kStandardOutput) ClaimStandardOutput("--unwarp", options.json);
+  const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
   Engine engine(options.engine);
   const Stopwatch watch;
   const bool explain = options.search.explain;
-  if (!options.pictures.draw.empty() || !options.pictures.unwarp.empty())
-    options.search.explain = true;
-  SearchResult result =
-      Naming(picture, [&] { return engine.Search(picture.bytes, options.search); });
+  if (!options.images.draw.empty() || !options.images.unwarp.empty()) options.search.explain = true;
+  SearchResult result = Naming(image, [&] { return engine.Search(image.bytes, options.search); });
   const double took_ms = watch.ms();
-  options.pictures.collection = options.search.collection;
-  options.pictures.decode = options.engine.extraction.decode;
-  const bool drawn = WriteQueryPictures(engine, picture.bytes, result, options.pictures);
-  if (!explain) {  // it was for the pictures only
+  options.images.collection = options.search.collection;
+  options.images.decode = options.engine.extraction.decode;
+  const bool drawn = WriteQueryImages(engine, image.bytes, result, options.images);
+  if (!explain) {  // it was for the images only
     for (Hit& hit : result.hits) hit.explanation.reset();
   }
   if (options.json) {
@@ -113,8 +110,8 @@ ExitStatus Run(Options& options) {
 void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   SearchOptions& search = options->search;
-  CLI::App* app = program.add_subcommand("query", "Find the object that a picture shows");
-  app->add_option("IMAGE", options->image, "the query picture; - = standard input")->required();
+  CLI::App* app = program.add_subcommand("query", "Find the object that an image shows");
+  app->add_option("IMAGE", options->image, "the query image; - = standard input")->required();
   AddDatabaseFlag(*app, options->engine);
   AddCollectionFlag(*app, search.collection);
   app->add_option("--top", search.limit, "hits returned; 0 = all")
@@ -128,7 +125,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}});
   AddChoice<RankMethod>(
       *app, "--rank", search.rank,
-      "how pictures are compared: votes of nearest neighbours, or the paper's "
+      "how images are compared: votes of nearest neighbours, or the paper's "
       "histogram of words (default: neighbours)",
       {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
   AddChoice<Verification>(
@@ -136,33 +133,33 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       "check the best hits for one smooth warp (default: tps; none with --rank histogram)",
       {{"none", Verification::kNone}, {"tps", Verification::kTps}});
   app->add_option("--verify-depth", search.verify_depth,
-                  "how many of the best pictures are verified (default: 30, and up to 100, or the "
+                  "how many of the best images are verified (default: 30, and up to 100, or the "
                   "square root of the collection's size, as far as there are some that agree; "
                   "twice that where none agrees)")
       ->check(AboveZero())
       ->option_text("N");
   app->add_option(
          "--expand", search.expand,
-         "query expansion: use this many of the best verified pictures as further queries, for "
+         "query expansion: use this many of the best verified images as further queries, for "
          "views that the query alone does not reach (default: 3 by image, 0 by object)")
       ->check(Between(0, kMostExpansions))
       ->option_text("N");
   app->add_option("--instances", search.max_instances,
-                  "maximum number of instances of one object in the query picture")
+                  "maximum number of instances of one object in the query image")
       ->capture_default_str()
       ->check(Between(1, 100));
   app->add_flag("--closer-look,!--no-closer-look", search.second_pass,
-                "where nothing is found, describe the picture once more at a finer scale, and give "
+                "where nothing is found, describe the image once more at a finer scale, and give "
                 "the surer answer (default: yes)");
   app->add_option("--region", options->region,
-                  "look at this rectangle of the query picture only, in its own pixels: X,Y,W,H")
+                  "look at this rectangle of the query image only, in its own pixels: X,Y,W,H")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
-  app->add_option("--object", search.object, "only pictures of this object");
+  app->add_option("--object", search.object, "only images of this object");
   app->add_option(
          "--filter", options->filter,
-         "only pictures whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": "
+         "only images whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": "
          "{\"gte\": 2020}}'; tests are in, ne, gt, gte, lt, lte, exists; filters join by and, or, "
          "not")
       ->option_text("JSON");
@@ -171,12 +168,12 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matched points and the warp of its surface");
-  app->add_option("--draw", options->pictures.draw,
+  app->add_option("--draw", options->images.draw,
                   "draw the query and its hits with outlines and matching points to this PNG file; "
                   "- = standard output")
       ->type_name("FILE");
   app->add_option(
-         "--unwarp", options->pictures.unwarp,
+         "--unwarp", options->images.unwarp,
          "draw the flattened object beside the hit: the best verified hit to a PNG file (- = "
          "standard output), or all of them into a folder")
       ->type_name("FILE|DIR");

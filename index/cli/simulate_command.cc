@@ -19,7 +19,7 @@ struct Options {
 
 void PrintReport(const Options& options, const SimulateReport& report) {
   const double rate =
-      report.seconds > 0.0 ? static_cast<double>(report.pictures) / report.seconds : 0.0;
+      report.seconds > 0.0 ? static_cast<double>(report.images) / report.seconds : 0.0;
   for (const auto& [file, reason] : report.skipped) Message("skipped " + file + ": " + reason);
   if (options.json) {
     Json skipped = Json::array();
@@ -28,20 +28,20 @@ void PrintReport(const Options& options, const SimulateReport& report) {
     }
     PrintJson({{"scenes", report.scenes},
                {"unchanged", report.unchanged},
-               {"pictures", report.pictures},
+               {"images", report.images},
                {"textures", report.textures},
                {"skipped", std::move(skipped)},
                {"mean_stretch_p95", report.mean_stretch},
                {"worst_stretch_p95", report.worst_stretch},
-               {"pictures_per_second", rate},
+               {"images_per_second", rate},
                {"seconds", report.seconds}});
     return;
   }
-  Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.pictures) +
-        " pictures) from " + std::to_string(report.textures) + " textures in " +
-        FormatFixed(report.seconds, 1) + " s, " + FormatFixed(rate, 1) + " pictures/s; " +
+  Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.images) +
+        " images) from " + std::to_string(report.textures) + " textures in " +
+        FormatFixed(report.seconds, 1) + " s, " + FormatFixed(rate, 1) + " images/s; " +
         std::to_string(report.unchanged) + " scenes existed already");
-  if (report.pictures > 0) {
+  if (report.images > 0) {
     Print("residual stretch of the cloth (95th percentile): " +
           FormatFixed(100.0 * report.mean_stretch, 2) + " % on average, " +
           FormatFixed(100.0 * report.worst_stretch, 2) + " % at worst");
@@ -69,9 +69,9 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   SimulateOptions& simulate = options->simulate;
   CLI::App* app = program.add_subcommand(
-      "simulate", "Render pictures of deforming objects with exact correspondences");
+      "simulate", "Render images of deforming objects with exact correspondences");
   app->add_option("--textures", simulate.textures,
-                  "folder of pictures, safetensors pack, or the word procedural")
+                  "folder of images, safetensors pack, or the word procedural")
       ->required()
       ->type_name("DIR");
   app->add_option("--out,-o", simulate.out, "folder for the scenes")->required()->type_name("DIR");
@@ -92,11 +92,11 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
                   "preset objects: further objects without a reference")
       ->capture_default_str();
   app->add_option("--views", simulate.views,
-                  "pictures per scene, including the reference; 0 = the preset's default")
+                  "images per scene, including the reference; 0 = the preset's default")
       ->capture_default_str();
-  app->add_option("--width", simulate.width, "of each picture, in pixels")->capture_default_str();
-  app->add_option("--height", simulate.height, "of each picture, in pixels")->capture_default_str();
-  app->add_flag("--colour", simulate.colour, "colour pictures instead of grey ones");
+  app->add_option("--width", simulate.width, "of each image, in pixels")->capture_default_str();
+  app->add_option("--height", simulate.height, "of each image, in pixels")->capture_default_str();
+  app->add_flag("--colour", simulate.colour, "colour images instead of grey ones");
   app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]")
       ->capture_default_str();
   app->add_option("--occluders", simulate.occluders, "probability that a part of a view is covered")

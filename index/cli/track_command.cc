@@ -14,21 +14,21 @@
 #include "descriptor/image/video.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
+#include "index/cli/image_input.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/cli/picture_input.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 #include "index/files/text.h"
 #include "index/json/location_json.h"
 #include "index/tracking/pipeline.h"
-#include "index/tracking/track_picture.h"
+#include "index/tracking/track_image.h"
 
 namespace pliant::cli {
 namespace {
 
-// The output pictures of `pliant track`.
+// The output images of `pliant track`.
 //
 // A video, or a folder of JPEG files frame_NNNNNN.jpg, depending on the name of `out`.
 class TrackOutput {
@@ -70,7 +70,7 @@ void CheckTrackOutName(const fs::path& out) {
   throw Error(ErrorCode::kInvalidArgument, "bad_video_name",
               ToDisplayText(out.string()) + ": " + ToDisplayText(extension) +
                   " files are not written. Name a video (.mp4, .m4v, .mov, .mkv, .avi), or a "
-                  "folder for pictures; to a folder of this name add a slash");
+                  "folder for images; to a folder of this name add a slash");
 }
 
 TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
@@ -82,26 +82,25 @@ TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
 }
 
 void TrackOutput::Write(const TrackedFrame& tracked, const PixelBox& box) {
-  const Image picture = DrawTracked(tracked, box);
+  const Image image = DrawTracked(tracked, box);
   if (video_) {
     if (!writer_) {
-      writer_ =
-          std::make_unique<VideoWriter>(out_, picture.width, picture.height, frames_per_second_);
+      writer_ = std::make_unique<VideoWriter>(out_, image.width, image.height, frames_per_second_);
     }
-    writer_->Write(picture);
+    writer_->Write(image);
     return;
   }
   std::array<char, 48> name{};
   std::snprintf(name.data(), name.size(), "frame_%06lld.jpg",
                 static_cast<long long>(tracked.frame.number));
-  WritePicture(out_ / name.data(), picture);
+  WriteImage(out_ / name.data(), image);
 }
 
 void TrackOutput::Close() {
   if (writer_) writer_->Close();
 }
 
-constexpr double kFolderRate = 25;  // frames a second of a video made of a folder's pictures
+constexpr double kFolderRate = 25;  // frames a second of a video made of a folder's images
 
 struct Options {
   EngineOptions engine;  // only what concerns extraction
@@ -118,9 +117,9 @@ struct Options {
 
 Image Decode(const std::filesystem::path& file, DecodeOptions decode, bool colour) {
   decode.colour = colour;
-  decode.max_side_px = 0;  // the region is in the picture's own pixels
-  const PictureInput picture = ReadPicture(file, decode.max_bytes);
-  return Naming(picture, [&] { return DecodeImage(picture.bytes, decode).image; });
+  decode.max_side_px = 0;  // the region is in the image's own pixels
+  const ImageInput image = ReadImage(file, decode.max_bytes);
+  return Naming(image, [&] { return DecodeImage(image.bytes, decode).image; });
 }
 
 Tracker MakeTracker(Options& options) {
@@ -190,7 +189,7 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
 ExitStatus Run(Options& options) {
   const Interrupt interrupt;
   if (!options.out.empty()) CheckTrackOutName(options.out);
-  if (!options.sheet.empty()) CheckPictureName(options.sheet);
+  if (!options.sheet.empty()) CheckImageName(options.sheet);
   for (const std::filesystem::path& written : {options.out, options.sheet})
     CheckNotInput(written, {options.reference, options.input, options.mask});
   const Tracker tracker = MakeTracker(options);
@@ -202,7 +201,7 @@ ExitStatus Run(Options& options) {
     output.emplace(options.out, (rate > 0 ? rate : kFolderRate) / options.frames.every);
   }
   std::optional<ContactSheet> sheet;
-  if (!options.sheet.empty()) sheet.emplace(tracker.picture());
+  if (!options.sheet.empty()) sheet.emplace(tracker.image());
 
   TrackSummary summary;
   {
@@ -219,12 +218,12 @@ ExitStatus Run(Options& options) {
   }
   if (summary.frames == 0) {
     throw Error(ErrorCode::kUnprocessable, "no_frames",
-                options.input.string() + " contains no readable picture");
+                options.input.string() + " contains no readable image");
   }
   if (output) output->Close();
   if (sheet) {
-    WritePicture(options.sheet, sheet->Draw(ToDisplayText(options.input.filename().string()) +
-                                            ", " + tracker.features().model_id));
+    WriteImage(options.sheet, sheet->Draw(ToDisplayText(options.input.filename().string()) + ", " +
+                                          tracker.features().model_id));
   }
   PrintSummary(options, tracker, summary, *source, interrupt.requested());
   if (interrupt.requested()) return ExitStatus::kFailed;
@@ -236,21 +235,20 @@ ExitStatus Run(Options& options) {
 void AddTrackCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand("track", "Track an object through a video while it bends");
-  app->add_option("REFERENCE", options->reference, "picture of the object, nearly flat")
-      ->required();
+  app->add_option("REFERENCE", options->reference, "image of the object, nearly flat")->required();
   app->add_option("VIDEO|DIR", options->input, "video file, or folder of frames")->required();
   app->add_option("--region", options->region,
-                  "the object in REFERENCE: X,Y,W,H in its pixels (default: the whole picture)")
+                  "the object in REFERENCE: X,Y,W,H in its pixels (default: the whole image)")
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
   app->add_option("--mask", options->mask,
-                  "picture of the size of REFERENCE, black outside the object")
+                  "image of the size of REFERENCE, black outside the object")
       ->type_name("FILE");
   app->add_option(
          "--out,-o", options->out,
          "draw the mesh over each frame and the flattened object beside it: a video (.mp4, .mkv, "
-         ".avi) or a folder for pictures; other files (.gif) are not written")
+         ".avi) or a folder for images; other files (.gif) are not written")
       ->type_name("OUT.mp4|DIR");
   app->add_option("--sheet", options->sheet, "draw a contact sheet of twelve frames")
       ->type_name("OUT.png");

@@ -114,7 +114,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
     return sub;
   };
 
-  CLI::App* train = add("train", "Train a new vocabulary on the stored pictures", Train,
+  CLI::App* train = add("train", "Train a new vocabulary on the stored images", Train,
                         "train --db my.db --words 4000 --use");
   train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
       ->capture_default_str()
@@ -125,7 +125,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
                    "(10000 at least)")
       ->capture_default_str()
       ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
-  train->add_option("--seed", options->train.seed, "same seed and pictures, same vocabulary")
+  train->add_option("--seed", options->train.seed, "same seed and images, same vocabulary")
       ->capture_default_str();
   train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one per core")
       ->capture_default_str()

@@ -101,15 +101,15 @@ void NewFile::Publish() {
   ::close(std::exchange(fd_, -1));
 }
 
-void CheckPictureName(const std::filesystem::path& file) {
+void CheckImageName(const std::filesystem::path& file) {
   if (file.extension() == ".png" || IsJpeg(file) || file == kStandardOutput) return;
-  throw Error(ErrorCode::kInvalidArgument, "bad_picture_name",
+  throw Error(ErrorCode::kInvalidArgument, "bad_image_name",
               file.string() + " must end in .png or .jpg, or be - for standard output");
 }
 
-void WritePicture(const std::filesystem::path& file, const Image& picture) {
-  CheckPictureName(file);
-  const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(picture) : EncodePng(picture);
+void WriteImage(const std::filesystem::path& file, const Image& image) {
+  CheckImageName(file);
+  const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(image) : EncodePng(image);
   WriteFile(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 

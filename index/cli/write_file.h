@@ -48,10 +48,10 @@ class NewFile {
 };
 
 // PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument
-// "bad_picture_name" for another extension; to be called before the work whose result is written.
-void CheckPictureName(const std::filesystem::path& file);
+// "bad_image_name" for another extension; to be called before the work whose result is written.
+void CheckImageName(const std::filesystem::path& file);
 
-// Atomically replaces the file. Throws what CheckPictureName and WriteFile throw.
-void WritePicture(const std::filesystem::path& file, const Image& picture);
+// Atomically replaces the file. Throws what CheckImageName and WriteFile throw.
+void WriteImage(const std::filesystem::path& file, const Image& image);
 
 }  // namespace pliant::cli

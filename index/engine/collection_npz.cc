@@ -11,14 +11,14 @@
 namespace pliant {
 namespace {
 
-constexpr int kPicturesAtOnce = 50;  // with their features, in memory
+constexpr int kImagesAtOnce = 50;  // with their features, in memory
 
 }  // namespace
 
-std::int64_t WriteFeaturesNpz(Engine& engine, PictureListing list,
+std::int64_t WriteFeaturesNpz(Engine& engine, ImageListing list,
                               const std::function<void(std::uint64_t bytes)>& begin,
                               const NpzArchive::Write& write) {
-  list.limit = kPicturesAtOnce;
+  list.limit = kImagesAtOnce;
   const DescriptorInfo model = engine.Model();
   FeatureTotals totals;
   totals.kind = model.kind;
@@ -33,7 +33,7 @@ std::int64_t WriteFeaturesNpz(Engine& engine, PictureListing list,
   };
   engine.ForEachFeatures(
       list,
-      [&](const PicturePage& page) {
+      [&](const ImagePage& page) {
         for (const ImageRecord& record : page.records) {
           totals.Count(record.id, record.keypoints);
           totals.object_length =
@@ -46,7 +46,7 @@ std::int64_t WriteFeaturesNpz(Engine& engine, PictureListing list,
       });
   open();
   archive->Finish();
-  return totals.pictures;
+  return totals.images;
 }
 
 }  // namespace pliant

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The features of a collection as one NumPy archive (files/features_npz.h): `names` are the
-// pictures' ids, and `objects` what they show.
+// images' ids, and `objects` what they show.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@
 
 namespace pliant {
 
-// Of the pictures that `list` names, all of one state; how many. `begin` hears how many bytes the
+// Of the images that `list` names, all of one state; how many. `begin` hears how many bytes the
 // file will have, before the first is written. Memory does not grow with the collection. Throws as
 // Engine::ForEachPage does, and what `begin` and `write` throw.
-std::int64_t WriteFeaturesNpz(Engine& engine, PictureListing list,
+std::int64_t WriteFeaturesNpz(Engine& engine, ImageListing list,
                               const std::function<void(std::uint64_t bytes)>& begin,
                               const NpzArchive::Write& write);
 

@@ -31,9 +31,9 @@ bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
          a.source == b.source;
 }
 
-// A picture on its way.
+// An image on its way.
 struct Copied {
-  StoredPicture stored;
+  StoredImage stored;
   std::vector<std::uint8_t> content = {};
   bool has_content = true;
   AddRequest request = {};  // its bytes are `content`
@@ -51,7 +51,7 @@ class Copy {
     }
     if (options.commit_every < 1) {
       throw Error(ErrorCode::kInvalidArgument, "commit_every_invalid",
-                  "a commit has at least one picture, not " + std::to_string(options.commit_every));
+                  "a commit has at least one image, not " + std::to_string(options.commit_every));
     }
     from_ = OpenStore(
         {.database = options.from, .create = false, .read_only = true, .model_of_new = {}});
@@ -106,11 +106,11 @@ class Copy {
     if (same_ != 0 && FindSame(label.name, *from_->catalogue().ReadVocabulary(same_)) != active_) {
       same_ = 0;  // somebody has chosen another one in the target
     }
-    PictureListing list;
+    ImageListing list;
     list.which.collection = label.name;
     list.limit = options_.commit_every;
     std::uint64_t seen = 0;
-    from_->catalogue().ForEachPicturePage(list, [&](const PicturePage& page) {
+    from_->catalogue().ForEachImagePage(list, [&](const ImagePage& page) {
       ThrowIfStopped();
       CopyPage(label.name, page.records);
       seen += page.records.size();
@@ -124,9 +124,9 @@ class Copy {
   std::vector<ImageRecord> Missing(const std::string& collection,
                                    const std::vector<ImageRecord>& records) {
     const Key in = to_->catalogue().RequireCollection(collection).key;
-    std::vector<PictureRef> refs;
+    std::vector<ImageRef> refs;
     for (const ImageRecord& record : records) refs.push_back({in, record.id});
-    const auto there = to_->catalogue().LoadPictures(refs, Load::kRecords);
+    const auto there = to_->catalogue().LoadImages(refs, Load::kRecords);
     std::vector<ImageRecord> missing;
     for (std::size_t i = 0; i < records.size(); ++i) {
       if (!there[i] || !SameRecord(there[i]->record, records[i])) missing.push_back(records[i]);
@@ -139,14 +139,14 @@ class Copy {
     const std::vector<ImageRecord> missing = Missing(collection, records);
     result_.unchanged += records.size() - missing.size();
     const Key in = from_->catalogue().RequireCollection(collection).key;
-    std::vector<PictureRef> refs;
+    std::vector<ImageRef> refs;
     for (const ImageRecord& record : missing) refs.push_back({in, record.id});
     Together together;
     std::uint64_t bytes = 0;
-    for (auto& picture : from_->catalogue().LoadPictures(refs, Load::kRecordsAndFeatures)) {
-      if (!picture) continue;  // removed meanwhile
-      bytes += picture->record.bytes + picture->features.size();
-      together.push_back({.stored = *std::move(picture)});
+    for (auto& image : from_->catalogue().LoadImages(refs, Load::kRecordsAndFeatures)) {
+      if (!image) continue;  // removed meanwhile
+      bytes += image->record.bytes + image->features.size();
+      together.push_back({.stored = *std::move(image)});
       if (bytes < kBytesTogether) continue;
       ReadAndWrite(collection, std::exchange(together, {}));
       bytes = 0;
@@ -159,9 +159,9 @@ class Copy {
     ReadWords(together);
     Written();
     if (together.empty()) return;
-    writing_ = std::async(std::launch::async, [this, pictures = std::move(together)]() mutable {
-      Write(pictures);
-      return pictures.size();
+    writing_ = std::async(std::launch::async, [this, images = std::move(together)]() mutable {
+      Write(images);
+      return images.size();
     });
   }
 
@@ -228,9 +228,9 @@ class Copy {
   }
 
   void Write(Together& together) {
-    std::vector<PicturePut> puts;
+    std::vector<ImagePut> puts;
     for (Copied& one : together) {
-      PicturePut& put = puts.emplace_back(PicturePut{.request = one.request});
+      ImagePut& put = puts.emplace_back(ImagePut{.request = one.request});
       put.record = std::move(one.stored.record);
       put.encoded = std::move(one.stored.features);
       put.features = std::move(one.features);
@@ -262,7 +262,7 @@ class Copy {
     while (true) {
       ThrowIfStopped();
       const std::vector<StoredFeatures> batch =
-          to_->catalogue().LoadUnquantized(in, vocabulary, after, kPicturesABatch);
+          to_->catalogue().LoadUnquantized(in, vocabulary, after, kImagesABatch);
       if (batch.empty()) return;
       to_->writer().AddWords(vocabulary, QuantizeBatch(quantizer, batch, 0));
       after = batch.back().version;
@@ -322,7 +322,7 @@ std::map<std::string, double> ScoresOf(const SearchResult& result) {
   return scores;
 }
 
-// Where equal scores end a page, either of the pictures may be the last on it.
+// Where equal scores end a page, either of the images may be the last on it.
 bool SameHits(const SearchResult& a, const SearchResult& b) {
   if (a.hits.size() != b.hits.size()) return false;
   const std::map<std::string, double> other = ScoresOf(b);
@@ -350,22 +350,22 @@ RankingsCompared CompareRankings(Engine& from, Engine& to, std::uint64_t count) 
     const std::uint64_t step =
         std::max<std::uint64_t>(1, record.images / std::max<std::uint64_t>(1, count));
     std::uint64_t number = 0;
-    PictureListing list;
+    ImageListing list;
     list.which.collection = collection;
     list.limit = 1000;
-    from.ForEachPage(list, [&](const PicturePage& page) {
-      for (const ImageRecord& picture : page.records) {
+    from.ForEachPage(list, [&](const ImagePage& page) {
+      for (const ImageRecord& image : page.records) {
         if (number++ % step != 0 || compared.compared >= count) continue;
         SearchOptions search;
         search.collection = collection;
         search.group_by = GroupBy::kImage;
         search.limit = 10;
-        const Features features = from.GetFeatures(collection, picture.id);
+        const Features features = from.GetFeatures(collection, image.id);
         ++compared.compared;
         if (SameHits(from.SearchFeatures(features, search), to.SearchFeatures(features, search))) {
           continue;
         }
-        compared.differences.push_back("a search with picture \"" + ToDisplayText(picture.id) +
+        compared.differences.push_back("a search with image \"" + ToDisplayText(image.id) +
                                        "\" of collection \"" + collection +
                                        "\" has other hits, or other scores");
       }

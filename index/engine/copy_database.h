@@ -18,15 +18,15 @@ namespace pliant {
 struct CopyOptions {
   std::filesystem::path from;  // files or URLs (database_url.h)
   std::filesystem::path to;    // made when it does not exist
-  int readers = 32;            // pictures that are read at once
-  int commit_every = 250;      // pictures that are written in one commit, or as many as 64 MiB hold
-  std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // pictures; one at a time
+  int readers = 32;            // images that are read at once
+  int commit_every = 250;      // images that are written in one commit, or as many as 64 MiB hold
+  std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // images; one at a time
   std::stop_token stop;
 };
 
 struct CopyResult {
   std::uint64_t collections = 0;
-  std::uint64_t copied = 0;     // pictures
+  std::uint64_t copied = 0;     // images
   std::uint64_t unchanged = 0;  // that were there already
   std::uint64_t extra = 0;      // that are in `to` and not in `from`; they stay
   std::uint64_t without_content =
@@ -35,7 +35,7 @@ struct CopyResult {
   std::uint64_t keys = 0;          // API keys that were copied
 };
 
-// Pictures with their ids, objects, metadata, times, features and bytes; collections with their
+// Images with their ids, objects, metadata, times, features and bytes; collections with their
 // names and aliases; vocabularies; API keys. Jobs are left behind. What is there already with the
 // same bytes, object, metadata and source is no work, so that a copy that was interrupted goes on.
 // Changes of `from` meanwhile may be missing: copy again. Throws kConflict "model_mismatch" for
@@ -48,7 +48,7 @@ struct RankingsCompared {
   std::vector<std::string> differences;  // a sentence each
 };
 
-// Asks both for pictures of `from`, at most `count`, as queries: the same ten pictures must come,
+// Asks both for images of `from`, at most `count`, as queries: the same ten images must come,
 // with the same scores up to 1e-5.
 RankingsCompared CompareRankings(Engine& from, Engine& to, std::uint64_t count);
 

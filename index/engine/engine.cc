@@ -27,8 +27,8 @@ void CheckPage(int limit) {
   }
 }
 
-// ExtractionOptions::enlarge_below. An indexed picture is kept in memory, so it is enlarged only
-// where it has few key points. A query always: its object may be a small part of it.
+// ExtractionOptions::enlarge_below. An indexed image is kept in memory, so it is enlarged only
+// where it has few keypoints. A query always: its object may be a small part of it.
 constexpr int kEnlargeIndexedBelow = 512;
 constexpr int kEnlargeQueryBelow = std::numeric_limits<int>::max();
 
@@ -105,7 +105,7 @@ void Engine::Impl::FollowLimits(const ExtractionLimits& stored,
   follow("max_side_px", stored.max_side_px, options_.max_side_px, extraction.decode.max_side_px);
 }
 
-// Before the first picture is described. With no limit to the side there is nothing to write down
+// Before the first image is described. With no limit to the side there is nothing to write down
 // for it: 0 means "not decided".
 void Engine::Impl::SettleLimits(ExtractionOptions& extraction) {
   if (limits_settled_ || options_.read_only) return;
@@ -151,11 +151,11 @@ std::vector<std::string> Engine::Impl::Check() {
 Engine::Engine(EngineOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 Engine::~Engine() = default;
 
-AddResult Engine::Add(const AddRequest& request, const PictureCheck& check) {
+AddResult Engine::Add(const AddRequest& request, const ImageCheck& check) {
   return impl_->BeginAdd(request, check)();
 }
 
-std::function<AddResult()> Engine::BeginAdd(const AddRequest& request, const PictureCheck& check) {
+std::function<AddResult()> Engine::BeginAdd(const AddRequest& request, const ImageCheck& check) {
   return impl_->BeginAdd(request, check);
 }
 
@@ -178,27 +178,26 @@ std::vector<std::uint8_t> Engine::GetContent(const std::string& collection, cons
 
 std::vector<ImageRecord> Engine::List(const ListOptions& options) {
   CheckPage(options.limit);
-  return impl_->catalogue().ListPictures(options);
+  return impl_->catalogue().ListImages(options);
 }
 
-bool Engine::Remove(const std::string& collection, const std::string& id,
-                    const PictureCheck& check) {
+bool Engine::Remove(const std::string& collection, const std::string& id, const ImageCheck& check) {
   return impl_->writer().Remove(collection, id, check);
 }
 
-PicturePage Engine::ListPage(const PictureListing& list) {
+ImagePage Engine::ListPage(const ImageListing& list) {
   CheckListing(list.which, list);
-  return impl_->catalogue().ListPicturePage(list);
+  return impl_->catalogue().ListImagePage(list);
 }
 
-void Engine::ForEachPage(const PictureListing& list,
-                         const std::function<void(const PicturePage&)>& work) {
+void Engine::ForEachPage(const ImageListing& list,
+                         const std::function<void(const ImagePage&)>& work) {
   CheckListing(list.which, list);
-  impl_->catalogue().ForEachPicturePage(list, work);
+  impl_->catalogue().ForEachImagePage(list, work);
 }
 
-void Engine::ForEachFeatures(const PictureListing& list,
-                             const std::function<void(const PicturePage&)>& look,
+void Engine::ForEachFeatures(const ImageListing& list,
+                             const std::function<void(const ImagePage&)>& look,
                              const std::function<void(const ImageRecord&, const Features&)>& take) {
   CheckListing(list.which, list);
   impl_->ForEachFeatures(list, look, take);
@@ -215,7 +214,7 @@ std::uint64_t Engine::RemoveWhere(const Selection& which) {
   CheckSelection(which);
   if (which.all()) {
     throw Error(ErrorCode::kInvalidArgument, "selection_empty",
-                "which pictures to remove must be said; the whole collection is RemoveCollection");
+                "which images to remove must be said; the whole collection is RemoveCollection");
   }
   return impl_->writer().RemoveWhere(which);
 }
@@ -237,7 +236,7 @@ std::uint64_t Engine::RemoveObject(const std::string& collection, const std::str
 }
 
 ImageRecord Engine::Change(const std::string& collection, const std::string& id,
-                           const PictureChange& change) {
+                           const ImageChange& change) {
   return impl_->Change(collection, id, change);
 }
 

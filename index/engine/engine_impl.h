@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What stands behind the facade: how pictures are described, quantised, searched; where they are
+// What stands behind the facade: how images are described, quantised, searched; where they are
 // kept and how they are ranked is behind the interfaces of store/ and rank/. Private to engine/.
 #pragma once
 
@@ -29,18 +29,17 @@ class Engine::Impl {
     return ranker_->View(catalogue().RequireCollection(collection).name);
   }
 
-  // Pictures (engine_pictures.cc)
-  std::function<AddResult()> BeginAdd(const AddRequest& request, const PictureCheck& check);
+  // Images (engine_images.cc)
+  std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check);
   ImageRecord Get(const std::string& collection, const std::string& id);
   Features GetFeatures(const std::string& collection, const std::string& id) {
     return GetFeatures({catalogue().RequireCollection(collection).key, id}, collection);
   }
-  void ForEachFeatures(const PictureListing& list,
-                       const std::function<void(const PicturePage&)>& look,
+  void ForEachFeatures(const ImageListing& list, const std::function<void(const ImagePage&)>& look,
                        const std::function<void(const ImageRecord&, const Features&)>& take);
   DescriptorInfo Model() const { return store_->model().info; }
   ImageRecord Change(const std::string& collection, const std::string& id,
-                     const PictureChange& change);
+                     const ImageChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 
@@ -75,7 +74,7 @@ class Engine::Impl {
 
  private:
   // The descriptor, made when first needed; kConflict when it differs from the database's. For
-  // pictures to index, and for those to search with, of which every detail may be the one.
+  // images to index, and for those to search with, of which every detail may be the one.
   const FeatureExtractor& extractor() { return extractors().indexed; }
   const FeatureExtractor& query_extractor() { return extractors().query; }
   struct Extractors {
@@ -86,22 +85,22 @@ class Engine::Impl {
   void CheckModel(const DescriptorInfo& info) const;
   // Makes `extraction` follow what the database has written down; kConflict "extraction_mismatch".
   void FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const;
-  // The same, once it is written down where that was not decided yet. Not before a picture is
+  // The same, once it is written down where that was not decided yet. Not before an image is
   // described: who only looks into a database decides nothing.
   void SettleLimits(ExtractionOptions& extraction);
 
-  // Everything about a new picture that takes time.
-  PicturePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
-  Features GetFeatures(const PictureRef& ref, const std::string& collection);
+  // Everything about a new image that takes time.
+  ImagePut Prepare(const AddRequest& request, const std::string& sha256, AddTimings* timings);
+  Features GetFeatures(const ImageRef& ref, const std::string& collection);
   // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
   // the same ranking once more; the answer whose first hit has more evidence.
   SearchResult Answer(const CollectionView& view, Features features, const SearchOptions& options,
                       const ExtractionTimings& timings, const SecondPass& second = {});
-  std::vector<PictureRef> PicturesOf(const std::string& collection, const std::string& object);
-  std::vector<PictureRef> MostSimilar(const Features& query, const std::string& collection,
-                                      const std::string& object, int threads,
-                                      std::vector<PictureRef> some);
-  // Gives words of `vocabulary` to all pictures that lack them. `progress` hears of the share done.
+  std::vector<ImageRef> ImagesOf(const std::string& collection, const std::string& object);
+  std::vector<ImageRef> MostSimilar(const Features& query, const std::string& collection,
+                                    const std::string& object, int threads,
+                                    std::vector<ImageRef> some);
+  // Gives words of `vocabulary` to all images that lack them. `progress` hears of the share done.
   void QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
                        const std::stop_token& stop, const std::function<void(double)>& progress);
   void DropUnfinished(Key vocabulary) noexcept;

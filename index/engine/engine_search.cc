@@ -30,7 +30,7 @@ void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
   throw Error(
       ErrorCode::kConflict, "no_vocabulary",
       "collection \"" + options.collection +
-          "\" has no vocabulary yet: `pliant index` makes one when it has added its pictures, and "
+          "\" has no vocabulary yet: `pliant index` makes one when it has added its images, and "
           "`pliant vocab train` at any time");
 }
 
@@ -38,13 +38,13 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
   if (features.keypoints.size() >= kMinKeypoints) return;
   if (region && LongerSide(*region, features.width, features.height) == 0) {
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
-                "the region lies outside of the query picture, which has " +
+                "the region lies outside of the query image, which has " +
                     std::to_string(features.width) + " x " + std::to_string(features.height) +
                     " pixels");
   }
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
-              std::string(region ? "the region of the query picture" : "the query picture") +
-                  " has " + std::to_string(features.keypoints.size()) + " key points, " +
+              std::string(region ? "the region of the query image" : "the query image") + " has " +
+                  std::to_string(features.keypoints.size()) + " keypoints, " +
                   std::to_string(kMinKeypoints) + " are the least");
 }
 
@@ -52,7 +52,7 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
   throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
 }
 
-// Of an object's pictures so many are compared; of more, those that rank best.
+// Of an object's images so many are compared; of more, those that rank best.
 constexpr int kMostCompared = 24;
 
 // Of each example: what is further down in all of them is not among the best together.
@@ -64,13 +64,13 @@ void CheckExamples(const std::vector<std::string>& ids, const SearchOptions& opt
   };
   if (ids.empty() || ids.size() > kMaxExamples) {
     refuse("examples_invalid", "examples must be 1 to " + std::to_string(kMaxExamples) +
-                                   " pictures, not " + std::to_string(ids.size()));
+                                   " images, not " + std::to_string(ids.size()));
   }
   if (std::set<std::string>(ids.begin(), ids.end()).size() != ids.size()) {
-    refuse("examples_invalid", "examples has a picture twice");
+    refuse("examples_invalid", "examples has an image twice");
   }
   if (options.region) {
-    refuse("region_invalid", "region is of one picture, and there are several");
+    refuse("region_invalid", "region is of one image, and there are several");
   }
 }
 
@@ -135,12 +135,12 @@ std::vector<Hit> PageOf(std::vector<Hit> hits, const SearchOptions& options) {
           std::make_move_iterator(hits.begin() + static_cast<std::ptrdiff_t>(end))};
 }
 
-ComparedPicture Checked(const Features& features, const char* which) {
+ComparedImage Checked(const Features& features, const char* which) {
   const std::size_t keypoints = features.keypoints.size();
   if (keypoints < kMinKeypoints) {
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
-                std::string("the ") + which + " picture has " + std::to_string(keypoints) +
-                    " key points, " + std::to_string(kMinKeypoints) + " are the least");
+                std::string("the ") + which + " image has " + std::to_string(keypoints) +
+                    " keypoints, " + std::to_string(kMinKeypoints) + " are the least");
   }
   return {features.width, features.height, static_cast<std::uint32_t>(keypoints)};
 }
@@ -217,7 +217,7 @@ SearchResult Engine::Impl::Answer(const CollectionView& view, Features features,
     if (std::optional<Features> finer = second(&extraction)) {
       const Features verified = of_region(InStoredPrecision(*std::move(finer)));
       SearchResult again = run.Run(verified);
-      // Without evidence the first order is the better one: fine key points resemble much by
+      // Without evidence the first order is the better one: fine keypoints resemble much by
       // chance.
       if (again.evidence > result.evidence) {
         result = std::move(again);
@@ -247,7 +247,7 @@ void Validate(const SearchOptions& options) {
     ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
   }
   if (options.without.size() > kMaxExcluded) {
-    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " pictures");
+    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " images");
   }
   CheckFilter(options.filter);
   if (!options.region) return;
@@ -258,24 +258,24 @@ void Validate(const SearchOptions& options) {
   if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
 }
 
-// All of the object's pictures, or one more than are compared.
-std::vector<PictureRef> Engine::Impl::PicturesOf(const std::string& collection,
-                                                 const std::string& object) {
+// All of the object's images, or one more than are compared.
+std::vector<ImageRef> Engine::Impl::ImagesOf(const std::string& collection,
+                                             const std::string& object) {
   ListOptions list;
   list.collection = collection;
   list.object = object;
   list.limit = kMostCompared + 1;
   const Key key = catalogue().RequireCollection(collection).key;
-  std::vector<PictureRef> refs;
-  for (const ImageRecord& image : catalogue().ListPictures(list)) refs.push_back({key, image.id});
+  std::vector<ImageRef> refs;
+  for (const ImageRecord& image : catalogue().ListImages(list)) refs.push_back({key, image.id});
   return refs;
 }
 
-// Those of the object's pictures that rank best for the query; `some` where there is no vocabulary.
-std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
-                                                  const std::string& collection,
-                                                  const std::string& object, int threads,
-                                                  std::vector<PictureRef> some) {
+// Those of the object's images that rank best for the query; `some` where there is no vocabulary.
+std::vector<ImageRef> Engine::Impl::MostSimilar(const Features& query,
+                                                const std::string& collection,
+                                                const std::string& object, int threads,
+                                                std::vector<ImageRef> some) {
   const CollectionView view = View(collection);
   if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
   RankOptions options;
@@ -285,16 +285,16 @@ std::vector<PictureRef> Engine::Impl::MostSimilar(const Features& query,
   const Ranking ranking = ranker_->Rank(view, {query, Bow()}, options);
   if (ranking.best.empty()) return some;
   some.clear();
-  for (const RankedPicture& picture : ranking.best) some.push_back(picture.ref);
+  for (const RankedImage& image : ranking.best) some.push_back(image.ref);
   return some;
 }
 
 ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection,
                                     const std::string& object, int threads) {
-  std::vector<PictureRef> refs = PicturesOf(collection, object);
+  std::vector<ImageRef> refs = ImagesOf(collection, object);
   if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
-                "There is no picture of an object '" + Shown(object) + "'.");
+                "There is no image of an object '" + Shown(object) + "'.");
   }
   ObjectLocation result;
   result.object = object;
@@ -307,24 +307,24 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
     refs.pop_back();
     refs = MostSimilar(query, collection, object, threads, std::move(refs));
   }
-  std::vector<std::optional<StoredPicture>> pictures =
-      catalogue().LoadPictures(refs, Load::kRecordsAndFeatures);
-  std::erase_if(pictures, [](const auto& picture) { return !picture; });  // removed just now
+  std::vector<std::optional<StoredImage>> images =
+      catalogue().LoadImages(refs, Load::kRecordsAndFeatures);
+  std::erase_if(images, [](const auto& image) { return !image; });  // removed just now
   const LocateOptions options;
   const Verifier verifier(query, options.verification);
-  std::vector<Location> locations(pictures.size());
-  ParallelFor(pictures.size(), threads, [&](std::size_t i) {
-    Features features = DecodeFeatures(pictures[i]->features);
+  std::vector<Location> locations(images.size());
+  ParallelFor(images.size(), threads, [&](std::size_t i) {
+    Features features = DecodeFeatures(images[i]->features);
     features.model_id = query.model_id;
     locations[i] = pliant::Locate(verifier, query, features, options);
   });
   const auto better = [](const Location& a, const Location& b) {
     return a.found != b.found ? a.found : a.inliers.size() > b.inliers.size();
   };
-  result.compared = pictures.size();
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
+  result.compared = images.size();
+  for (std::size_t i = 0; i < images.size(); ++i) {
     if (i > 0 && !better(locations[i], result.location)) continue;
-    result.image_id = pictures[i]->record.id;
+    result.image_id = images[i]->record.id;
     result.location = std::move(locations[i]);
   }
   result.locate_ms = watch.ms();
@@ -377,10 +377,10 @@ Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
   Comparison comparison;
   // Each as a search would have it: the first as what is stored, the second as what is asked.
   const auto describe = [&](const FeatureExtractor& extract, Bytes bytes, const char* which,
-                            ComparedPicture* picture) {
+                            ComparedImage* image) {
     ExtractionTimings timings;
     Features features = extract.Extract(bytes, threads, &timings);
-    *picture = Checked(features, which);
+    *image = Checked(features, which);
     AddUp(timings, &comparison.timings);
     return features;
   };

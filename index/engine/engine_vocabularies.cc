@@ -44,8 +44,8 @@ void ThrowIfStopped(const std::stop_token& stop) {
 // As many as asked for, or a tenth of the sample. Throws where the sample cannot give them.
 int ChooseWords(const TrainOptions& options, const DescriptorSample& sample) {
   if (sample.available == 0) {
-    throw Error(ErrorCode::kConflict, "no_pictures",
-                "there are no pictures in collection \"" + options.collection +
+    throw Error(ErrorCode::kConflict, "no_images",
+                "there are no images in collection \"" + options.collection +
                     "\" to train a vocabulary from; add some first");
   }
   const std::size_t tenth = std::max<std::size_t>(1, sample.descriptors.rows / 10);
@@ -137,13 +137,13 @@ void Engine::Impl::DropUnfinished(Key vocabulary) noexcept {
 void Engine::Impl::QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer,
                                    int threads, const std::stop_token& stop,
                                    const std::function<void(double)>& progress) {
-  const auto total = static_cast<double>(catalogue().CountPictures(collection));
+  const auto total = static_cast<double>(catalogue().CountImages(collection));
   double done = 0;
   std::int64_t after = 0;
   while (true) {
     ThrowIfStopped(stop);
     const std::vector<StoredFeatures> batch =
-        catalogue().LoadUnquantized(collection, vocabulary, after, kPicturesABatch);
+        catalogue().LoadUnquantized(collection, vocabulary, after, kImagesABatch);
     if (batch.empty()) return;
     writer().AddWords(vocabulary, QuantizeBatch(quantizer, batch, threads));
     after = batch.back().version;

@@ -23,12 +23,12 @@ bool IsAdmitted(const Admission& admission, const ImageRecord& record) {
          Passes(admission.filter, record.metadata);
 }
 
-// Features of so many pictures are in memory at a time.
-constexpr std::size_t kPicturesABatch = 256;
+// Features of so many images are in memory at a time.
+constexpr std::size_t kImagesABatch = 256;
 // So many are looked at before it is asked whether they are enough.
-constexpr std::size_t kFirstPictures = 30;
+constexpr std::size_t kFirstImages = 30;
 
-// An undecided search looks at so many times the pictures.
+// An undecided search looks at so many times the images.
 constexpr std::size_t kDeeper = 2;
 
 bool Verifies(const SearchOptions& options) {
@@ -36,10 +36,10 @@ bool Verifies(const SearchOptions& options) {
   return options.verify == Verification::kTps;
 }
 
-// Another picture of an object that was found by one adds nothing where each object stands once.
+// Another image of an object that was found by one adds nothing where each object stands once.
 int ExpansionsOf(const SearchOptions& options) {
-  constexpr int kByPicture = 3;
-  return options.expand.value_or(options.group_by == GroupBy::kImage ? kByPicture : 0);
+  constexpr int kByImage = 3;
+  return options.expand.value_or(options.group_by == GroupBy::kImage ? kByImage : 0);
 }
 
 // Why there is nothing to say about a hit.
@@ -47,7 +47,7 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
   Explanation explanation;
   explanation.ranking_score = ranking_score;
   explanation.failure = Verifies(options)
-                            ? "The picture was not looked at: only the best of the ranking are "
+                            ? "The image was not looked at: only the best of the ranking are "
                               "verified. Raise the depth of verification to look at more."
                             : "The search does not verify.";
   return explanation;
@@ -55,67 +55,67 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 
 }  // namespace
 
-void PictureShelf::Fetch(std::span<const RankedPicture> pictures, Load what) {
-  std::vector<PictureRef> wanted;
-  for (const RankedPicture& picture : pictures) {
-    const auto here = pictures_.find(picture.ref.version);
-    const bool enough = here != pictures_.end() && (what == Load::kRecords || !here->second ||
-                                                    !here->second->features.empty());
-    if (!enough) wanted.push_back(picture.ref);
+void ImageShelf::Fetch(std::span<const RankedImage> images, Load what) {
+  std::vector<ImageRef> wanted;
+  for (const RankedImage& image : images) {
+    const auto here = images_.find(image.ref.version);
+    const bool enough = here != images_.end() && (what == Load::kRecords || !here->second ||
+                                                  !here->second->features.empty());
+    if (!enough) wanted.push_back(image.ref);
   }
   if (wanted.empty()) return;
-  std::vector<std::optional<StoredPicture>> loaded = source_.LoadPictures(wanted, what);
+  std::vector<std::optional<StoredImage>> loaded = source_.LoadImages(wanted, what);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const bool other = loaded[i] && loaded[i]->version != wanted[i].version;
     if (other && !IsAdmitted(admission_, loaded[i]->record)) loaded[i].reset();
-    pictures_[wanted[i].version] = std::move(loaded[i]);
+    images_[wanted[i].version] = std::move(loaded[i]);
   }
 }
 
-void PictureShelf::DropFeatures() {
-  for (auto& [version, picture] : pictures_) {
-    if (picture) picture->features = {};
+void ImageShelf::DropFeatures() {
+  for (auto& [version, image] : images_) {
+    if (image) image->features = {};
   }
 }
 
-const ImageRecord* PictureShelf::Record(std::int64_t version) const {
-  const auto here = pictures_.find(version);
-  return here != pictures_.end() && here->second ? &here->second->record : nullptr;
+const ImageRecord* ImageShelf::Record(std::int64_t version) const {
+  const auto here = images_.find(version);
+  return here != images_.end() && here->second ? &here->second->record : nullptr;
 }
 
-std::optional<Features> PictureShelf::LoadFeatures(std::int64_t version) const {
-  const auto here = pictures_.find(version);
-  if (here == pictures_.end() || !here->second) return std::nullopt;
+std::optional<Features> ImageShelf::LoadFeatures(std::int64_t version) const {
+  const auto here = images_.find(version);
+  if (here == images_.end() || !here->second) return std::nullopt;
   Features features = DecodeFeatures(here->second->features);
   features.model_id = model_id_;
   return features;
 }
 
 CandidateVerifier::CandidateVerifier(const Features& query, const SearchOptions& options,
-                                     PictureShelf* shelf, SearchTimings* timings)
+                                     ImageShelf* shelf, SearchTimings* timings)
     : query_(query), options_(options), shelf_(*shelf), timings_(*timings) {}
 
-std::span<const RankedPicture> CandidateVerifier::FirstBatch(
-    std::span<const RankedPicture> candidates) const {
+std::span<const RankedImage> CandidateVerifier::FirstBatch(
+    std::span<const RankedImage> candidates) const {
   return candidates.first(std::min(candidates.size(), BatchAfter(0)));
 }
 
-std::vector<VerifiedPicture> CandidateVerifier::Verify(std::vector<RankedPicture> candidates) {
+std::vector<VerifiedImage> CandidateVerifier::Verify(std::vector<RankedImage> candidates) {
   return Run(std::move(candidates), /*all=*/options_.verify_depth != 0);
 }
 
-std::vector<VerifiedPicture> CandidateVerifier::VerifyAll(std::vector<RankedPicture> candidates) {
+std::vector<VerifiedImage> CandidateVerifier::VerifyAll(std::vector<RankedImage> candidates) {
   return Run(std::move(candidates), /*all=*/true);
 }
 
-// How many pictures are looked at next, after so many.
+// How many images are looked at next, after so many.
 std::size_t CandidateVerifier::BatchAfter(std::size_t looked_at) const {
-  if (options_.verify_depth != 0) return kPicturesABatch;
-  return std::clamp(looked_at, kFirstPictures, kPicturesABatch);
+  if (options_.verify_depth != 0) return kImagesABatch;
+  return std::clamp(looked_at, kFirstImages, kImagesABatch);
 }
 
-void CandidateVerifier::VerifyBatch(std::vector<RankedPicture> batch,
-                                    std::vector<VerifiedPicture>* verified) {
+void CandidateVerifier::VerifyBatch(std::vector<RankedImage> batch,
+                                    std::vector<VerifiedImage>* verified) {
   {
     const ScopedStopwatch watch(&timings_.database_ms);
     if (!verified->empty()) shelf_.DropFeatures();
@@ -130,9 +130,8 @@ void CandidateVerifier::VerifyBatch(std::vector<RankedPicture> batch,
   std::move(hits.begin(), hits.end(), std::back_inserter(*verified));
 }
 
-std::vector<VerifiedPicture> CandidateVerifier::Run(std::vector<RankedPicture> candidates,
-                                                    bool all) {
-  std::vector<VerifiedPicture> verified;
+std::vector<VerifiedImage> CandidateVerifier::Run(std::vector<RankedImage> candidates, bool all) {
+  std::vector<VerifiedImage> verified;
   while (verified.size() < candidates.size()) {
     const auto begin = candidates.begin() + static_cast<std::ptrdiff_t>(verified.size());
     const auto left = static_cast<std::size_t>(candidates.end() - begin);
@@ -143,7 +142,7 @@ std::vector<VerifiedPicture> CandidateVerifier::Run(std::vector<RankedPicture> c
   }
   for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
     const double score = candidates[i].score;
-    verified.push_back({.picture = std::move(candidates[i]), .ranking_score = score});
+    verified.push_back({.image = std::move(candidates[i]), .ranking_score = score});
   }
   return verified;
 }
@@ -173,7 +172,7 @@ Ranking SearchRun::Rank(const RankOptions& options) {
 
 SearchResult SearchRun::Run(const Features& features) {
   Ranking ranking = ranking_;
-  std::vector<VerifiedPicture> hits = Verified(features, &ranking);
+  std::vector<VerifiedImage> hits = Verified(features, &ranking);
   SearchResult result;
   result.rank = rank_.method;
   result.total = hits.size() + ranking.total;
@@ -185,31 +184,31 @@ SearchResult SearchRun::Run(const Features& features) {
         }));
     result.undecided = result.found == std::size_t{0} &&
                        std::any_of(hits.begin(), hits.end(), [](const auto& hit) {
-                         return Probability(hit.picture.score) >= kFoundProbability;
+                         return Probability(hit.image.score) >= kFoundProbability;
                        });
   }
-  for (RankedPicture& picture : ranking.best) {
-    const double probability = Probability(picture.score);
-    hits.push_back({.picture = std::move(picture), .probability = probability});
+  for (RankedImage& image : ranking.best) {
+    const double probability = Probability(image.score);
+    hits.push_back({.image = std::move(image), .probability = probability});
   }
   result.hits = PageOf(std::move(hits));
   result.timings = timings_;
   return result;
 }
 
-std::vector<VerifiedPicture> SearchRun::Verified(const Features& features, Ranking* ranking) {
+std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking* ranking) {
   CandidateVerifier verifier(features, options_, &shelf_, &timings_);
   depth_ = rank_.candidates;
   Fetch(verifier);
   if (!Verifies(options_)) return {};
-  std::vector<VerifiedPicture> hits = verifier.Verify(std::move(ranking->candidates));
+  std::vector<VerifiedImage> hits = verifier.Verify(std::move(ranking->candidates));
   VerifyDeeper(&verifier, &hits, ranking);
   KeepExclusiveMatches(&hits);
   if (ExpansionsOf(options_) > 0) Expand(&verifier, &hits, ranking);
   DropWeakEvidence(&hits);
   SuppressNonMaxima(features, &hits);
   SortByScore(&hits);
-  std::erase_if(hits, [&](const auto& hit) { return hit.picture.score < options_.min_score; });
+  std::erase_if(hits, [&](const auto& hit) { return hit.image.score < options_.min_score; });
   if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
   return hits;
 }
@@ -242,21 +241,21 @@ RankOptions SearchRun::ToRankOptions() const {
 }
 
 // The first batch: what is verified, or else the page. Only a page that reaches behind the verified
-// pictures reads once more (PageOf).
+// images reads once more (PageOf).
 void SearchRun::Fetch(const CandidateVerifier& verifier) {
   const ScopedStopwatch watch(&timings_.database_ms);
-  const std::span<const RankedPicture> candidates = ranking_.candidates;
+  const std::span<const RankedImage> candidates = ranking_.candidates;
   if (!candidates.empty()) {
     shelf_.Fetch(verifier.FirstBatch(candidates), Load::kRecordsAndFeatures);
   } else {
-    const std::span<const RankedPicture> best = ranking_.best;
+    const std::span<const RankedImage> best = ranking_.best;
     shelf_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
   }
 }
 
-// Verifies more of the ranking where no picture agrees with the query and the depth is left to the
+// Verifies more of the ranking where no image agrees with the query and the depth is left to the
 // search. Depends on nothing but the query and the collection, so that pages fit together.
-void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
                              Ranking* ranking) {
   if (IsDecided(*hits) || options_.verify_depth != 0 || hits->size() < depth_) return;
   depth_ *= kDeeper;
@@ -267,18 +266,17 @@ void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedPi
   }
   *ranking = *deeper_;
   std::unordered_set<std::int64_t> looked_at;
-  for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
-  std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
-    return looked_at.contains(picture.ref.version);
-  });
-  for (VerifiedPicture& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
+  for (const VerifiedImage& hit : *hits) looked_at.insert(hit.image.ref.version);
+  std::erase_if(ranking->candidates,
+                [&](const RankedImage& image) { return looked_at.contains(image.ref.version); });
+  for (VerifiedImage& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
     hits->push_back(std::move(hit));
   }
 }
 
-// Lifts the pictures that agree with the best verified ones, and takes those that were not looked
+// Lifts the images that agree with the best verified ones, and takes those that were not looked
 // at before out of the ranking's other hits.
-void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
                        Ranking* ranking) {
   const auto nearest = [&](const Features& part, std::size_t depth) {
     RankOptions of_part = rank_;
@@ -291,9 +289,9 @@ void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>
   };
   const auto load = [&](std::int64_t version) { return shelf_.LoadFeatures(version); };
   const int most = ExpansionsOf(options_);
-  std::vector<RankedPicture> sources;  // still on the shelf unless there was more than one batch
-  for (const VerifiedPicture* source : ExpansionSources(*hits, most)) {
-    sources.push_back(source->picture);
+  std::vector<RankedImage> sources;  // still on the shelf unless there was more than one batch
+  for (const VerifiedImage* source : ExpansionSources(*hits, most)) {
+    sources.push_back(source->image);
   }
   shelf_.Fetch(sources, Load::kRecordsAndFeatures);
   std::unordered_map<std::int64_t, Support> supports;
@@ -302,7 +300,7 @@ void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>
     supports = pliant::Expand(*hits, {.sources = most, .threads = options_.threads}, load, nearest);
   }
   std::unordered_set<std::int64_t> looked_at;
-  for (const VerifiedPicture& hit : *hits) looked_at.insert(hit.picture.ref.version);
+  for (const VerifiedImage& hit : *hits) looked_at.insert(hit.image.ref.version);
   RankOptions again = rank_;
   again.candidates = depth_;
   for (const auto& [version, support] : supports) {
@@ -311,42 +309,42 @@ void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>
   if (!again.also.empty()) {
     std::sort(again.also.begin(), again.also.end());
     *ranking = Rank(again);
-    std::erase_if(ranking->candidates, [&](const RankedPicture& picture) {
-      return !std::binary_search(again.also.begin(), again.also.end(), picture.ref.version);
+    std::erase_if(ranking->candidates, [&](const RankedImage& image) {
+      return !std::binary_search(again.also.begin(), again.also.end(), image.ref.version);
     });
-    for (VerifiedPicture& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
+    for (VerifiedImage& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
       hits->push_back(std::move(hit));
     }
     KeepExclusiveMatches(hits);
   }
-  for (VerifiedPicture& hit : *hits) {
-    const auto support = supports.find(hit.picture.ref.version);
+  for (VerifiedImage& hit : *hits) {
+    const auto support = supports.find(hit.image.ref.version);
     if (support == supports.end() || support->second.evidence <= hit.evidence) continue;
     hit.evidence = support->second.evidence;
     hit.via = support->second.via;
-    hit.picture.score = LiftScore(hit.ranking_score, hit.evidence);
+    hit.image.score = LiftScore(hit.ranking_score, hit.evidence);
   }
 }
 
 // The page of hits that the options ask for.
-std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
+std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedImage> hits) {
   const std::size_t begin = std::min(options_.offset, hits.size());
   const std::size_t end =
       options_.limit == 0 ? hits.size() : std::min(hits.size(), options_.offset + options_.limit);
-  std::vector<RankedPicture> shown;
-  for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].picture);
+  std::vector<RankedImage> shown;
+  for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].image);
   const ScopedStopwatch watch(&timings_.database_ms);
   shelf_.Fetch(shown, Load::kRecords);
   std::vector<Hit> page;
   for (std::size_t i = begin; i < end; ++i) {
-    VerifiedPicture& found = hits[i];
-    const ImageRecord* record = shelf_.Record(found.picture.ref.version);
+    VerifiedImage& found = hits[i];
+    const ImageRecord* record = shelf_.Record(found.image.ref.version);
     if (record == nullptr) continue;  // removed since it was ranked
     Hit hit;
     hit.rank = i + 1;
     hit.object = record->object;
     hit.image_id = record->id;
-    hit.score = found.picture.score;
+    hit.score = found.image.score;
     if (KnowsProbabilities()) hit.probability = found.probability;
     hit.inliers = found.inliers();
     hit.instances = std::move(found.instances);
@@ -355,7 +353,7 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedPicture> hits) {
     hit.metadata = record->metadata;
     hit.source = record->source;
     if (options_.explain) {
-      hit.explanation = found.explanations.empty() ? NotLookedAt(options_, found.picture.score)
+      hit.explanation = found.explanations.empty() ? NotLookedAt(options_, found.image.score)
                                                    : std::move(found.explanations.front());
     }
     page.push_back(std::move(hit));

@@ -20,22 +20,22 @@
 
 namespace pliant {
 
-// The pictures that one search looks at, read from the store in batches. Private to engine/.
+// The images that one search looks at, read from the store in batches. Private to engine/.
 
-// A picture that was replaced since it was ranked stands on the shelf in its new state, under the
+// An image that was replaced since it was ranked stands on the shelf in its new state, under the
 // version that was ranked, so that no search misses it. Fetch: one thread. The rest: any, when no
 // Fetch runs.
-class PictureShelf {
+class ImageShelf {
  public:
   // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
-  PictureShelf(Catalogue* source, const Admission* admission, std::string model_id)
+  ImageShelf(Catalogue* source, const Admission* admission, std::string model_id)
       : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
 
   // Reads those that are not there yet, all at once.
-  void Fetch(std::span<const RankedPicture> pictures, Load what);
+  void Fetch(std::span<const RankedImage> images, Load what);
   void DropFeatures();
 
-  // nullptr, nullopt: the picture is gone.
+  // nullptr, nullopt: the image is gone.
   const ImageRecord* Record(std::int64_t version) const;
   std::optional<Features> LoadFeatures(std::int64_t version) const;
 
@@ -43,33 +43,33 @@ class PictureShelf {
   Catalogue& source_;
   const Admission& admission_;
   std::string model_id_;
-  std::unordered_map<std::int64_t, std::optional<StoredPicture>> pictures_;  // by ranked version
+  std::unordered_map<std::int64_t, std::optional<StoredImage>> images_;  // by ranked version
 };
 
 // Verifies what was ranked, a batch of it at a time. Private to engine/.
 class CandidateVerifier {
  public:
   // All must outlive it. Times are added to `timings`.
-  CandidateVerifier(const Features& query, const SearchOptions& options, PictureShelf* shelf,
+  CandidateVerifier(const Features& query, const SearchOptions& options, ImageShelf* shelf,
                     SearchTimings* timings);
 
   // Of so many candidates those that are surely looked at: worth reading with the first batch.
-  std::span<const RankedPicture> FirstBatch(std::span<const RankedPicture> candidates) const;
+  std::span<const RankedImage> FirstBatch(std::span<const RankedImage> candidates) const;
 
   // In their order, the verified ones first: as many as it takes (IsEnough), or all where the
   // search names its depth. The others as they were ranked.
-  std::vector<VerifiedPicture> Verify(std::vector<RankedPicture> candidates);
+  std::vector<VerifiedImage> Verify(std::vector<RankedImage> candidates);
 
-  std::vector<VerifiedPicture> VerifyAll(std::vector<RankedPicture> candidates);
+  std::vector<VerifiedImage> VerifyAll(std::vector<RankedImage> candidates);
 
  private:
   std::size_t BatchAfter(std::size_t looked_at) const;
-  void VerifyBatch(std::vector<RankedPicture> batch, std::vector<VerifiedPicture>* verified);
-  std::vector<VerifiedPicture> Run(std::vector<RankedPicture> candidates, bool all);
+  void VerifyBatch(std::vector<RankedImage> batch, std::vector<VerifiedImage>* verified);
+  std::vector<VerifiedImage> Run(std::vector<RankedImage> candidates, bool all);
 
   const Features& query_;
   const SearchOptions& options_;
-  PictureShelf& shelf_;
+  ImageShelf& shelf_;
   SearchTimings& timings_;
 };
 
@@ -93,11 +93,11 @@ class SearchRun {
   Ranking Rank(const RankOptions& options);
   void Fetch(const CandidateVerifier& verifier);
   // `ranking` becomes the one whose best, behind the verified, are the other hits.
-  std::vector<VerifiedPicture> Verified(const Features& features, Ranking* ranking);
-  void VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits,
+  std::vector<VerifiedImage> Verified(const Features& features, Ranking* ranking);
+  void VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
                     Ranking* ranking);
-  void Expand(CandidateVerifier* verifier, std::vector<VerifiedPicture>* hits, Ranking* ranking);
-  std::vector<Hit> PageOf(std::vector<VerifiedPicture> hits);
+  void Expand(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits, Ranking* ranking);
+  std::vector<Hit> PageOf(std::vector<VerifiedImage> hits);
 
   MemoryRanker& ranker_;
   Catalogue& source_;
@@ -107,11 +107,11 @@ class SearchRun {
   SearchTimings timings_;  // before what is timed while it is made
   const Bow bow_;
   const RankOptions rank_;
-  PictureShelf shelf_;
+  ImageShelf shelf_;
   // By the query, for all passes.
   Ranking ranking_;
   std::optional<Ranking> deeper_;  // once a pass has needed it
-  std::size_t depth_ = 0;          // pictures that this pass sets apart for verification
+  std::size_t depth_ = 0;          // images that this pass sets apart for verification
 };
 
 }  // namespace pliant

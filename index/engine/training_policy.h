@@ -27,7 +27,7 @@ inline constexpr std::uint64_t kFullSample = 40'000;
 inline constexpr std::uint64_t kGrowth = 4;
 inline constexpr std::uint64_t kWordGrowth = 2;
 
-// True for a collection with pictures and no vocabulary, and for one that has outgrown a vocabulary
+// True for a collection with images and no vocabulary, and for one that has outgrown a vocabulary
 // which nobody trained or chose by hand (CollectionRecord::automatic).
 bool AutomaticTrainingIsDue(const CollectionRecord& record);
 

@@ -121,7 +121,7 @@ SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions
   return search;
 }
 
-// One descriptor, protocols that describe pictures alike, all vocabularies.
+// One descriptor, protocols that describe images alike, all vocabularies.
 class Run {
  public:
   Run(RetrievalGallery& gallery, std::string descriptor, const RetrievalOptions& options)
@@ -176,7 +176,7 @@ class Run {
 
   // What is the same for every seed, or measured with the first only.
   void Describe(RetrievalProtocol protocol, std::size_t words, const SearchOptions& search,
-                const RetrievalMetrics& by_picture, RetrievalResult* row) {
+                const RetrievalMetrics& by_image, RetrievalResult* row) {
     row->descriptor = descriptor_;
     row->protocol = ToString(protocol);
     row->words = words;
@@ -185,16 +185,16 @@ class Run {
     row->times.describe = extraction_.describe;
     row->refused = gallery_.refused_queries();
     row->absent = gallery_.AskAbsent(search);
-    const auto& pictures = gallery_.set().pictures;
-    if (std::none_of(pictures.begin(), pictures.end(), [](const RetrievalPicture& picture) {
-          return picture.is_query && picture.is_searched;
+    const auto& images = gallery_.set().images;
+    if (std::none_of(images.begin(), images.end(), [](const RetrievalImage& image) {
+          return image.is_query && image.is_searched;
         })) {
-      row->object = gallery_.several_pictures_of_an_object()
+      row->object = gallery_.several_images_of_an_object()
                         ? gallery_.AskForObjects(search)
-                        : ObjectAnswer{by_picture.top1, by_picture.mrr};
+                        : ObjectAnswer{by_image.top1, by_image.mrr};
     }
-    row->stored_bytes_per_picture = gallery_.StoredBytesPerPicture();
-    row->index_bytes_per_picture = gallery_.IndexBytesPerPicture();
+    row->stored_bytes_per_image = gallery_.StoredBytesPerImage();
+    row->index_bytes_per_image = gallery_.IndexBytesPerImage();
   }
 
   void Tell(const std::string& what, int done, int total) const {
@@ -211,14 +211,14 @@ class Run {
 
 void DescribeSet(const RetrievalSet& set, RetrievalReport* report) {
   report->layout = set.layout;
-  report->pictures = report->distractors = report->queries = report->absent = 0;
+  report->images = report->distractors = report->queries = report->absent = 0;
   std::set<std::string> objects;
-  for (const RetrievalPicture& picture : set.pictures) {
-    report->pictures += picture.is_searched ? 1 : 0;
-    report->queries += picture.is_query ? 1 : 0;
-    report->distractors += picture.is_searched && picture.object.empty() ? 1 : 0;
-    report->absent += picture.is_absent ? 1 : 0;
-    if (!picture.object.empty()) objects.insert(picture.object);
+  for (const RetrievalImage& image : set.images) {
+    report->images += image.is_searched ? 1 : 0;
+    report->queries += image.is_query ? 1 : 0;
+    report->distractors += image.is_searched && image.object.empty() ? 1 : 0;
+    report->absent += image.is_absent ? 1 : 0;
+    if (!image.object.empty()) objects.insert(image.object);
   }
   report->objects = objects.size();
   for (const SkippedFile& file : set.skipped) {  // descriptors mostly skip the same

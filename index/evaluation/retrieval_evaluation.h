@@ -39,7 +39,7 @@ struct RetrievalOptions {
   RankMethod rank = RankMethod::kNeighbours;  // of all protocols but the paper's
   std::size_t verify_depth = 0;               // as SearchOptions::verify_depth
   bool keep_answers = false;                  // in RetrievalResult::answers
-  int jobs = 0;                               // threads that describe pictures; 0 = one a core
+  int jobs = 0;                               // threads that describe images; 0 = one a core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
   // The current step and its progress; `total` 0 = unknown. Called from any thread.
@@ -59,13 +59,13 @@ struct RetrievalResult {
   AbsentAnswers absent;                // first seed
   std::vector<NamedAnswer> answers;    // first seed, with RetrievalOptions::keep_answers
   RetrievalTimes times;                // first seed
-  double stored_bytes_per_picture = 0;
-  double index_bytes_per_picture = 0;
+  double stored_bytes_per_image = 0;
+  double index_bytes_per_image = 0;
 };
 
 struct RetrievalReport {
   RetrievalLayout layout = RetrievalLayout::kObjects;
-  std::size_t pictures = 0;  // searched, distractors included
+  std::size_t images = 0;  // searched, distractors included
   std::size_t distractors = 0;
   std::size_t queries = 0;
   std::size_t absent = 0;

@@ -15,7 +15,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/sha256.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 #include "index/files/text.h"
 #include "index/store/feature_codec.h"
 
@@ -42,11 +42,11 @@ void Write(const std::vector<std::uint8_t>& bytes, const fs::path& path) {
 
 constexpr const char* kSearched = "gallery";  // collections
 constexpr const char* kQueries = "queries";
-constexpr const char* kFeatures = "features";  // of all pictures ever, when they are kept
+constexpr const char* kFeatures = "features";  // of all images ever, when they are kept
 
 constexpr std::size_t kNamedHits = 10;  // of a query
 constexpr std::size_t kTimedQueries = 20;
-constexpr std::size_t kSizedPictures = 100;
+constexpr std::size_t kSizedImages = 100;
 constexpr std::size_t kIdDigits = 32;
 
 EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
@@ -59,14 +59,14 @@ EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
   return engine;
 }
 
-bool HasSeveralPicturesOfAnObject(const RetrievalSet& set) {
+bool HasSeveralImagesOfAnObject(const RetrievalSet& set) {
   std::set<std::string> seen;
-  return std::any_of(set.pictures.begin(), set.pictures.end(), [&](const auto& picture) {
-    return picture.is_searched && !picture.object.empty() && !seen.insert(picture.object).second;
+  return std::any_of(set.images.begin(), set.images.end(), [&](const auto& image) {
+    return image.is_searched && !image.object.empty() && !seen.insert(image.object).second;
   });
 }
 
-// The engine's own ids are the pictures' hashes; pictures with the same bytes are told apart here.
+// The engine's own ids are the images' hashes; images with the same bytes are told apart here.
 void NumberRepeats(std::vector<std::string>* ids) {
   std::map<std::string, int> seen;
   for (std::string& id : *ids) {
@@ -106,26 +106,26 @@ RetrievalGallery::RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions opt
   if (options_.keep_features) engine_.CreateCollection(kFeatures);
   Fill();
   possible_ = CountRightAnswers(set_);
-  several_pictures_of_an_object_ = HasSeveralPicturesOfAnObject(set_);
-  for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
-    if (set_.pictures[i].is_query) queries_.push_back(i);
+  several_images_of_an_object_ = HasSeveralImagesOfAnObject(set_);
+  for (std::size_t i = 0; i < set_.images.size(); ++i) {
+    if (set_.images[i].is_query) queries_.push_back(i);
   }
 }
 
 void RetrievalGallery::Fill() {
-  const std::size_t total = set_.pictures.size();
+  const std::size_t total = set_.images.size();
   std::vector<std::optional<SkippedFile>> failures(total);
   std::vector<std::string> ids(total);
-  // Runs work(i, bytes) for each picture that is still in; notes those that cannot be used.
+  // Runs work(i, bytes) for each image that is still in; notes those that cannot be used.
   const auto for_each = [&](const auto& work) {
     ParallelFor(total, options_.jobs, [&](std::size_t i) {
       ThrowIfStopped();
       if (failures[i]) return;
-      const std::filesystem::path& path = set_.pictures[i].path;
+      const std::filesystem::path& path = set_.images[i].path;
       try {
         work(i, ReadFile(path, options_.extraction.decode.max_bytes));
       } catch (const Error& error) {
-        if (error.reason() != "cannot_read" && !ConcernsOnePicture(error.code())) throw;
+        if (error.reason() != "cannot_read" && !ConcernsOneImage(error.code())) throw;
         failures[i] = {ToDisplayText(path.string()), error.reason(), ToDisplayText(error.what())};
       }
     });
@@ -134,7 +134,7 @@ void RetrievalGallery::Fill() {
   NumberRepeats(&ids);
   std::atomic<std::size_t> done{0};
   for_each([&](std::size_t i, Bytes bytes) {
-    Add(set_.pictures[i], ids[i], bytes);
+    Add(set_.images[i], ids[i], bytes);
     const std::size_t now = ++done;
     if (options_.progress) options_.progress(now, total);
   });
@@ -144,31 +144,31 @@ void RetrievalGallery::Fill() {
       set_.skipped.push_back(*std::move(failures[i]));
       ids[i].clear();
     } else {
-      searched = searched || set_.pictures[i].is_searched;
+      searched = searched || set_.images[i].is_searched;
     }
   }
   if (!searched) {
     throw Error(ErrorCode::kUnprocessable, "nothing_to_search",
-                "every picture to search was refused; the first: " + set_.skipped.front().reason);
+                "every image to search was refused; the first: " + set_.skipped.front().reason);
   }
   ids_ = std::move(ids);
 }
 
-void RetrievalGallery::Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes) {
+void RetrievalGallery::Add(const RetrievalImage& image, const std::string& id, Bytes bytes) {
   AddRequest request;
   request.bytes = bytes;
   request.id = id;
-  request.as_query = !picture.is_searched;
+  request.as_query = !image.is_searched;
   if (options_.keep_features) {  // the others then find the features there, by the same bytes
     request.collection = kFeatures;
     engine_.Add(request);
   }
-  request.object = picture.object;
-  if (picture.is_searched) {
+  request.object = image.object;
+  if (image.is_searched) {
     request.collection = kSearched;
     engine_.Add(request);
   }
-  if (picture.is_query || picture.is_absent) {
+  if (image.is_query || image.is_absent) {
     request.collection = kQueries;
     engine_.Add(request);
   }
@@ -192,23 +192,23 @@ std::size_t RetrievalGallery::UseNewVocabulary(int words, int sample, std::uint6
 }
 
 // As Engine::Search does.
-SearchResult RetrievalGallery::Search(std::size_t picture, const SearchOptions& search) {
+SearchResult RetrievalGallery::Search(std::size_t image, const SearchOptions& search) {
   ThrowIfStopped();
-  const Features features = engine_.GetFeatures(kQueries, ids_[picture]);
+  const Features features = engine_.GetFeatures(kQueries, ids_[image]);
   return engine_.SearchFeatures(features, search, [&](ExtractionTimings*) {
-    return closer_looks_.Of(ids_[picture], set_.pictures[picture].path,
+    return closer_looks_.Of(ids_[image], set_.images[image].path,
                             options_.extraction.decode.max_bytes, features);
   });
 }
 
 NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& hits) const {
-  const RetrievalPicture& asked = set_.pictures[query];
+  const RetrievalImage& asked = set_.images[query];
   NamedAnswer answer{asked.path, asked.object, {}};
   for (const Hit& hit : hits) {
     if (answer.hits.size() == kNamedHits) break;
     if (!set_.counts_itself && hit.image_id == ids_[query]) continue;
     const auto at = std::find(ids_.begin(), ids_.end(), hit.image_id) - ids_.begin();
-    answer.hits.push_back({hit.object, set_.pictures[static_cast<std::size_t>(at)].path, hit.score,
+    answer.hits.push_back({hit.object, set_.images[static_cast<std::size_t>(at)].path, hit.score,
                            hit.probability, hit.inliers, hit.object == asked.object});
   }
   return answer;
@@ -217,7 +217,7 @@ NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& h
 std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, RetrievalTimes* times,
                                                    std::vector<NamedAnswer>* named) {
   search.collection = kSearched;
-  search.group_by = several_pictures_of_an_object_ ? GroupBy::kImage : GroupBy::kObject;
+  search.group_by = several_images_of_an_object_ ? GroupBy::kImage : GroupBy::kObject;
   search.limit = 0;
   std::vector<RetrievalAnswer> answers;
   const double share = 1.0 / static_cast<double>(queries_.size() - refused_queries());
@@ -230,7 +230,7 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
       for (const Hit& hit : result.hits) {
         if (!set_.counts_itself && hit.image_id == ids_[q]) continue;
         if (answer.right.empty()) answer.found = hit.probability.value_or(0) >= kFoundProbability;
-        answer.right.push_back(hit.object == set_.pictures[q].object);
+        answer.right.push_back(hit.object == set_.images[q].object);
       }
       if (times != nullptr) {
         times->quantize += share * result.timings.quantize_ms;
@@ -252,7 +252,7 @@ ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
   for (const std::size_t q : queries_) {
     if (ids_[q].empty()) continue;
     for (const Hit& hit : Search(q, search).hits) {
-      if (hit.object != set_.pictures[q].object) continue;
+      if (hit.object != set_.images[q].object) continue;
       mean.mrr += share / static_cast<double>(hit.rank);
       if (hit.rank == 1) mean.top1 += share;
       break;
@@ -265,8 +265,8 @@ AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
   search.collection = kSearched;
   search.limit = 1;
   AbsentAnswers answers;
-  for (std::size_t i = 0; i < set_.pictures.size(); ++i) {
-    if (!set_.pictures[i].is_absent || ids_[i].empty()) continue;
+  for (std::size_t i = 0; i < set_.images.size(); ++i) {
+    if (!set_.images[i].is_absent || ids_[i].empty()) continue;
     ++answers.asked;
     if (Search(i, search).found > 0) ++answers.alarms;
   }
@@ -286,7 +286,7 @@ void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
   }
   const std::size_t count = timed.size();
   for (const std::size_t q : timed) {
-    const auto bytes = ReadFile(set_.pictures[q].path, options_.extraction.decode.max_bytes);
+    const auto bytes = ReadFile(set_.images[q].path, options_.extraction.decode.max_bytes);
     ExtractionTimings passed;
     extractor.Extract(bytes, 0, &passed);
     times->decode += passed.decode_ms / static_cast<double>(count);
@@ -295,26 +295,26 @@ void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
   }
 }
 
-double RetrievalGallery::StoredBytesPerPicture() {
+double RetrievalGallery::StoredBytesPerImage() {
   std::vector<std::string> searched;
   for (std::size_t i = 0; i < ids_.size(); ++i) {
-    if (set_.pictures[i].is_searched && !ids_[i].empty()) searched.push_back(ids_[i]);
+    if (set_.images[i].is_searched && !ids_[i].empty()) searched.push_back(ids_[i]);
   }
-  const std::size_t step = std::max<std::size_t>(1, searched.size() / kSizedPictures);
+  const std::size_t step = std::max<std::size_t>(1, searched.size() / kSizedImages);
   double bytes = 0;
-  double pictures = 0;
+  double images = 0;
   for (std::size_t i = 0; i < searched.size(); i += step) {
     bytes +=
         static_cast<double>(EncodeFeatures(engine_.GetFeatures(kSearched, searched[i])).size());
-    ++pictures;
+    ++images;
   }
-  return bytes / pictures;
+  return bytes / images;
 }
 
-double RetrievalGallery::IndexBytesPerPicture() {
+double RetrievalGallery::IndexBytesPerImage() {
   double searched = 0;
   for (std::size_t i = 0; i < ids_.size(); ++i) {
-    if (set_.pictures[i].is_searched && !ids_[i].empty()) ++searched;
+    if (set_.images[i].is_searched && !ids_[i].empty()) ++searched;
   }
   return static_cast<double>(engine_.Stats().index_bytes) / searched;
 }

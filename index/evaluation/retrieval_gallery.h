@@ -20,10 +20,10 @@
 namespace pliant {
 
 // Closer looks at queries (Engine::DescribeFiner), kept as files: every vocabulary and protocol
-// asks for those of the same pictures.
+// asks for those of the same images.
 class CloserLooks {
  public:
-  // What lies in `folder` already is taken to be of this engine's way to describe pictures. Made
+  // What lies in `folder` already is taken to be of this engine's way to describe images. Made
   // when first needed.
   CloserLooks(Engine* engine, std::filesystem::path folder);
 
@@ -42,11 +42,11 @@ struct RetrievalGalleryOptions {
   ExtractionOptions extraction;
   bool enlarge = true;             // EngineOptions::enlarge
   std::filesystem::path database;  // created if it does not exist
-  // Keep the features of all pictures in the database, so that the next run with it describes only
-  // new ones. Pictures and vocabularies of the last run are dropped either way.
+  // Keep the features of all images in the database, so that the next run with it describes only
+  // new ones. Images and vocabularies of the last run are dropped either way.
   bool keep_features = false;
   int jobs = 0;                                                       // threads; 0 = one per core
-  std::function<void(std::size_t done, std::size_t total)> progress;  // pictures; from any thread
+  std::function<void(std::size_t done, std::size_t total)> progress;  // images; from any thread
   std::stop_token stop;
 };
 
@@ -81,7 +81,7 @@ struct NamedAnswer {
   std::vector<NamedHit> hits;
 };
 
-// Of the pictures whose object is absent.
+// Of the images whose object is absent.
 struct AbsentAnswers {
   std::size_t asked = 0;   // without those that were refused
   std::size_t alarms = 0;  // answered with something said to be found
@@ -90,10 +90,10 @@ struct AbsentAnswers {
 // Not thread-safe.
 class RetrievalGallery {
  public:
-  // Describes and stores all pictures. Those that are unreadable or have too few features are named
+  // Describes and stores all images. Those that are unreadable or have too few features are named
   // in the set's `skipped` and still count: a query that is refused, or whose right answers are,
   // is a miss. Throws what Engine throws when all are concerned, kCancelled on a stop, and
-  // kUnprocessable "nothing_to_search" when every picture to search was refused.
+  // kUnprocessable "nothing_to_search" when every image to search was refused.
   RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
 
   const RetrievalSet& set() const { return set_; }
@@ -102,8 +102,8 @@ class RetrievalGallery {
   // 0) and searches with it from now on. Returns its size.
   std::size_t UseNewVocabulary(int words, int sample, std::uint64_t seed);
 
-  // Every query's answer by picture, under `search` (collection, grouping and paging are set here).
-  // Where each object has one picture, this is the answer by object that `pliant query` gives. Adds
+  // Every query's answer by image, under `search` (collection, grouping and paging are set here).
+  // Where each object has one image, this is the answer by object that `pliant query` gives. Adds
   // the mean times of quantisation, ranking and verification to `times` if given, and every query
   // with its first ten hits to `named` if given.
   std::vector<RetrievalAnswer> Ask(SearchOptions search, RetrievalTimes* times = nullptr,
@@ -113,35 +113,35 @@ class RetrievalGallery {
   // anything.
   ObjectAnswer AskForObjects(SearchOptions search);
 
-  // Asks the absent pictures of the set.
+  // Asks the absent images of the set.
   AbsentAnswers AskAbsent(SearchOptions search);
 
   // Queries that were refused.
   std::size_t refused_queries() const;
 
-  bool several_pictures_of_an_object() const { return several_pictures_of_an_object_; }
+  bool several_images_of_an_object() const { return several_images_of_an_object_; }
 
   // Decoding, detection and description of the first queries (20 at most), one at a time.
   void TimeExtraction(RetrievalTimes* times);
 
-  double StoredBytesPerPicture();  // key points and descriptors, mean of 100 pictures
-  double IndexBytesPerPicture();   // of the inverted index in memory
+  double StoredBytesPerImage();  // keypoints and descriptors, mean of 100 images
+  double IndexBytesPerImage();   // of the inverted index in memory
 
  private:
   void Fill();
-  void Add(const RetrievalPicture& picture, const std::string& id, Bytes bytes);
+  void Add(const RetrievalImage& image, const std::string& id, Bytes bytes);
   void ThrowIfStopped() const;
-  SearchResult Search(std::size_t picture, const SearchOptions& search);
+  SearchResult Search(std::size_t image, const SearchOptions& search);
   NamedAnswer Named(std::size_t query, const std::vector<Hit>& hits) const;
 
   RetrievalSet set_;
   RetrievalGalleryOptions options_;
   Engine engine_;
   CloserLooks closer_looks_;
-  bool several_pictures_of_an_object_ = false;  // searched ones
-  std::vector<std::size_t> queries_;            // positions in set_.pictures
-  std::vector<std::size_t> possible_;           // right answers, by position
-  std::vector<std::string> ids_;                // by position; empty = the picture was refused
+  bool several_images_of_an_object_ = false;  // searched ones
+  std::vector<std::size_t> queries_;          // positions in set_.images
+  std::vector<std::size_t> possible_;         // right answers, by position
+  std::vector<std::string> ids_;              // by position; empty = the image was refused
 };
 
 }  // namespace pliant

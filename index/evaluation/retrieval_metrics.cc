@@ -34,7 +34,7 @@ RetrievalMetrics MeasureAnswer(const RetrievalAnswer& answer) {
       static_cast<std::size_t>(std::count(answer.right.begin(), answer.right.end(), true));
   if (answer.possible == 0 || all > answer.possible) {
     throw Error(ErrorCode::kInvalidArgument, "answer_invalid",
-                std::to_string(all) + " right pictures of " + std::to_string(answer.possible) +
+                std::to_string(all) + " right images of " + std::to_string(answer.possible) +
                     " possible ones cannot be measured");
   }
   RetrievalMetrics result;

@@ -10,26 +10,26 @@
 
 namespace pliant {
 
-// The result of one query, best first, and the number of correct pictures that exist.
+// The result of one query, best first, and the number of correct images that exist.
 struct RetrievalAnswer {
-  std::vector<bool> right;   // per rank: whether the picture shows the query's object
-  std::size_t possible = 0;  // correct pictures in the gallery, found or not; 1 or more
-  bool found = false;        // the first picture is said to be found (SearchResult::found)
+  std::vector<bool> right;   // per rank: whether the image shows the query's object
+  std::size_t possible = 0;  // correct images in the gallery, found or not; 1 or more
+  bool found = false;        // the first image is said to be found (SearchResult::found)
 };
 
 inline constexpr std::size_t kAccuracyRanks = 20;
 inline constexpr std::size_t kNsRanks = 4;
 
 struct RetrievalMetrics {
-  // [K - 1]: correct pictures among the first K, divided by K (the paper, section 4.3); missing
+  // [K - 1]: correct images among the first K, divided by K (the paper, section 4.3); missing
   // ranks count as wrong.
   std::array<double, kAccuracyRanks> accuracy_at = {};
-  double map = 0;          // mean average precision; right pictures that are missing count as 0
-  double top1 = 0;         // the first picture is right
-  double mrr = 0;          // 1 / rank of the first right picture; 0 when there is none
-  double ns = 0;           // right pictures among the first four, 0..4 (UKBench's N-S score)
-  double found_right = 0;  // the first picture is said to be found, and is right
-  double found_wrong = 0;  // the first picture is said to be found, and is wrong
+  double map = 0;          // mean average precision; right images that are missing count as 0
+  double top1 = 0;         // the first image is right
+  double mrr = 0;          // 1 / rank of the first right image; 0 when there is none
+  double ns = 0;           // right images among the first four, 0..4 (UKBench's N-S score)
+  double found_right = 0;  // the first image is said to be found, and is right
+  double found_wrong = 0;  // the first image is said to be found, and is wrong
 };
 
 // Of one query. Throws kInvalidArgument when nothing is possible, or more is right than possible.

@@ -66,7 +66,7 @@ class Reader {
       if (entry.path().filename().native().starts_with('.')) continue;
       if (entry.is_directory()) {
         folders_.push_back(entry.path());
-      } else if (LooksLikePicture(entry.path())) {
+      } else if (LooksLikeImage(entry.path())) {
         files_.push_back(entry.path());
       }
     }
@@ -83,7 +83,7 @@ class Reader {
     if (!folders_.empty()) return RetrievalLayout::kObjects;
     ThrowUnprocessable(
         "layout_unknown",
-        DisplayPath() + (files_.empty() ? " holds no pictures" : " has pictures but no folders") +
+        DisplayPath() + (files_.empty() ? " holds no images" : " has images but no folders") +
             "; expected one folder an object, ukbenchNNNNN.jpg files, query/ and gallery/, or "
             "query/ and ref/ (layout objects, ukbench, pairs, labels)");
   }
@@ -93,14 +93,14 @@ class Reader {
     bool has_references = false;
     for (const fs::path& folder : folders_) {
       const std::string object = ToDisplayText(folder.filename().string());
-      for (const fs::path& file : PicturesBelow(folder)) {
+      for (const fs::path& file : ImagesBelow(folder)) {
         const bool reference = IsReference(file);
         has_references = has_references || reference;
-        set_.pictures.push_back({file, object, reference, !reference});
+        set_.images.push_back({file, object, reference, !reference});
       }
     }
     if (has_references) return;
-    for (RetrievalPicture& picture : set_.pictures) picture.is_query = true;
+    for (RetrievalImage& image : set_.images) image.is_query = true;
   }
 
   void ReadUkbench() {
@@ -111,7 +111,7 @@ class Reader {
         Skip(file, "its name is not of the form ukbenchNNNNN.jpg");
         continue;
       }
-      set_.pictures.push_back({file, std::to_string(*number / kUkbenchViews), true, true});
+      set_.images.push_back({file, std::to_string(*number / kUkbenchViews), true, true});
     }
   }
 
@@ -123,19 +123,19 @@ class Reader {
                                                  "/, which this layout needs");
       }
     }
-    for (const fs::path& file : PicturesBelow(folder_ / queries)) {
-      set_.pictures.push_back({file, name(file), true, false});
+    for (const fs::path& file : ImagesBelow(folder_ / queries)) {
+      set_.images.push_back({file, name(file), true, false});
     }
-    for (const fs::path& file : PicturesBelow(folder_ / searched)) {
-      set_.pictures.push_back({file, name(file), false, true});
+    for (const fs::path& file : ImagesBelow(folder_ / searched)) {
+      set_.images.push_back({file, name(file), false, true});
     }
   }
 
-  std::vector<fs::path> PicturesBelow(const fs::path& folder) {
-    PictureFiles found = FindPictures({folder}, ObjectFrom::kNone);
+  std::vector<fs::path> ImagesBelow(const fs::path& folder) {
+    ImageFiles found = FindImages({folder}, ObjectFrom::kNone);
     set_.skipped.insert(set_.skipped.end(), found.skipped.begin(), found.skipped.end());
     std::vector<fs::path> files;
-    for (PictureFile& picture : found.pictures) files.push_back(std::move(picture.path));
+    for (ImageFile& image : found.images) files.push_back(std::move(image.path));
     return files;
   }
 
@@ -193,15 +193,15 @@ RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
       reader.ReadObjects();
   }
   const auto add_all = [&](const std::vector<fs::path>& folders, const char* reason,
-                           const RetrievalPicture& as) {
+                           const RetrievalImage& as) {
     for (const fs::path& more : folders) {
-      const std::vector<fs::path> files = reader.PicturesBelow(more);
+      const std::vector<fs::path> files = reader.ImagesBelow(more);
       if (files.empty()) {
-        ThrowUnprocessable(reason, ToDisplayText(more.string()) + " holds no pictures");
+        ThrowUnprocessable(reason, ToDisplayText(more.string()) + " holds no images");
       }
       for (const fs::path& file : files) {
-        set.pictures.push_back(as);
-        set.pictures.back().path = file;
+        set.images.push_back(as);
+        set.images.back().path = file;
       }
     }
   };
@@ -213,55 +213,55 @@ RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
 
 std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set) {
   std::map<std::string, std::size_t> searched;
-  for (const RetrievalPicture& picture : set.pictures) {
-    if (picture.is_searched && !picture.object.empty()) ++searched[picture.object];
+  for (const RetrievalImage& image : set.images) {
+    if (image.is_searched && !image.object.empty()) ++searched[image.object];
   }
   std::vector<std::size_t> right;
-  right.reserve(set.pictures.size());
-  for (const RetrievalPicture& picture : set.pictures) {
-    const auto found = searched.find(picture.object);
+  right.reserve(set.images.size());
+  for (const RetrievalImage& image : set.images) {
+    const auto found = searched.find(image.object);
     const std::size_t all = found == searched.end() ? 0 : found->second;
-    right.push_back(all - (picture.is_searched && !set.counts_itself && all > 0 ? 1 : 0));
+    right.push_back(all - (image.is_searched && !set.counts_itself && all > 0 ? 1 : 0));
   }
   return right;
 }
 
 void CheckRetrievalSet(RetrievalSet* set) {
   const std::vector<std::size_t> right = CountRightAnswers(*set);
-  std::vector<RetrievalPicture> kept;
+  std::vector<RetrievalImage> kept;
   std::set<std::string> objects;
   std::size_t queries = 0;
   std::size_t searched = 0;
   bool has_distractors = false;
-  for (std::size_t i = 0; i < set->pictures.size(); ++i) {
-    RetrievalPicture& picture = set->pictures[i];
-    if (picture.is_query && right[i] == 0) {
-      picture.is_query = false;
-      if (!picture.is_searched) {
-        set->skipped.push_back({ToDisplayText(picture.path.string()), "no_right_answer",
-                                "no searched picture shows the object " + picture.object});
+  for (std::size_t i = 0; i < set->images.size(); ++i) {
+    RetrievalImage& image = set->images[i];
+    if (image.is_query && right[i] == 0) {
+      image.is_query = false;
+      if (!image.is_searched) {
+        set->skipped.push_back({ToDisplayText(image.path.string()), "no_right_answer",
+                                "no searched image shows the object " + image.object});
         continue;
       }
     }
-    queries += picture.is_query ? 1 : 0;
-    searched += picture.is_searched ? 1 : 0;
-    if (!picture.object.empty()) {
-      objects.insert(picture.object);
-    } else if (picture.is_searched) {
+    queries += image.is_query ? 1 : 0;
+    searched += image.is_searched ? 1 : 0;
+    if (!image.object.empty()) {
+      objects.insert(image.object);
+    } else if (image.is_searched) {
       has_distractors = true;
     }
-    kept.push_back(std::move(picture));
+    kept.push_back(std::move(image));
   }
-  set->pictures = std::move(kept);
+  set->images = std::move(kept);
   const std::string layout = std::string(" (layout ") + ToString(set->layout) + ")";
-  if (searched == 0) ThrowUnprocessable("nothing_to_search", "no picture to search" + layout);
+  if (searched == 0) ThrowUnprocessable("nothing_to_search", "no image to search" + layout);
   if (objects.size() == 1 && !has_distractors) {
-    ThrowUnprocessable("one_object", "all pictures show one object, " + *objects.begin() +
+    ThrowUnprocessable("one_object", "all images show one object, " + *objects.begin() +
                                          ", so every answer would be right" + layout);
   }
   if (queries == 0) {
     ThrowUnprocessable("no_queries",
-                       "no query has a right answer among the searched pictures" + layout);
+                       "no query has a right answer among the searched images" + layout);
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Data sets for retrieval: which picture shows which object, which pictures are queries, and which
+// Data sets for retrieval: which image shows which object, which images are queries, and which
 // are searched.
 #pragma once
 
@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 
 namespace pliant {
 
 enum class RetrievalLayout {
   kAuto,  // detected from the names in the folder
   // DIR/<object>/*: files whose name starts with "ref" are the queries, the rest is searched;
-  // without such files every picture is searched for among all others.
+  // without such files every image is searched for among all others.
   kObjects,
-  // DIR/ukbenchNNNNN.*: object = NNNNN / 4; every picture is searched for among all, itself
+  // DIR/ukbenchNNNNN.*: object = NNNNN / 4; every image is searched for among all, itself
   // included (Nister and Stewenius, "Scalable Recognition with a Vocabulary Tree", CVPR 2006).
   kUkbench,
   kPairs,   // DIR/query/<id>.* and DIR/gallery/<id>.*
@@ -25,7 +25,7 @@ enum class RetrievalLayout {
 };
 const char* ToString(RetrievalLayout layout);
 
-struct RetrievalPicture {
+struct RetrievalImage {
   std::filesystem::path path;
   std::string object;  // empty: a distractor, which is never a right answer
   bool is_query = false;
@@ -36,26 +36,26 @@ struct RetrievalPicture {
 
 struct RetrievalSet {
   RetrievalLayout layout = RetrievalLayout::kObjects;
-  std::vector<RetrievalPicture> pictures;  // by name, distractors last
+  std::vector<RetrievalImage> images;  // by name, distractors last
   // Whether a query that is searched itself counts as a correct answer; otherwise it is removed
   // from its own results.
   bool counts_itself = false;
   std::vector<SkippedFile> skipped;  // files that do not fit the layout, with the reason
 };
 
-// Reads the names only, not the pictures. `distractors` and `absent`: folders of pictures that show
+// Reads the names only, not the images. `distractors` and `absent`: folders of images that show
 // none of the objects, to be searched or asked. Throws kNotFound for a folder that is not there,
-// kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without pictures,
+// kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without images,
 // and what CheckRetrievalSet throws.
 RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayout layout,
                               const std::vector<std::filesystem::path>& distractors = {},
                               const std::vector<std::filesystem::path>& absent = {});
 
-// For each picture of the set, how many other pictures (itself too when counts_itself) are right
+// For each image of the set, how many other images (itself too when counts_itself) are right
 // answers to it.
 std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set);
 
-// Removes queries that have no correct answer; pictures that were only queries are listed in
+// Removes queries that have no correct answer; images that were only queries are listed in
 // `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries"
 // when nothing can be measured with what is left.
 void CheckRetrievalSet(RetrievalSet* set);

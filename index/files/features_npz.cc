@@ -27,7 +27,7 @@ std::string_view NumberBytes(const std::int64_t& value) {
 
 std::string TextType(std::size_t length) { return "<U" + std::to_string(length); }
 
-// Of key points and of their descriptors.
+// Of keypoints and of their descriptors.
 std::pair<std::size_t, std::size_t> DeclareRows(NpzArchive& archive, std::int64_t rows,
                                                 DescriptorKind kind, int dim) {
   const std::array<std::int64_t, 2> points = {rows, 6};
@@ -71,25 +71,25 @@ std::string FeaturesNpz(const Features& features) {
 }
 
 void FeatureTotals::Count(std::string_view name, std::size_t keypoints) {
-  ++pictures;
+  ++images;
   rows += static_cast<std::int64_t>(keypoints);
   name_length = std::max(name_length, NpzArchive::TextLength(name));
 }
 
 FeaturesArchive::FeaturesArchive(const FeatureTotals& totals, NpzArchive::Write write)
     : totals_(totals), archive_(std::move(write)) {
-  const std::int64_t pictures = totals.pictures;
-  const std::int64_t starts = pictures + 1;
+  const std::int64_t images = totals.images;
+  const std::int64_t starts = images + 1;
   std::tie(keypoints_, descriptors_) = DeclareRows(archive_, totals.rows, totals.kind, totals.dim);
   const std::size_t model_length = NpzArchive::TextLength(totals.model_id);
   const std::size_t model_id = archive_.Declare("model_id", TextType(model_length), {});
-  names_ = archive_.Declare("names", TextType(totals.name_length), {&pictures, 1});
+  names_ = archive_.Declare("names", TextType(totals.name_length), {&images, 1});
   if (totals.object_length > 0) {
-    objects_ = archive_.Declare("objects", TextType(totals.object_length), {&pictures, 1});
+    objects_ = archive_.Declare("objects", TextType(totals.object_length), {&images, 1});
   }
   starts_ = archive_.Declare("starts", "<i8", {&starts, 1});
-  width_ = archive_.Declare("width", "<i8", {&pictures, 1});
-  height_ = archive_.Declare("height", "<i8", {&pictures, 1});
+  width_ = archive_.Declare("width", "<i8", {&images, 1});
+  height_ = archive_.Declare("height", "<i8", {&images, 1});
   archive_.AppendText(model_id, totals.model_id, model_length);
   AddNumber(starts_, 0);
 }
@@ -102,7 +102,7 @@ void FeaturesArchive::Add(std::string_view name, std::string_view object,
                           const Features& features) {
   const Descriptors& d = features.descriptors;
   if (d.kind != totals_.kind || d.dim != totals_.dim || d.rows != features.keypoints.size()) {
-    throw Error(ErrorCode::kInternal, "archive_incomplete", "a picture's rows are of another kind");
+    throw Error(ErrorCode::kInternal, "archive_incomplete", "an image's rows are of another kind");
   }
   archive_.Append(keypoints_, ViewOf(KeypointRows(features)));
   archive_.Append(descriptors_, RowsOf(d));

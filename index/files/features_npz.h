@@ -17,13 +17,13 @@ namespace pliant {
 // N x 6, row-major.
 std::vector<float> KeypointRows(const Features& features);
 
-// The whole file of one picture, with the single values `width` and `height` (int64), pixels of the
-// upright picture, beside.
+// The whole file of one image, with the single values `width` and `height` (int64), pixels of the
+// upright image, beside.
 std::string FeaturesNpz(const Features& features);
 
-// What the arrays of several pictures will be.
+// What the arrays of several images will be.
 struct FeatureTotals {
-  std::int64_t pictures = 0;
+  std::int64_t images = 0;
   std::int64_t rows = 0;
   DescriptorKind kind = DescriptorKind::kFloat;
   int dim = 0;
@@ -34,8 +34,8 @@ struct FeatureTotals {
   void Count(std::string_view name, std::size_t keypoints);
 };
 
-// Features of several pictures: the rows of all, one picture after the other; `names` (text) P;
-// `objects` (text) P, if the totals say so; `starts` int64 P + 1, where picture i has the rows
+// Features of several images: the rows of all, one image after the other; `names` (text) P;
+// `objects` (text) P, if the totals say so; `starts` int64 P + 1, where image i has the rows
 // starts[i] .. starts[i + 1]; `width` and `height` int64 P. Any number: nothing stays in memory.
 class FeaturesArchive {
  public:

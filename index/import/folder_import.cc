@@ -18,8 +18,8 @@ namespace fs = std::filesystem;
 
 class FolderImport {
  public:
-  FolderImport(Engine& engine, const PictureFiles& files, const FolderImportOptions& options)
-      : engine_(engine), files_(files.pictures), options_(options) {
+  FolderImport(Engine& engine, const ImageFiles& files, const FolderImportOptions& options)
+      : engine_(engine), files_(files.images), options_(options) {
     for (const SkippedFile& file : files.skipped) Skip({NameOf(file.file), file.code, file.reason});
     from_search_ = static_cast<std::ptrdiff_t>(result_.skipped.size());
   }
@@ -27,7 +27,7 @@ class FolderImport {
   FolderImportResult Run() {
     const int wanted = ResolveThreads(options_.threads);
     const int at_once = std::min(wanted, static_cast<int>(files_.size()));
-    threads_a_picture_ = wanted / std::max(1, at_once);
+    threads_per_image_ = wanted / std::max(1, at_once);
     Report(0);
     ParallelFor(files_.size(), wanted, [this](std::size_t i) {
       if (options_.stop.stop_requested()) return;
@@ -41,7 +41,7 @@ class FolderImport {
   }
 
  private:
-  void AddOne(const PictureFile& file) {
+  void AddOne(const ImageFile& file) {
     try {
       if (LeadsOut(file.path)) {
         return Skip({NameOf(file.path), "outside", "it leads out of the import directory"});
@@ -60,12 +60,12 @@ class FolderImport {
       request.object = file.object;
       request.source = NameOf(file.path);
       request.bytes = bytes;
-      request.threads = threads_a_picture_;
+      request.threads = threads_per_image_;
       const AddResult added = options_.add ? options_.add(request) : engine_.Add(request);
       const std::lock_guard lock(mutex_);
       ++(added.outcome == AddOutcome::kUnchanged ? result_.unchanged : result_.indexed);
     } catch (const Error& error) {
-      if (!ConcernsOnePicture(error)) throw;
+      if (!ConcernsOneImage(error)) throw;
       Skip({NameOf(file.path), error.reason(), ToDisplayText(error.what())});
     }
   }
@@ -92,10 +92,10 @@ class FolderImport {
   }
 
   Engine& engine_;
-  const std::vector<PictureFile>& files_;
+  const std::vector<ImageFile>& files_;
   const FolderImportOptions& options_;
   std::ptrdiff_t from_search_ = 0;  // of result_.skipped
-  int threads_a_picture_ = 1;
+  int threads_per_image_ = 1;
   std::atomic<std::uint64_t> done_{0};
   std::mutex mutex_;  // guards result_
   FolderImportResult result_;
@@ -103,8 +103,8 @@ class FolderImport {
 
 }  // namespace
 
-FolderImportResult ImportPictures(Engine& engine, const PictureFiles& files,
-                                  const FolderImportOptions& options) {
+FolderImportResult ImportImages(Engine& engine, const ImageFiles& files,
+                                const FolderImportOptions& options) {
   return FolderImport(engine, files, options).Run();
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Puts many picture files into the index, several threads, one picture each: what `pliant index`
+// Puts many image files into the index, several threads, one image each: what `pliant index`
 // and the server's imports do.
 #pragma once
 
@@ -12,20 +12,20 @@
 #include <vector>
 
 #include "index/engine/engine.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 
 namespace pliant {
 
 struct FolderImportOptions {
   std::string collection = kDefaultCollection;
-  int threads = 0;             // 0 = one a core; a single picture gets all of them
-  std::int64_t max_bytes = 0;  // of one picture
+  int threads = 0;             // 0 = one a core; a single image gets all of them
+  std::int64_t max_bytes = 0;  // of one image
   // A canonical path. Then files that a link leads out of it are skipped ("outside"), and names and
   // reasons are said relative to it, so that nobody learns where it lies. Empty: no such limit.
   std::filesystem::path root;
   std::stop_token stop;
   // Each may be empty, and is called from any of the threads. `skipped` also hears of what the
-  // search for pictures has left out.
+  // search for images has left out.
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;
   std::function<void(const SkippedFile&)> skipped;
   // In place of Engine::Add, for those that share out the cores or wait when the database is busy.
@@ -35,14 +35,14 @@ struct FolderImportOptions {
 struct FolderImportResult {
   std::uint64_t indexed = 0;
   std::uint64_t unchanged = 0;
-  std::vector<SkippedFile> skipped;  // of the search for pictures, then by file name
+  std::vector<SkippedFile> skipped;  // of the search for images, then by file name
   bool interrupted = false;          // stopped before the last one
 };
 
-// What concerns one picture (unreadable, no picture, too few features) skips it; what concerns all
+// What concerns one image (unreadable, no image, too few features) skips it; what concerns all
 // (disk full, database busy or damaged, model mismatch) ends the import and is thrown. Everything
 // counted as indexed is durable.
-FolderImportResult ImportPictures(Engine& engine, const PictureFiles& files,
-                                  const FolderImportOptions& options);
+FolderImportResult ImportImages(Engine& engine, const ImageFiles& files,
+                                const FolderImportOptions& options);
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The JSON forms of what is stored: pictures, vocabularies, collections.
+// The JSON forms of what is stored: images, vocabularies, collections.
 #pragma once
 
 #include <string>

@@ -127,7 +127,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
 }
 
 Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) {
-  const auto picture = [](const ComparedPicture& one) {
+  const auto image = [](const ComparedImage& one) {
     return Json{{"width", one.width}, {"height", one.height}, {"keypoints", one.keypoints}};
   };
   const Explanation& e = comparison.explanation;
@@ -135,8 +135,8 @@ Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) 
   Json json = {{"took_ms", took_ms},
                {"verdict", comparison.found() ? "found" : "not_found"},
                {"probability", comparison.probability},
-               {"first", picture(comparison.first)},
-               {"second", picture(comparison.second)},
+               {"first", image(comparison.first)},
+               {"second", image(comparison.second)},
                {"matches", e.matches},
                {"inliers", e.inliers.size()},
                {"inlier_fraction", e.inlier_fraction},

@@ -8,36 +8,36 @@
 
 namespace pliant {
 
-CodeLists CodeLists::Build(std::span<const IndexedPicture> pictures, std::size_t vocabulary_size,
+CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t vocabulary_size,
                            const ResidualCoder& coder) {
   CodeLists lists;
   lists.bytes_ = coder.code_bytes();
   lists.binary_ = coder.binary();
-  lists.SetPictures(pictures.size());
+  lists.SetImages(images.size());
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
   std::vector<std::uint8_t> codes;
-  for (const IndexedPicture& picture : pictures) {
-    if (picture.bow.codes.size() != picture.bow.total * lists.bytes_) {
+  for (const IndexedImage& image : images) {
+    if (image.bow.codes.size() != image.bow.total * lists.bytes_) {
       throw Error(ErrorCode::kCorrupt, "codes_missing",
-                  "picture \"" + picture.id +
+                  "image \"" + image.id +
                       "\" has more or fewer codes than its vocabulary needs; train a new one");
     }
-    for (const WordCount& entry : picture.bow.words) starts[entry.word + 1] += entry.count;
-    codes.insert(codes.end(), picture.bow.codes.begin(), picture.bow.codes.end());
+    for (const WordCount& entry : image.bow.words) starts[entry.word + 1] += entry.count;
+    codes.insert(codes.end(), image.bow.codes.begin(), image.bow.codes.end());
   }
   for (std::size_t w = 0; w < vocabulary_size; ++w) starts[w + 1] += starts[w];
   std::vector<Entry> entries(starts.back());
   std::vector<std::size_t> next(starts.begin(), starts.end() - 1);
   std::size_t at = 0;
-  for (std::uint32_t p = 0; p < pictures.size(); ++p) {
-    for (const WordCount& entry : pictures[p].bow.words) {
+  for (std::uint32_t p = 0; p < images.size(); ++p) {
+    for (const WordCount& entry : images[p].bow.words) {
       for (std::uint32_t i = 0; i < entry.count; ++i, at += lists.bytes_) {
         entries[next[entry.word]++] = {p, coder.Bias(entry.word, codes.data() + at), at};
       }
     }
   }
   lists.codes_.reserve(codes.size() + kCodePadding);
-  lists.pictures_.reserve(entries.size());
+  lists.images_.reserve(entries.size());
   if (!lists.binary_) lists.biases_.reserve(entries.size());
   lists.offsets_.reserve(vocabulary_size * lists.pages_ + 1);
   for (std::size_t w = 0; w < vocabulary_size; ++w) {
@@ -50,14 +50,14 @@ CodeLists CodeLists::Build(std::span<const IndexedPicture> pictures, std::size_t
 CodeLists CodeLists::Merge(std::span<const Source> sources) {
   CodeLists merged;
   std::size_t words = 0;
-  std::size_t pictures = 0;
+  std::size_t images = 0;
   for (const Source& source : sources) {
     merged.bytes_ = source.lists->bytes_;
     merged.binary_ = source.lists->binary_;
     words = std::max(words, source.lists->vocabulary_size());
-    for (const std::uint32_t position : *source.position) pictures += position != kGone ? 1 : 0;
+    for (const std::uint32_t position : *source.position) images += position != kGone ? 1 : 0;
   }
-  merged.SetPictures(pictures);
+  merged.SetImages(images);
   merged.offsets_.reserve(words * merged.pages_ + 1);
   std::vector<Entry> entries;
   std::vector<std::uint8_t> codes;
@@ -67,10 +67,10 @@ CodeLists CodeLists::Merge(std::span<const Source> sources) {
     for (const Source& source : sources) {
       const CodeList list = source.lists->List(w);
       std::size_t next = 0;
-      source.lists->ForEachCount(w, [&](std::size_t picture, std::size_t count) {
+      source.lists->ForEachCount(w, [&](std::size_t image, std::size_t count) {
         const std::size_t begin = next;
         next += count;
-        const std::uint32_t position = (*source.position)[picture];
+        const std::uint32_t position = (*source.position)[image];
         if (position == kGone) return;
         for (std::size_t i = begin; i < next; ++i) {
           entries.push_back(
@@ -81,7 +81,7 @@ CodeLists CodeLists::Merge(std::span<const Source> sources) {
       });
     }
     std::stable_sort(entries.begin(), entries.end(),
-                     [](const Entry& a, const Entry& b) { return a.picture < b.picture; });
+                     [](const Entry& a, const Entry& b) { return a.image < b.image; });
     merged.AddWord(entries, codes);
   }
   merged.Finish();
@@ -89,7 +89,7 @@ CodeLists CodeLists::Merge(std::span<const Source> sources) {
 }
 
 void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes) {
-  if (pictures_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
+  if (images_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
     throw Error(ErrorCode::kInternal, "segment_too_large",
                 "an index segment got too many descriptors");
   }
@@ -97,13 +97,13 @@ void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::u
   rows.reserve(entries.size() * bytes_);
   auto entry = entries.begin();
   for (std::size_t page = 0; page < pages_; ++page) {
-    for (; entry != entries.end() && entry->picture / kPage == page; ++entry) {
-      pictures_.push_back(static_cast<std::uint8_t>(entry->picture % kPage));
+    for (; entry != entries.end() && entry->image / kPage == page; ++entry) {
+      images_.push_back(static_cast<std::uint8_t>(entry->image % kPage));
       if (!binary_) biases_.push_back(entry->bias);
       rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry->code),
                   codes.begin() + static_cast<std::ptrdiff_t>(entry->code + bytes_));
     }
-    offsets_.push_back(static_cast<std::uint32_t>(pictures_.size()));
+    offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
   }
   AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
 }
@@ -111,7 +111,7 @@ void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::u
 void CodeLists::Finish() {
   codes_.resize(codes_.size() + kCodePadding);
   codes_.shrink_to_fit();
-  pictures_.shrink_to_fit();
+  images_.shrink_to_fit();
   biases_.shrink_to_fit();
 }
 
@@ -121,20 +121,20 @@ CodeList CodeLists::List(std::uint32_t word) const {
           First(word + 1) - first, bytes_};
 }
 
-std::uint32_t CodeLists::Picture(std::uint32_t word, std::size_t i) const {
+std::uint32_t CodeLists::Image(std::uint32_t word, std::size_t i) const {
   const std::size_t code = First(word) + i;
   const auto ends = offsets_.begin() + static_cast<std::ptrdiff_t>(word * pages_ + 1);
   const auto page = std::upper_bound(ends, ends + static_cast<std::ptrdiff_t>(pages_), code) - ends;
-  return static_cast<std::uint32_t>(page) * kPage + pictures_[code];
+  return static_cast<std::uint32_t>(page) * kPage + images_[code];
 }
 
-Bow CodeLists::BowOf(std::size_t picture) const {
+Bow CodeLists::BowOf(std::size_t image) const {
   Bow bow;
   for (std::uint32_t w = 0; w < vocabulary_size(); ++w) {
-    const std::size_t page = w * pages_ + picture / kPage;
-    const std::uint8_t* all = pictures_.data();
+    const std::size_t page = w * pages_ + image / kPage;
+    const std::uint8_t* all = images_.data();
     const auto [first, last] =
-        std::equal_range(all + offsets_[page], all + offsets_[page + 1], picture % kPage);
+        std::equal_range(all + offsets_[page], all + offsets_[page + 1], image % kPage);
     if (first == last) continue;
     const auto count = static_cast<std::uint32_t>(last - first);
     bow.words.push_back({w, count});
@@ -150,7 +150,7 @@ Bow CodeLists::BowOf(std::size_t picture) const {
 
 std::size_t CodeLists::memory_bytes() const {
   return sizeof(*this) + offsets_.capacity() * sizeof(offsets_[0]) +
-         pictures_.capacity() * sizeof(pictures_[0]) + biases_.capacity() * sizeof(biases_[0]) +
+         images_.capacity() * sizeof(images_[0]) + biases_.capacity() * sizeof(biases_[0]) +
          codes_.capacity();
 }
 

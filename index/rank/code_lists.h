@@ -11,25 +11,25 @@
 #include <span>
 #include <vector>
 
-#include "index/records/indexed_picture.h"
+#include "index/records/indexed_image.h"
 #include "vocab/code_scan.h"
 #include "vocab/residual_codes.h"
 
 namespace pliant {
 
-// Immutable. Within a word codes come in order of the picture. Pictures lie on pages of 256, so
-// that a code's picture takes one byte.
+// Immutable. Within a word codes come in order of the image. Images lie on pages of 256, so
+// that a code's image takes one byte.
 class CodeLists {
  public:
   static constexpr std::uint32_t kGone = std::numeric_limits<std::uint32_t>::max();
 
-  // pictures[p] is at position p. Each must have a code for each of its descriptors (Bow::codes);
+  // images[p] is at position p. Each must have a code for each of its descriptors (Bow::codes);
   // throws kCorrupt "codes_missing" otherwise, kInternal "segment_too_large" for 2^32 codes.
-  static CodeLists Build(std::span<const IndexedPicture> pictures, std::size_t vocabulary_size,
+  static CodeLists Build(std::span<const IndexedImage> images, std::size_t vocabulary_size,
                          const ResidualCoder& coder);
   struct Source {
     const CodeLists* lists = nullptr;
-    const std::vector<std::uint32_t>* position = nullptr;  // in the result, by picture; or kGone
+    const std::vector<std::uint32_t>* position = nullptr;  // in the result, by image; or kGone
   };
   static CodeLists Merge(std::span<const Source> sources);
 
@@ -38,35 +38,35 @@ class CodeLists {
   // The number of the list's first code, of all codes.
   std::size_t First(std::uint32_t word) const { return offsets_[word * pages_]; }
   // Of the i-th code of the list; ascending.
-  std::uint32_t Picture(std::uint32_t word, std::size_t i) const;
-  // Visits each picture that has the word, ascending, with how often it has it.
-  template <typename Visit>  // void(std::size_t picture, std::size_t count)
+  std::uint32_t Image(std::uint32_t word, std::size_t i) const;
+  // Visits each image that has the word, ascending, with how often it has it.
+  template <typename Visit>  // void(std::size_t image, std::size_t count)
   void ForEachCount(std::uint32_t word, Visit&& visit) const {
     for (std::size_t page = 0; page < pages_; ++page) {
       const std::size_t end = offsets_[word * pages_ + page + 1];
       for (std::size_t i = offsets_[word * pages_ + page]; i < end;) {
         const std::size_t first = i;
-        while (++i < end && pictures_[i] == pictures_[first]) continue;
-        visit(page * kPage + pictures_[first], i - first);
+        while (++i < end && images_[i] == images_[first]) continue;
+        visit(page * kPage + images_[first], i - first);
       }
     }
   }
-  // The words of a picture with their codes, as Build got them.
-  Bow BowOf(std::size_t picture) const;
+  // The words of an image with their codes, as Build got them.
+  Bow BowOf(std::size_t image) const;
   std::size_t memory_bytes() const;
 
  private:
   struct Entry {
-    std::uint32_t picture = 0;
+    std::uint32_t image = 0;
     std::int16_t bias = 0;
     std::size_t code = 0;  // position in the bytes that go with the entries
   };
   static constexpr std::size_t kPage = 256;
 
-  void SetPictures(std::size_t pictures) {
-    pages_ = std::max<std::size_t>(1, (pictures + kPage - 1) / kPage);
+  void SetImages(std::size_t images) {
+    pages_ = std::max<std::size_t>(1, (images + kPage - 1) / kPage);
   }
-  // Words must come in ascending order, each once; entries ascending by picture.
+  // Words must come in ascending order, each once; entries ascending by image.
   void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes);
   void Finish();  // once all words are there
 
@@ -74,9 +74,9 @@ class CodeLists {
   std::size_t pages_ = 1;
   // Codes of word w on page p are [offsets_[w * pages_ + p], offsets_[w * pages_ + p + 1]).
   std::vector<std::uint32_t> offsets_{0};
-  std::vector<std::uint8_t> pictures_;  // of each code, on its page
-  std::vector<std::int16_t> biases_;    // empty for binary descriptors
-  std::vector<std::uint8_t> codes_;     // in the layout of CodeList, and kCodePadding bytes
+  std::vector<std::uint8_t> images_;  // of each code, on its page
+  std::vector<std::int16_t> biases_;  // empty for binary descriptors
+  std::vector<std::uint8_t> codes_;   // in the layout of CodeList, and kCodePadding bytes
   bool binary_ = false;
 };
 

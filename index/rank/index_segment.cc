@@ -17,23 +17,22 @@ double SumOfSquares(const Bow& bow) {
 
 }  // namespace
 
-std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedPicture> pictures,
+std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedImage> images,
                                                         std::size_t vocabulary_size,
                                                         const ResidualCoder& coder) {
-  if (pictures.size() > kMaxPictures) {
-    throw Error(ErrorCode::kInternal, "segment_too_large",
-                "an index segment got too many pictures");
+  if (images.size() > kMaxImages) {
+    throw Error(ErrorCode::kInternal, "segment_too_large", "an index segment got too many images");
   }
   auto segment = std::make_shared<IndexSegment>();
-  segment->Reserve(pictures.size());
-  for (const IndexedPicture& picture : pictures) {
-    const Bow& bow = picture.bow;
+  segment->Reserve(images.size());
+  for (const IndexedImage& image : images) {
+    const Bow& bow = image.bow;
     if (!bow.words.empty() && bow.words.back().word >= vocabulary_size) {
       throw Error(ErrorCode::kInternal, "word_out_of_range", "a word is outside the vocabulary");
     }
-    segment->AddPicture(picture.key, picture.object, picture.id, bow.total, SumOfSquares(bow));
+    segment->AddImage(image.key, image.object, image.id, bow.total, SumOfSquares(bow));
   }
-  segment->codes_ = CodeLists::Build(pictures, vocabulary_size, coder);
+  segment->codes_ = CodeLists::Build(images, vocabulary_size, coder);
   return segment;
 }
 
@@ -41,7 +40,7 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
   struct Place {
     std::int64_t key;
     std::uint32_t source;
-    std::uint32_t picture;
+    std::uint32_t image;
   };
   std::vector<Place> places;
   for (std::uint32_t s = 0; s < sources.size(); ++s) {
@@ -62,9 +61,9 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
   merged->Reserve(places.size());
   for (const Place& place : places) {
     const IndexSegment& from = *sources[place.source].segment;
-    positions[place.source][place.picture] = static_cast<std::uint32_t>(merged->size());
-    merged->AddPicture(place.key, from.object(place.picture), from.id(place.picture),
-                       from.total(place.picture), from.sum_of_squares(place.picture));
+    positions[place.source][place.image] = static_cast<std::uint32_t>(merged->size());
+    merged->AddImage(place.key, from.object(place.image), from.id(place.image),
+                     from.total(place.image), from.sum_of_squares(place.image));
   }
   std::vector<CodeLists::Source> codes;
   for (std::size_t s = 0; s < sources.size(); ++s) {
@@ -74,16 +73,16 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
   return merged;
 }
 
-void IndexSegment::Reserve(std::size_t pictures) {
-  keys_.reserve(pictures);
-  objects_.reserve(pictures);
-  id_offsets_.reserve(pictures + 1);
-  totals_.reserve(pictures);
-  squares_.reserve(pictures);
+void IndexSegment::Reserve(std::size_t images) {
+  keys_.reserve(images);
+  objects_.reserve(images);
+  id_offsets_.reserve(images + 1);
+  totals_.reserve(images);
+  squares_.reserve(images);
 }
 
-void IndexSegment::AddPicture(std::int64_t key, std::int64_t object, std::string_view id,
-                              double total, double squares) {
+void IndexSegment::AddImage(std::int64_t key, std::int64_t object, std::string_view id,
+                            double total, double squares) {
   keys_.push_back(key);
   objects_.push_back(object);
   id_text_ += id;

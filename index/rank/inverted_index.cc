@@ -11,12 +11,12 @@ namespace pliant {
 namespace {
 
 constexpr std::size_t kFanOut = 8;  // parts of a tier before they are merged
-constexpr std::size_t kTiers = 5;   // 1.., 8.., 64.., 512.., 4096.. pictures
+constexpr std::size_t kTiers = 5;   // 1.., 8.., 64.., 512.., 4096.. images
 using Part = IndexSnapshot::Part;
 
-std::size_t Tier(std::size_t pictures) {
+std::size_t Tier(std::size_t images) {
   std::size_t tier = 0;
-  for (; pictures >= kFanOut && tier + 1 < kTiers; pictures /= kFanOut) ++tier;
+  for (; images >= kFanOut && tier + 1 < kTiers; images /= kFanOut) ++tier;
   return tier;
 }
 
@@ -32,14 +32,14 @@ bool IsWasteful(const Part& part) { return part.dead_count * 4 > part.segment->s
 
 void Remove(IndexSnapshot* next, std::int64_t key) {
   for (Part& part : next->parts) {
-    const std::size_t picture = part.segment->Find(key);
-    if (picture >= part.segment->size() || part.IsDead(picture)) continue;
+    const std::size_t image = part.segment->Find(key);
+    if (image >= part.segment->size() || part.IsDead(image)) continue;
     auto dead = part.dead ? std::make_shared<std::vector<bool>>(*part.dead)
                           : std::make_shared<std::vector<bool>>(part.segment->size(), false);
-    (*dead)[picture] = true;
+    (*dead)[image] = true;
     part.dead = std::move(dead);
     ++part.dead_count;
-    --next->pictures;
+    --next->images;
     return;
   }
 }
@@ -53,12 +53,12 @@ void MergeParts(IndexSnapshot* next) {
     std::vector<Part> group;
     std::size_t alive = 0;
     for (const Part& part : next->parts) {
-      if (Tier(part.alive()) != tier || alive + part.alive() > IndexSegment::kMaxPictures) continue;
+      if (Tier(part.alive()) != tier || alive + part.alive() > IndexSegment::kMaxImages) continue;
       group.push_back(part);
       alive += part.alive();
     }
     const bool top = tier + 1 == kTiers;  // merged as soon as a full segment comes of it
-    const bool enough = top ? group.size() >= 2 && alive * 4 >= IndexSegment::kMaxPictures * 3
+    const bool enough = top ? group.size() >= 2 && alive * 4 >= IndexSegment::kMaxImages * 3
                             : group.size() >= kFanOut;
     if (!enough) continue;
     std::erase_if(next->parts, [&](const Part& part) {
@@ -73,16 +73,15 @@ void MergeParts(IndexSnapshot* next) {
 
 std::optional<Bow> IndexSnapshot::Find(std::int64_t key) const {
   for (const Part& part : parts) {
-    const std::size_t picture = part.segment->Find(key);
-    if (picture < part.segment->size() && !part.IsDead(picture))
-      return part.segment->BowOf(picture);
+    const std::size_t image = part.segment->Find(key);
+    if (image < part.segment->size() && !part.IsDead(image)) return part.segment->BowOf(image);
   }
   return std::nullopt;
 }
 
 std::vector<std::int64_t> IndexSnapshot::Keys() const {
   std::vector<std::int64_t> keys;
-  keys.reserve(pictures);
+  keys.reserve(images);
   for (const Part& part : parts) {
     for (std::size_t p = 0; p < part.segment->size(); ++p) {
       if (!part.IsDead(p)) keys.push_back(part.segment->key(p));
@@ -119,8 +118,7 @@ void InvertedIndex::Publish(std::shared_ptr<const IndexSnapshot> next) {
   snapshot_.swap(next);  // the old one dies outside of the lock unless a search keeps it
 }
 
-void InvertedIndex::Apply(std::vector<IndexedPicture> added,
-                          std::span<const std::int64_t> removed) {
+void InvertedIndex::Apply(std::vector<IndexedImage> added, std::span<const std::int64_t> removed) {
   if (added.empty() && removed.empty() && !staged_) return;
   auto next =
       staged_ ? std::exchange(staged_, nullptr) : std::make_shared<IndexSnapshot>(*snapshot());
@@ -132,29 +130,29 @@ void InvertedIndex::Apply(std::vector<IndexedPicture> added,
   is_changing_ = false;
 }
 
-void InvertedIndex::Stage(std::vector<IndexedPicture> added) {
+void InvertedIndex::Stage(std::vector<IndexedImage> added) {
   if (!staged_) staged_ = std::make_shared<IndexSnapshot>(*snapshot());
   is_changing_ = true;
   AddParts(*staged_, std::move(added));
 }
 
-void InvertedIndex::Append(std::vector<IndexedPicture> added) {
+void InvertedIndex::Append(std::vector<IndexedImage> added) {
   auto next = std::make_shared<IndexSnapshot>(*snapshot());
   AddParts(*next, std::move(added));
   Publish(std::move(next));
 }
 
-void InvertedIndex::AddParts(IndexSnapshot& next, std::vector<IndexedPicture> added) {
+void InvertedIndex::AddParts(IndexSnapshot& next, std::vector<IndexedImage> added) {
   std::sort(added.begin(), added.end(),
-            [](const IndexedPicture& a, const IndexedPicture& b) { return a.key < b.key; });
-  for (std::size_t begin = 0; begin < added.size(); begin += IndexSegment::kMaxPictures) {
-    const std::size_t count = std::min(added.size() - begin, IndexSegment::kMaxPictures);
+            [](const IndexedImage& a, const IndexedImage& b) { return a.key < b.key; });
+  for (std::size_t begin = 0; begin < added.size(); begin += IndexSegment::kMaxImages) {
+    const std::size_t count = std::min(added.size() - begin, IndexSegment::kMaxImages);
     Part part;
-    part.segment = IndexSegment::Build(std::span<const IndexedPicture>(added).subspan(begin, count),
+    part.segment = IndexSegment::Build(std::span<const IndexedImage>(added).subspan(begin, count),
                                        quantizer_->vocabulary().size(), *quantizer_->coder());
     next.parts.push_back(std::move(part));
   }
-  next.pictures += added.size();
+  next.images += added.size();
 }
 
 }  // namespace pliant

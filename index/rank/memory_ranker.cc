@@ -47,7 +47,7 @@ CollectionView MemoryRanker::ViewOf(const Entry& entry) {
 }
 
 std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.snapshot ? SnapshotOf(view).pictures : 0;
+  return view.snapshot ? SnapshotOf(view).images : 0;
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
@@ -58,8 +58,8 @@ Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
                         ? RankByHistogram(snapshot, query.bow, options)
                         : RankByNeighbours(snapshot, *view.quantizer,
                                            {query.features.descriptors, weights}, options);
-  for (RankedPicture& picture : ranking.candidates) picture.ref.collection = view.collection;
-  for (RankedPicture& picture : ranking.best) picture.ref.collection = view.collection;
+  for (RankedImage& image : ranking.candidates) image.ref.collection = view.collection;
+  for (RankedImage& image : ranking.best) image.ref.collection = view.collection;
   return ranking;
 }
 
@@ -74,7 +74,7 @@ void MemoryRanker::Follow() {
   Lock lock(mutex_);
   if (!in_use_) return;
   CatchUp();
-  // Before a writer returns nothing may be left to an old state: a picture that it has added has
+  // Before a writer returns nothing may be left to an old state: an image that it has added has
   // words of the new vocabulary alone.
   LoadAll(lock);
 }
@@ -123,7 +123,7 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
       }
       throw;
     }
-    if (entries_.empty() && state.vocabulary != 0) to_load += view.CountPictures(state.key);
+    if (entries_.empty() && state.vocabulary != 0) to_load += view.CountImages(state.key);
   }
   if (entries_.empty()) {
     const std::lock_guard progress(progress_mutex_);
@@ -162,16 +162,16 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
   return entry;
 }
 
-// A replaced picture is a removal and an addition: both must come in one snapshot, or a search sees
+// A replaced image is a removal and an addition: both must come in one snapshot, or a search sees
 // neither of the two states.
 bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
   const auto removed = view.RemovedSince(loaded.at);
   if (!removed) return false;
   const FeedPosition at = view.Position();  // may fail: after the change it would be done again
-  view.ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.picture,
-                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
-                        loaded.index->Stage(std::move(chunk));
-                      });
+  view.ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.image,
+                    IndexSegment::kMaxImages, [&](std::vector<IndexedImage> chunk) {
+                      loaded.index->Stage(std::move(chunk));
+                    });
   loaded.index->Apply({}, *removed);
   loaded.at = at;
   return true;
@@ -219,12 +219,12 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   if (vocabulary == 0) return loaded;
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
   loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
-  view.ForEachPicture(vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                      IndexSegment::kMaxPictures, [&](std::vector<IndexedPicture> chunk) {
-                        const std::size_t pictures = chunk.size();
-                        loaded.index->Append(std::move(chunk));
-                        Progress(pictures);
-                      });
+  view.ForEachImage(vocabulary, loaded.quantizer->vocabulary().size(), 0, IndexSegment::kMaxImages,
+                    [&](std::vector<IndexedImage> chunk) {
+                      const std::size_t images = chunk.size();
+                      loaded.index->Append(std::move(chunk));
+                      Progress(images);
+                    });
   return loaded;
 }
 
@@ -240,9 +240,9 @@ std::shared_ptr<const void> MemoryRanker::Prepare(Key collection, Key vocabulary
   return prepared;
 }
 
-void MemoryRanker::Progress(std::size_t pictures) {
+void MemoryRanker::Progress(std::size_t images) {
   const std::lock_guard lock(progress_mutex_);
-  loaded_ += pictures;
+  loaded_ += images;
   if (!loading_ || to_load_ == 0) return;
   loading_(std::min(1.0, static_cast<double>(loaded_) / static_cast<double>(to_load_)));
 }
@@ -283,21 +283,20 @@ std::vector<std::string> MemoryRanker::Check() {
   std::vector<std::string> problems;
   for (const auto& [name, loaded, snapshot] : compared) {
     std::size_t stored = 0;
-    const auto compare = [&, &in_memory = *snapshot](const std::vector<IndexedPicture>& chunk) {
+    const auto compare = [&, &in_memory = *snapshot](const std::vector<IndexedImage>& chunk) {
       stored += chunk.size();
-      for (const IndexedPicture& picture : chunk) {
-        const std::optional<Bow> bow = in_memory.Find(picture.key);
-        if (!bow || bow->words != picture.bow.words || bow->codes != picture.bow.codes) {
-          problems.push_back("picture \"" + picture.id +
-                             "\": index and database differ in its words");
+      for (const IndexedImage& image : chunk) {
+        const std::optional<Bow> bow = in_memory.Find(image.key);
+        if (!bow || bow->words != image.bow.words || bow->codes != image.bow.codes) {
+          problems.push_back("image \"" + image.id + "\": index and database differ in its words");
         }
       }
     };
-    view->ForEachPicture(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                         IndexSegment::kMaxPictures, compare);
-    if (stored != snapshot->pictures) {
+    view->ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                       IndexSegment::kMaxImages, compare);
+    if (stored != snapshot->images) {
       problems.push_back("collection \"" + name + "\": the index holds " +
-                         std::to_string(snapshot->pictures) + " pictures, the database " +
+                         std::to_string(snapshot->images) + " images, the database " +
                          std::to_string(stored));
     }
   }

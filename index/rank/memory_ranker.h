@@ -29,14 +29,14 @@ namespace pliant {
 // Thread-safe. Throws what a database throws.
 class MemoryRanker {
  public:
-  // `loading` hears which share of the pictures is in memory while everything is loaded for the
+  // `loading` hears which share of the images is in memory while everything is loaded for the
   // first time; may be empty.
   explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
   // The present state: with everything that this process has written and, unless a collection is
   // just being loaded anew, with what others have. kNotFound "collection_not_found".
   CollectionView View(const std::string& collection);
-  std::size_t Size(const CollectionView& view) const;  // pictures; 0 without vocabulary
+  std::size_t Size(const CollectionView& view) const;  // images; 0 without vocabulary
   // The view must have a vocabulary.
   Ranking Rank(const CollectionView& view, const RankQuery& query,
                const RankOptions& options) const;
@@ -88,7 +88,7 @@ class MemoryRanker {
 
   // Without it.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
-  void Progress(std::size_t pictures);
+  void Progress(std::size_t images);
 
   const std::unique_ptr<ChangeFeed> feed_;
 

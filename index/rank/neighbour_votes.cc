@@ -12,7 +12,7 @@
 namespace pliant {
 namespace {
 
-// A picture with hardly any descriptor must not come first by one vote.
+// An image with hardly any descriptor must not come first by one vote.
 constexpr double kLeastDescriptors = 8;
 
 // Lists are asked for from memory this many cells before they are read.
@@ -88,33 +88,33 @@ void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* de
     }
     const std::size_t found = ScanCodes(list, query, near.data());
     for (std::size_t i = 0; i < found; ++i) {
-      const std::uint32_t picture = lists.Picture(cell.word, near[i].index);
+      const std::uint32_t image = lists.Image(cell.word, near[i].index);
       const float weight = query.limit - near[i].squared_distance;
-      if (dead != nullptr && (*dead)[picture]) continue;
-      votes->push_back({cell.row, picture, lists.First(cell.word) + near[i].index, weight});
+      if (dead != nullptr && (*dead)[image]) continue;
+      votes->push_back({cell.row, image, lists.First(cell.word) + near[i].index, weight});
     }
   }
 }
 
 void KeepBest(std::vector<Vote>* votes) {
   std::sort(votes->begin(), votes->end(), [](const Vote& a, const Vote& b) {
-    return std::tuple(a.row, a.picture, -a.weight, a.code) <
-           std::tuple(b.row, b.picture, -b.weight, b.code);
+    return std::tuple(a.row, a.image, -a.weight, a.code) <
+           std::tuple(b.row, b.image, -b.weight, b.code);
   });
   const auto same = [](const Vote& a, const Vote& b) {
-    return a.row == b.row && a.picture == b.picture;
+    return a.row == b.row && a.image == b.image;
   };
   votes->erase(std::unique(votes->begin(), votes->end(), same), votes->end());
 }
 
 void NeighbourQuery::Weigh(std::span<std::vector<Vote>> votes_of_lists) const {
-  std::vector<std::uint32_t> pictures(limits_.size(), 0);
+  std::vector<std::uint32_t> images(limits_.size(), 0);
   for (const std::vector<Vote>& votes : votes_of_lists) {
-    for (const Vote& vote : votes) ++pictures[vote.row];
+    for (const Vote& vote : votes) ++images[vote.row];
   }
   for (std::vector<Vote>& votes : votes_of_lists) {
     for (Vote& vote : votes) {
-      vote.weight *= WeightOf(vote.row) / std::sqrt(static_cast<float>(pictures[vote.row]));
+      vote.weight *= WeightOf(vote.row) / std::sqrt(static_cast<float>(images[vote.row]));
     }
   }
 }
@@ -125,16 +125,16 @@ double NeighbourQuery::Score(double sum, double descriptors) const {
 
 void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums) {
   std::sort(votes->begin(), votes->end(), [](const Vote& a, const Vote& b) {
-    return std::tuple(a.picture, a.code, -a.weight, a.row) <
-           std::tuple(b.picture, b.code, -b.weight, b.row);
+    return std::tuple(a.image, a.code, -a.weight, a.row) <
+           std::tuple(b.image, b.code, -b.weight, b.row);
   });
   float rank = 0;
   for (std::size_t i = 0; i < votes->size(); ++i) {
     const Vote& vote = (*votes)[i];
     const bool again =
-        i > 0 && (*votes)[i - 1].picture == vote.picture && (*votes)[i - 1].code == vote.code;
+        i > 0 && (*votes)[i - 1].image == vote.image && (*votes)[i - 1].code == vote.code;
     rank = again ? rank + 1 : 1;
-    (*sums)[vote.picture] += vote.weight / rank;
+    (*sums)[vote.image] += vote.weight / rank;
   }
 }
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Ranking by nearest neighbours: each descriptor of the query votes for the pictures that have
+// Ranking by nearest neighbours: each descriptor of the query votes for the images that have
 // descriptors near it. Private to index/.
 //
 // Let w be the nearest word of the query descriptor q, and |q - w| its distance. A descriptor x in
 // one of the cells (words) nearest to q votes
 //   v = max(0, a max(|q - w|^2, b |q - w'|^2) - |q - x|^2)
-// for its picture, the best once per query descriptor and picture. w' is the farthest of these
+// for its image, the best once per query descriptor and image. w' is the farthest of these
 // cells' words: a descriptor that has become a word itself, or several, because it is stored many
 // times or the collection is small, is as far from usual as that says. The weight is relative, as
 // in local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
@@ -16,11 +16,11 @@
 //
 // Votes are then weighed:
 //  - by the query descriptor's own weight (Voters);
-//  - by rarity: of a query descriptor that votes for m pictures, each vote counts v / sqrt(m);
+//  - by rarity: of a query descriptor that votes for m images, each vote counts v / sqrt(m);
 //  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009):
 //  of
 //    the votes that one descriptor x gets, the i-th largest counts 1 / i.
-// A picture's sum is divided by the square root of its number of descriptors.
+// An image's sum is divided by the square root of its number of descriptors.
 #pragma once
 
 #include <cstddef>
@@ -47,9 +47,9 @@ struct NeighbourOptions {
 };
 
 struct Vote {
-  std::uint32_t row = 0;      // of the query
-  std::uint32_t picture = 0;  // position in the lists' segment
-  std::uint64_t code = 0;     // which of the lists' codes
+  std::uint32_t row = 0;    // of the query
+  std::uint32_t image = 0;  // position in the lists' segment
+  std::uint64_t code = 0;   // which of the lists' codes
   float weight = 0;
 };
 
@@ -59,7 +59,7 @@ class NeighbourQuery {
   // The quantizer must have a coder. What `voters` refers to must outlive it.
   NeighbourQuery(const Quantizer& quantizer, const Voters& voters, const NeighbourOptions& options);
 
-  // Appends what votes for the lists' pictures that are alive, in no order, a picture perhaps more
+  // Appends what votes for the lists' images that are alive, in no order, an image perhaps more
   // than once: see KeepBest. Slice `slice` of `slices` looks into its share of the cells. `dead`:
   // nullptr = all are alive.
   void Collect(const CodeLists& lists, const std::vector<bool>* dead, std::size_t slice,
@@ -69,7 +69,7 @@ class NeighbourQuery {
   // of votes of its row, over all the lists.
   void Weigh(std::span<std::vector<Vote>> votes_of_lists) const;
 
-  // The score of a picture with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
+  // The score of an image with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
   // of the query that is like nothing else.
   double Score(double sum, double descriptors) const;
 
@@ -91,11 +91,11 @@ class NeighbourQuery {
   double norm_ = 0;                  // 1 / (sum of weighed limits_ / sqrt(sum of weights))
 };
 
-// Of each row's votes for a picture the best, by row, then by picture; of equal ones the lowest
+// Of each row's votes for an image the best, by row, then by image; of equal ones the lowest
 // code.
 void KeepBest(std::vector<Vote>* votes);
 
-// sums[picture] = its votes, weighed against bursts. Sorts `votes`.
+// sums[image] = its votes, weighed against bursts. Sorts `votes`.
 void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums);
 
 }  // namespace pliant

@@ -11,7 +11,7 @@
 
 #include "descriptor/features/features.h"
 #include "index/records/admission.h"
-#include "index/records/picture_ref.h"
+#include "index/records/image_ref.h"
 #include "index/records/search.h"
 #include "vocab/quantizer.h"
 
@@ -40,28 +40,28 @@ struct RankOptions {
   GroupBy group_by = GroupBy::kImage;
   std::size_t keep = 0;  // best entries returned; 0 = all
   double min_score = 0;  // lower scores are no hits
-  Admission admission;   // which pictures count at all; from Catalogue::Admit
+  Admission admission;   // which images count at all; from Catalogue::Admit
   int threads = 1;       // at most; 0 = all cores
-  // This many pictures, the best of all, are set apart for verification: by image, whatever their
+  // This many images, the best of all, are set apart for verification: by image, whatever their
   // score and object, since verification may lift any of them.
   std::size_t candidates = 0;
-  // Further pictures, by version, ascending, that are set apart too if they are hits at all.
+  // Further images, by version, ascending, that are set apart too if they are hits at all.
   std::vector<std::int64_t> also = {};
 };
 
-struct RankedPicture {
-  PictureRef ref;
+struct RankedImage {
+  ImageRef ref;
   Key object = 0;    // 0 = none
   double score = 0;  // 0..1
 };
 
 // Each list has the highest score first; of equal scores the lower id.
 struct Ranking {
-  std::vector<RankedPicture> candidates;
-  // The hits that are no candidates, all after them. Grouped by object: the best picture of each
-  // object stands for it (its score is the object's), a picture without object for itself, and
+  std::vector<RankedImage> candidates;
+  // The hits that are no candidates, all after them. Grouped by object: the best image of each
+  // object stands for it (its score is the object's), an image without object for itself, and
   // objects that a candidate shows are left out.
-  std::vector<RankedPicture> best;
+  std::vector<RankedImage> best;
   std::size_t total = 0;  // of these hits, before `keep` cut them off
 };
 

@@ -15,7 +15,7 @@ namespace {
 // The order of results: a total one, so that they do not depend on segments and threads.
 bool IsBetter(const Candidate& a, const Candidate& b) {
   if (a.score != b.score) return a.score > b.score;
-  return a.segment->id(a.picture) < b.segment->id(b.picture);
+  return a.segment->id(a.image) < b.segment->id(b.image);
 }
 
 std::vector<Candidate> BestOfEachObject(std::span<const Candidate> candidates,
@@ -23,7 +23,7 @@ std::vector<Candidate> BestOfEachObject(std::span<const Candidate> candidates,
   std::vector<Candidate> best;
   std::unordered_map<std::int64_t, std::size_t> position;  // of an object in `best`
   for (const Candidate& candidate : candidates) {
-    const std::int64_t object = candidate.segment->object(candidate.picture);
+    const std::int64_t object = candidate.segment->object(candidate.image);
     if (object != 0) {
       if (but_not.contains(object)) continue;
       const auto [found, is_new] = position.try_emplace(object, best.size());
@@ -50,12 +50,12 @@ void SortBest(std::span<Candidate> candidates, std::size_t count) {
   std::sort(candidates.begin(), candidates.end(), IsBetter);
 }
 
-std::vector<RankedPicture> Named(std::span<const Candidate> candidates) {
-  std::vector<RankedPicture> named;
+std::vector<RankedImage> Named(std::span<const Candidate> candidates) {
+  std::vector<RankedImage> named;
   named.reserve(candidates.size());
   for (const Candidate& c : candidates) {
-    named.push_back({{0, std::string(c.segment->id(c.picture)), c.segment->key(c.picture)},
-                     c.segment->object(c.picture),
+    named.push_back({{0, std::string(c.segment->id(c.image)), c.segment->key(c.image)},
+                     c.segment->object(c.image),
                      c.score});
   }
   return named;
@@ -69,8 +69,7 @@ Ranking Chosen(std::vector<Candidate> all, const RankOptions& options) {
   if (!options.also.empty()) {
     const auto first = others;
     others = std::partition(first, all.end(), [&](const Candidate& c) {
-      return std::binary_search(options.also.begin(), options.also.end(),
-                                c.segment->key(c.picture));
+      return std::binary_search(options.also.begin(), options.also.end(), c.segment->key(c.image));
     });
     std::sort(first, others, IsBetter);
   }
@@ -79,7 +78,7 @@ Ranking Chosen(std::vector<Candidate> all, const RankOptions& options) {
   std::erase_if(rest, [&](const Candidate& c) { return c.score < options.min_score; });
   if (options.group_by == GroupBy::kObject) {
     std::unordered_set<std::int64_t> shown;
-    for (const RankedPicture& candidate : ranking.candidates) shown.insert(candidate.object);
+    for (const RankedImage& candidate : ranking.candidates) shown.insert(candidate.object);
     rest = BestOfEachObject(rest, shown);
   }
   ranking.total = rest.size();

@@ -16,13 +16,13 @@ namespace {
 constexpr std::size_t kDescriptorsForThreads = 1u << 20;
 
 // 1 - |h_q - h_d| / sqrt(2), with |h_q - h_d|^2 = h_q.h_q + h_d.h_d - 2 h_q.h_d.
-double Score(const Bow& query, double query_squares, const IndexSegment& segment,
-             std::size_t picture, double dot) {
+double Score(const Bow& query, double query_squares, const IndexSegment& segment, std::size_t image,
+             double dot) {
   const double query_total = query.total;
-  const double total = segment.total(picture);
+  const double total = segment.total(image);
   if (query_total == 0 || total == 0) return 0;
   const double squared_distance = query_squares / (query_total * query_total) +
-                                  segment.sum_of_squares(picture) / (total * total) -
+                                  segment.sum_of_squares(image) / (total * total) -
                                   2 * dot / (query_total * total);
   return std::max(0.0, 1 - std::sqrt(std::max(0.0, squared_distance)) / std::numbers::sqrt2);
 }
@@ -35,8 +35,8 @@ void ScorePart(const IndexSnapshot::Part& part, const Bow& query, const Admissio
   for (const auto& [word, count] : query.words) {
     const double weight = count;
     squares += weight * weight;
-    segment.codes().ForEachCount(word, [&](std::size_t picture, std::size_t own) {
-      dots[picture] += weight * static_cast<double>(own);
+    segment.codes().ForEachCount(word, [&](std::size_t image, std::size_t own) {
+      dots[image] += weight * static_cast<double>(own);
     });
   }
   for (std::uint32_t p = 0; p < segment.size(); ++p) {
@@ -45,7 +45,7 @@ void ScorePart(const IndexSnapshot::Part& part, const Bow& query, const Admissio
   }
 }
 
-// With so many words, half of the lists find the same pictures in little more than half of the time
+// With so many words, half of the lists find the same images in little more than half of the time
 // (index/RANKING.md).
 constexpr std::size_t kManyWords = 32'768;
 constexpr int kCellsOfManyWords = 8;
@@ -55,8 +55,7 @@ constexpr int kCellsOfManyWords = 8;
 std::vector<Candidate> ScoreByHistogram(const IndexSnapshot& snapshot, const Bow& query,
                                         const RankOptions& options) {
   std::vector<std::vector<Candidate>> found(snapshot.parts.size());
-  const int threads =
-      query.total * snapshot.pictures < kDescriptorsForThreads ? 1 : options.threads;
+  const int threads = query.total * snapshot.images < kDescriptorsForThreads ? 1 : options.threads;
   ParallelFor(found.size(), threads, [&](std::size_t i) {
     ScorePart(snapshot.parts[i], query, options.admission, &found[i]);
   });

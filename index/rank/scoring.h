@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The scores of a snapshot's pictures, before any is chosen. Private to index/rank/.
+// The scores of a snapshot's images, before any is chosen. Private to index/rank/.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,15 @@ namespace pliant {
 
 struct Candidate {
   const IndexSegment* segment = nullptr;
-  std::uint32_t picture = 0;
+  std::uint32_t image = 0;
   double score = 0;
 };
 
-// The pictures that are hits at all and that options.admission admits, in no order. Neither depends
-// on how the pictures are spread over segments.
+// The images that are hits at all and that options.admission admits, in no order. Neither depends
+// on how the images are spread over segments.
 std::vector<Candidate> ScoreByHistogram(const IndexSnapshot& snapshot, const Bow& query,
                                         const RankOptions& options);
-// The query's votes for the pictures of each part, by row, then by picture.
+// The query's votes for the images of each part, by row, then by image.
 std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
                                             const IndexSnapshot& snapshot, int threads);
 std::vector<Candidate> ScoreByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,

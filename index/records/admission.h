@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which pictures of a collection a search may answer with. Data, not a function, so that it can
+// Which images of a collection a search may answer with. Data, not a function, so that it can
 // travel to a ranker in another process.
 #pragma once
 
@@ -12,19 +12,19 @@
 #include <vector>
 
 #include "index/records/filter.h"
-#include "index/records/picture_ref.h"
+#include "index/records/image_ref.h"
 
 namespace pliant {
 
 struct Admission {
   // What was asked for.
-  std::optional<std::string> object;  // only its pictures; "" = pictures without an object
+  std::optional<std::string> object;  // only its images; "" = images without an object
   Filter filter;                      // on metadata
-  std::vector<std::string> without;   // ids of pictures that are left out
+  std::vector<std::string> without;   // ids of images that are left out
 
   // What that comes to in the store, for rankers that hold keys alone (Catalogue::Admit).
   bool nothing = false;                                       // there is no such object
-  std::optional<Key> object_key;                              // 0 = pictures without an object
+  std::optional<Key> object_key;                              // 0 = images without an object
   std::shared_ptr<const std::vector<std::int64_t>> versions;  // ascending; nullptr = all
   std::vector<std::int64_t> without_versions;                 // ascending
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Conditions on the metadata of pictures: equal to one of some values or none, within bounds, there
+// Conditions on the metadata of images: equal to one of some values or none, within bounds, there
 // or not there, and what and, or and not make of them.
 #pragma once
 
@@ -25,9 +25,9 @@ struct FilterBound {
   bool inclusive = true;
 };
 
-// Holds for a picture whose metadata have `key` at the top level with a value that passes every
+// Holds for an image whose metadata have `key` at the top level with a value that passes every
 // test that is set. A list passes `any_of`, `from` and `to` when one of its entries passes all
-// three. A picture without the key fails, but for `exists` false.
+// three. An image without the key fails, but for `exists` false.
 struct FilterCondition {
   std::string key;
   std::optional<std::vector<FilterValue>> any_of = {};  // equal to one of these
@@ -37,7 +37,7 @@ struct FilterCondition {
   std::optional<bool> exists = {};            // the key is there, whatever its value; or is not
 };
 
-// All of it must hold. Nothing: every picture passes. Two conditions may have the same key;
+// All of it must hold. Nothing: every image passes. Two conditions may have the same key;
 // different entries of a list may meet them.
 struct Filter {
   std::vector<FilterCondition> conditions = {};

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lists of pictures and objects, a page at a time: what is listed, in which order, and what is
+// Lists of images and objects, a page at a time: what is listed, in which order, and what is
 // counted beside. Plain values.
 #pragma once
 
@@ -19,10 +19,10 @@ inline constexpr std::size_t kMaxTextBytes = 512;  // of Selection::text
 inline constexpr std::size_t kMaxFacets = 16;
 inline constexpr std::size_t kFacetValues = 100;  // of one key that are listed
 
-// Which pictures of a collection. Of objects: those with such a picture.
+// Which images of a collection. Of objects: those with such an image.
 struct Selection {
   std::string collection = kDefaultCollection;
-  std::optional<std::string> object;  // its pictures; "": pictures without an object
+  std::optional<std::string> object;  // its images; "": images without an object
   Filter filter;                      // whose metadata pass
   // Words with spaces between: each must occur in the id, the object or the source (of objects: in
   // the name), whatever its case (FoldCase of index/files/text.h). Empty: all.
@@ -31,7 +31,7 @@ struct Selection {
   bool all() const { return !object && filter.empty() && text.empty(); }
 };
 
-enum class PictureOrder { kId, kCreated, kUpdated, kObject, kSource };
+enum class ImageOrder { kId, kCreated, kUpdated, kObject, kSource };
 enum class ObjectOrder { kName, kCreated, kUpdated, kImages };
 
 // Of a key of the metadata: how many of what is listed have which value. A list counts once for
@@ -56,9 +56,9 @@ struct PageOptions {
   std::vector<std::string> facets;  // keys of the metadata; at most kMaxFacets
 };
 
-struct PictureListing : PageOptions {
+struct ImageListing : PageOptions {
   Selection which;
-  PictureOrder order = PictureOrder::kId;  // ties by id
+  ImageOrder order = ImageOrder::kId;  // ties by id
 };
 
 struct ObjectListing : PageOptions {
@@ -76,14 +76,14 @@ struct ListPage {
   std::vector<Facet> facets;           // over all pages, in the order asked for
 };
 
-using PicturePage = ListPage<ImageRecord>;
+using ImagePage = ListPage<ImageRecord>;
 
 // An object as lists show it.
 struct ListedObject {
   ObjectRecord record;
-  std::string image_id;         // its first picture by id
-  std::int64_t created_ms = 0;  // when its oldest picture was added
-  std::int64_t updated_ms = 0;  // when one of its pictures was added or changed last
+  std::string image_id;         // its first image by id
+  std::int64_t created_ms = 0;  // when its oldest image was added
+  std::int64_t updated_ms = 0;  // when one of its images was added or changed last
 };
 
 using ObjectPage = ListPage<ListedObject>;

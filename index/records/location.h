@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where one object is in one picture. Plain values; index/verify/locate.h works them out.
+// Where one object is in one image. Plain values; index/verify/locate.h works them out.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,14 @@
 namespace pliant {
 
 struct MatchedPair {
-  std::uint32_t query = 0;  // key-point numbers
+  std::uint32_t query = 0;  // keypoint numbers
   std::uint32_t reference = 0;
 };
 
 // Why an object counts as lost.
 enum class LostReason {
   kNone,          // it is found
-  kFewKeypoints,  // the picture has hardly any
+  kFewKeypoints,  // the image has hardly any
   kFewMatches,    // too few descriptors found a partner
   kNoAgreement,   // the matches agree on no smooth warp
   kDegenerate,    // those that agree lie on a line
@@ -32,12 +32,12 @@ enum class LostReason {
 struct Location {
   bool found = false;
   LostReason reason = LostReason::kFewKeypoints;
-  int keypoints = 0;                 // of the picture
+  int keypoints = 0;                 // of the image
   int matches = 0;                   // mutual nearest neighbours within the ratio
   std::vector<MatchedPair> inliers;  // what RANSAC says, also when the object counts as lost
-  // The rest only when found. The warp maps pixels of the object's own picture.
+  // The rest only when found. The warp maps pixels of the object's own image.
   std::optional<ThinPlateSpline> warp;
-  std::vector<Vec2> outline;  // in the picture, in order, not closed
+  std::vector<Vec2> outline;  // in the image, in order, not closed
   std::optional<Mesh> mesh;
 
   double inlier_rate() const {  // inliers / matches; 0 without matches

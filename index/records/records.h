@@ -22,7 +22,7 @@ namespace pliant {
 struct ImageRecord {
   std::string collection;
   std::string id;      // unique in the collection
-  std::string object;  // what the picture shows; may be empty
+  std::string object;  // what the image shows; may be empty
   std::string sha256;  // of the uploaded bytes, hex
   std::string media_type;
   std::string metadata = "{}";  // a JSON object
@@ -33,7 +33,7 @@ struct ImageRecord {
   std::uint64_t bytes = 0;    // of the upload
   std::int64_t added_ms = 0;  // Unix time, of these bytes
   // When its bytes, its object, its metadata or its source changed last. Another name for an object
-  // with all its pictures is no change of these.
+  // with all its images is no change of these.
   std::int64_t updated_ms = 0;
 };
 
@@ -42,7 +42,7 @@ struct AddRequest {
   // CollectionRecord::created_ms: only into the collection that was made then, not into one that
   // has its name since (kNotFound "collection_not_found"). 0 = whichever has the name.
   std::int64_t collection_created_ms = 0;
-  // Absent: the picture is found again by its bytes (same SHA-256 in the collection = unchanged,
+  // Absent: the image is found again by its bytes (same SHA-256 in the collection = unchanged,
   // and Error kConflict "same_bytes" when it is given another object or other metadata than it
   // has), a new one gets the first 32 hex digits of its SHA-256 as id. Present: upsert of that id.
   std::optional<std::string> id;
@@ -50,7 +50,7 @@ struct AddRequest {
   std::string metadata = "{}";
   std::string source;
   Bytes bytes;
-  int threads = 1;        // for the description of this picture
+  int threads = 1;        // for the description of this image
   bool as_query = false;  // describe it as Engine::Search does; for experiments
 };
 
@@ -75,7 +75,7 @@ struct AddResult {
 struct ListOptions {
   std::string collection = kDefaultCollection;
   std::optional<std::string> object;
-  std::string after_id;  // exclusive; pictures come in order of id
+  std::string after_id;  // exclusive; images come in order of id
   int limit = 100;       // 1..1000
 };
 
@@ -84,13 +84,13 @@ struct ObjectRecord {
   std::uint64_t images = 0;
 };
 
-// Where one object is in a picture.
+// Where one object is in an image.
 struct ObjectLocation {
   std::string object;
-  std::string image_id;  // the object's picture that agrees best; its pixels are what the mesh maps
+  std::string image_id;  // the object's image that agrees best; its pixels are what the mesh maps
   Location location;
-  std::size_t compared = 0;  // pictures of the object that were looked at
-  int query_width = 0;       // of the original upright picture that was sent
+  std::size_t compared = 0;  // images of the object that were looked at
+  int query_width = 0;       // of the original upright image that was sent
   int query_height = 0;
   ExtractionTimings timings;
   double locate_ms = 0;
@@ -150,12 +150,12 @@ struct EngineStats {
 // A directory of uploaded files (EngineOptions::originals_dir).
 struct OriginalsRecord {
   std::filesystem::path directory;
-  std::uint64_t files = 0;  // that pictures refer to
+  std::uint64_t files = 0;  // that images refer to
   bool owned = false;       // false: it is another database's, as that of a copy is
 };
 
 struct MoveOriginalsResult {
-  std::uint64_t moved = 0;  // pictures whose bytes are now in the place that was named
+  std::uint64_t moved = 0;  // images whose bytes are now in the place that was named
   std::uint64_t left = 0;   // whose file is missing or damaged: `Check` names them
 };
 
@@ -187,7 +187,7 @@ struct AliasRecord {
   std::int64_t updated_ms = 0;  // Unix time; when it was moved last
 };
 
-// Fewer key points than this are refused: nothing could be recognised by them.
+// Fewer keypoints than this are refused: nothing could be recognised by them.
 inline constexpr std::uint32_t kMinKeypoints = 5;
 
 }  // namespace pliant

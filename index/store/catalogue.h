@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "index/records/admission.h"
+#include "index/records/image_ref.h"
 #include "index/records/listing.h"
-#include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
 #include "vocab/quantizer.h"
@@ -26,13 +26,13 @@
 
 namespace pliant {
 
-// How pictures are described.
+// How images are described.
 struct ExtractionLimits {
   int max_keypoints = 0;  // 0 = not decided
   int max_side_px = 0;    // 0 = not decided
 };
 
-// What the pictures are described with.
+// What the images are described with.
 struct StoredModel {
   DescriptorInfo info;
   ExtractionLimits limits;
@@ -46,11 +46,11 @@ struct CollectionState {
 };
 
 struct StoredFeatures {
-  std::int64_t version = 0;           // PictureRef::version
+  std::int64_t version = 0;           // ImageRef::version
   std::vector<std::uint8_t> encoded;  // as EncodeFeatures (feature_codec.h) makes it
 };
 
-struct StoredPicture {
+struct StoredImage {
   std::int64_t version = 0;
   ImageRecord record;
   std::vector<std::uint8_t> features;  // encoded; empty when not asked for
@@ -77,9 +77,8 @@ class Catalogue {
   CollectionState RequireCollection(const std::string& name);
   // All at once, in the order of `refs`. Where that version is gone, the one in its place; nothing
   // where there is none.
-  std::vector<std::optional<StoredPicture>> LoadPictures(std::span<const PictureRef> refs,
-                                                         Load what);
-  // Fills in what `object`, `filter` and `without` come to; ids of no picture leave nothing out.
+  std::vector<std::optional<StoredImage>> LoadImages(std::span<const ImageRef> refs, Load what);
+  // Fills in what `object`, `filter` and `without` come to; ids of no image leave nothing out.
   Admission Admit(Key collection, const std::optional<std::string>& object, const Filter& filter,
                   const std::vector<std::string>& without);
 
@@ -92,26 +91,25 @@ class Catalogue {
   std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
                                         int limit);
 
-  // Pictures.
-  std::optional<ImageRecord> FindPicture(const std::string& collection, const std::string& id);
+  // Images.
+  std::optional<ImageRecord> FindImage(const std::string& collection, const std::string& id);
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
-  std::vector<ImageRecord> ListPictures(const ListOptions& options);
+  std::vector<ImageRecord> ListImages(const ListOptions& options);
   // Reads the metadata, or the names, of the whole collection when there is a filter, a text, a
   // count of what these leave, or a facet; holds a page in memory. kInvalidArgument
   // "after_invalid".
-  PicturePage ListPicturePage(const PictureListing& list);
+  ImagePage ListImagePage(const ImageListing& list);
   // All pages, one after the other, of one state of the store, however long `work` takes.
-  void ForEachPicturePage(PictureListing list, const std::function<void(const PicturePage&)>& work);
-  // The same pictures twice, of one state of the store, in the same order: page by page, then one
+  void ForEachImagePage(ImageListing list, const std::function<void(const ImagePage&)>& work);
+  // The same images twice, of one state of the store, in the same order: page by page, then one
   // by one with their encoded features, of which a page is in memory.
-  void ForEachPictureFeatures(PictureListing list,
-                              const std::function<void(const PicturePage&)>& look,
-                              const std::function<void(const ImageRecord&, Bytes features)>& take);
+  void ForEachImageFeatures(ImageListing list, const std::function<void(const ImagePage&)>& look,
+                            const std::function<void(const ImageRecord&, Bytes features)>& take);
   ObjectPage ListObjectPage(const ObjectListing& list);
-  // The picture that `request` would only store once more (store/unchanged.h).
+  // The image that `request` would only store once more (store/unchanged.h).
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request, const std::string& sha256);
-  // A picture of any collection with these bytes, with its features.
-  std::optional<StoredPicture> FindDescribed(const std::string& sha256);
+  // An image of any collection with these bytes, with its features.
+  std::optional<StoredImage> FindDescribed(const std::string& sha256);
   // The uploaded bytes. kNotFound "image_not_found", "content_not_kept"; kCorrupt
   // "original_missing", "original_corrupt".
   std::vector<std::uint8_t> ReadContent(const std::string& collection, const std::string& id);
@@ -120,15 +118,15 @@ class Catalogue {
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
   std::optional<VocabularyRecord> FindVocabulary(const std::string& collection, Key vocabulary);
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary);
-  std::uint64_t CountPictures(Key collection);
+  std::uint64_t CountImages(Key collection);
   std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary);
-  // Pictures without words of the vocabulary: at most `limit`, by version, after `after`.
+  // Images without words of the vocabulary: at most `limit`, by version, after `after`.
   std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary, std::int64_t after,
                                               int limit);
-  // The words of the pictures that have some, by version. `words`: the size of the vocabulary.
+  // The words of the images that have some, by version. `words`: the size of the vocabulary.
   std::map<Key, Bow> LoadWords(Key vocabulary, std::size_t words, std::span<const Key> versions);
   // Each descriptor of the collection is as likely as any other, none is drawn twice. The same
-  // seed and pictures give the same sample, in whatever order the pictures were added.
+  // seed and images give the same sample, in whatever order the images were added.
   DescriptorSample SampleDescriptors(Key collection, std::size_t count, std::uint64_t seed);
 
   // The whole store. Count: images, objects, descriptors, bytes, and the default collection's

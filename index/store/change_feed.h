@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What has changed, whoever wrote it: this process or another. How a ranker in memory follows the
-// store: new pictures have greater versions, removed ones are listed.
+// store: new images have greater versions, removed ones are listed.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "index/records/indexed_picture.h"
+#include "index/records/indexed_image.h"
 #include "index/store/catalogue.h"
 #include "vocab/vocabulary.h"
 
@@ -18,7 +18,7 @@ namespace pliant {
 
 // How far somebody has followed.
 struct FeedPosition {
-  std::int64_t picture = 0;  // the newest version
+  std::int64_t image = 0;    // the newest version
   std::int64_t removal = 0;  // number of the newest removal
   // Of a database that a standby may take the place of: commits so far, which line of history they
   // are in, and how many there were when it left the one before.
@@ -45,12 +45,12 @@ class FeedView {
   // forgotten some of them, or does not continue from there; only loading all again tells.
   virtual std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) = 0;
   virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
-  virtual std::uint64_t CountPictures(Key collection) = 0;
-  // Pictures that have words of the vocabulary, of `words` words, with versions above `after`,
+  virtual std::uint64_t CountImages(Key collection) = 0;
+  // Images that have words of the vocabulary, of `words` words, with versions above `after`,
   // ascending, at most `chunk` at a time.
-  virtual void ForEachPicture(Key vocabulary, std::size_t words, std::int64_t after,
-                              std::size_t chunk,
-                              const std::function<void(std::vector<IndexedPicture>)>& work) = 0;
+  virtual void ForEachImage(Key vocabulary, std::size_t words, std::int64_t after,
+                            std::size_t chunk,
+                            const std::function<void(std::vector<IndexedImage>)>& work) = 0;
 };
 
 // Thread-safe. Throws what a database throws.

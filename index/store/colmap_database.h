@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Key points and matches in a database of COLMAP (Schönberger and Frahm, CVPR 2016), as its version
+// Keypoints and matches in a database of COLMAP (Schönberger and Frahm, CVPR 2016), as its version
 // 3.8 makes them; later versions read them.
 #pragma once
 
@@ -15,14 +15,14 @@
 
 namespace pliant {
 
-struct ColmapPicture {
+struct ColmapImage {
   std::string name;  // the file below COLMAP's image_path, with slashes
   int width = 0;     // of the file's rows of pixels, which COLMAP does not turn upright
   int height = 0;
   std::span<const Vec2> points;  // in these pixels, pixel centres at integers
 };
 
-// A pair of points: of the first picture, of the second.
+// A pair of points: of the first image, of the second.
 using PointNumbers = std::pair<std::uint32_t, std::uint32_t>;
 
 // Used by one thread at a time.
@@ -30,16 +30,16 @@ class ColmapDatabase {
  public:
   virtual ~ColmapDatabase() = default;  // without Publish, no file is left
 
-  // The picture's number, from 1. Its camera has COLMAP's model SIMPLE_RADIAL with the focal length
+  // The image's number, from 1. Its camera has COLMAP's model SIMPLE_RADIAL with the focal length
   // that COLMAP assumes where it knows none, 1.2 times the longer side; it is refined there.
-  virtual int AddPicture(const ColmapPicture& picture) = 0;
+  virtual int AddImage(const ColmapImage& image) = 0;
   // Once a pair; a pair without matches is stored, too: COLMAP then does not look for any itself.
   virtual void AddMatches(int first, int second, std::span<const PointNumbers> matches) = 0;
   // The file gets its name. Throws kConflict "file_exists" when there is one meanwhile.
   virtual void Publish() = 0;
 };
 
-// `one_camera`: all pictures were taken by one camera, with one focal length; then they must have
+// `one_camera`: all images were taken by one camera, with one focal length; then they must have
 // one size: kInvalidArgument "sizes_vary". Throws kConflict "file_exists", kNotFound
 // "no_such_directory", and what a full disk throws.
 std::unique_ptr<ColmapDatabase> CreateColmapDatabase(const std::filesystem::path& file,

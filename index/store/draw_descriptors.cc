@@ -13,7 +13,7 @@
 namespace pliant {
 namespace {
 
-constexpr std::size_t kLoadedTogether = 64;  // pictures
+constexpr std::size_t kLoadedTogether = 64;  // images
 
 // Uniform in [0, bound). The standard's distributions differ between libraries, this does not.
 std::uint64_t Below(std::mt19937_64& random, std::uint64_t bound) {
@@ -49,22 +49,22 @@ void AppendRow(Descriptors& to, const Descriptors& from, std::size_t row) {
   ++to.rows;
 }
 
-// The pictures that one of the numbers falls into, and the rows of each.
+// The images that one of the numbers falls into, and the rows of each.
 struct Drawn {
   std::vector<Key> keys;
-  std::vector<std::uint64_t> descriptors;        // of that picture
+  std::vector<std::uint64_t> descriptors;        // of that image
   std::vector<std::vector<std::uint64_t>> rows;  // that were drawn
 };
 
-Drawn Divide(std::span<const StoredCount> pictures, const std::vector<std::uint64_t>& chosen) {
+Drawn Divide(std::span<const StoredCount> images, const std::vector<std::uint64_t>& chosen) {
   Drawn drawn;
-  std::uint64_t first = 0;  // number of the picture's first descriptor
+  std::uint64_t first = 0;  // number of the image's first descriptor
   auto next = chosen.begin();
-  for (const StoredCount& picture : pictures) {
-    const std::uint64_t end = first + picture.descriptors;
+  for (const StoredCount& image : images) {
+    const std::uint64_t end = first + image.descriptors;
     if (next != chosen.end() && *next < end) {
-      drawn.keys.push_back(picture.key);
-      drawn.descriptors.push_back(picture.descriptors);
+      drawn.keys.push_back(image.key);
+      drawn.descriptors.push_back(image.descriptors);
       drawn.rows.emplace_back();
       for (; next != chosen.end() && *next < end; ++next)
         drawn.rows.back().push_back(*next - first);
@@ -76,14 +76,14 @@ Drawn Divide(std::span<const StoredCount> pictures, const std::vector<std::uint6
 
 }  // namespace
 
-DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const StoredCount> pictures,
+DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const StoredCount> images,
                                  std::size_t count, std::uint64_t seed, const LoadEncoded& load) {
   DescriptorSample sample;
-  for (const StoredCount& picture : pictures) sample.available += picture.descriptors;
+  for (const StoredCount& image : images) sample.available += image.descriptors;
   sample.descriptors.kind = model.kind;
   sample.descriptors.dim = model.dim;
   const Drawn drawn = Divide(
-      pictures, Choose(std::min<std::uint64_t>(count, sample.available), sample.available, seed));
+      images, Choose(std::min<std::uint64_t>(count, sample.available), sample.available, seed));
   for (std::size_t from = 0; from < drawn.keys.size(); from += kLoadedTogether) {
     const std::size_t size = std::min(kLoadedTogether, drawn.keys.size() - from);
     const auto encoded = load(std::span(drawn.keys).subspan(from, size));
@@ -92,7 +92,7 @@ DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const St
       if (features.descriptors.rows != drawn.descriptors[from + i] ||
           features.descriptors.kind != model.kind || features.descriptors.dim != model.dim) {
         throw Error(ErrorCode::kCorrupt, "features_mismatch",
-                    "a stored picture's features differ from its record; run `pliant db check`");
+                    "a stored image's features differ from its record; run `pliant db check`");
       }
       for (const std::uint64_t row : drawn.rows[from + i]) {
         AppendRow(sample.descriptors, features.descriptors, row);

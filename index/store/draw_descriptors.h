@@ -18,11 +18,11 @@ struct StoredCount {
   std::uint64_t descriptors = 0;
 };
 
-// The encoded features of some of the pictures, in their order.
+// The encoded features of some of the images, in their order.
 using LoadEncoded = std::function<std::vector<std::vector<std::uint8_t>>(std::span<const Key>)>;
 
-// See Catalogue::SampleDescriptors. `pictures`: those of the collection in order of their ids.
-DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const StoredCount> pictures,
+// See Catalogue::SampleDescriptors. `images`: those of the collection in order of their ids.
+DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const StoredCount> images,
                                  std::size_t count, std::uint64_t seed, const LoadEncoded& load);
 
 }  // namespace pliant

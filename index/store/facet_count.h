@@ -31,7 +31,7 @@ class FacetCount {
   explicit FacetCount(const std::vector<std::string>& keys);
 
   // What follows until the next call is of one item: of an object, the metadata of all its
-  // pictures. A value counts once an item.
+  // images. A value counts once an item.
   void BeginItem();
   void Add(std::string_view metadata);  // the text of a JSON object
 

@@ -128,9 +128,9 @@ void CheckShape(const Features& features) {
       static_cast<std::uint32_t>(d.dim) > kMaxDim ||
       values != d.rows * static_cast<std::size_t>(d.dim)) {
     throw Error(ErrorCode::kInvalidArgument, "features_shape",
-                "the descriptors do not fit the key points: " + std::to_string(d.rows) +
+                "the descriptors do not fit the keypoints: " + std::to_string(d.rows) +
                     " rows of " + std::to_string(d.dim) + " for " +
-                    std::to_string(features.keypoints.size()) + " key points");
+                    std::to_string(features.keypoints.size()) + " keypoints");
   }
   const ColourGrid& colours = features.colours;
   if (colours.width < 0 || colours.height < 0 || colours.width > kMaxColourSide ||
@@ -145,7 +145,7 @@ void CheckShape(const Features& features) {
     for (const float value : {k.x, k.y, k.size, k.angle, k.response}) {
       if (std::isfinite(value)) continue;
       throw Error(ErrorCode::kInvalidArgument, "keypoint_not_finite",
-                  "the features have key points that are not finite");
+                  "the features have keypoints that are not finite");
     }
   }
 }
@@ -211,7 +211,7 @@ Features DecodeFeatures(Bytes blob) {
     const std::size_t at = kFeatureHeaderBytes + i * kKeypointBytes;
     for (std::size_t value = 0; value < 5; ++value) {
       if (!std::isfinite(GetValue<float>(body, at + 4 * value))) {
-        ThrowCorruptBlob("features have key points that are not finite");
+        ThrowCorruptBlob("features have keypoints that are not finite");
       }
     }
     features.keypoints.push_back({GetValue<float>(body, at), GetValue<float>(body, at + 4),

@@ -19,15 +19,15 @@ enum class DescriptorEncoding : std::uint8_t {
   kScaledInt8 = 2,  // float32 scale s = max|v| / 127 a row, then round(v / s) as int8
 };
 
-// Throws kInvalidArgument for descriptors that are not finite or do not fit the key points.
+// Throws kInvalidArgument for descriptors that are not finite or do not fit the keypoints.
 std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 
 // Throws kCorrupt when anything about the blob is wrong: magic, version, sizes, checksum. The
 // model id is kept beside the blob, not in it: it comes back empty.
 Features DecodeFeatures(Bytes blob);
 
-// `features` as they will be once stored and read again. Queries and new pictures are quantised in
-// this precision, so that a picture gets the same words when it is asked for as when it was stored.
+// `features` as they will be once stored and read again. Queries and new images are quantised in
+// this precision, so that an image gets the same words when it is asked for as when it was stored.
 // Throws what EncodeFeatures throws.
 Features InStoredPrecision(Features features);
 

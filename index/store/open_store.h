@@ -20,7 +20,7 @@ struct StoreOptions {
   bool read_only = false;
   std::function<DescriptorInfo()> model_of_new;  // asked only when it is made
   int busy_timeout_ms = 10'000;                  // wait for another process's write lock
-  std::uint64_t reserve_bytes = 0;               // of the disk, which pictures may not take
+  std::uint64_t reserve_bytes = 0;               // of the disk, which images may not take
 };
 
 // Throws kNotFound, kCorrupt ("not a Pliant database", "other_schema"), kUnavailable.

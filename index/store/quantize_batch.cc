@@ -6,19 +6,19 @@
 
 namespace pliant {
 
-std::vector<PictureWords> QuantizeBatch(const Quantizer& quantizer,
-                                        std::span<const StoredFeatures> batch, int threads) {
+std::vector<ImageWords> QuantizeBatch(const Quantizer& quantizer,
+                                      std::span<const StoredFeatures> batch, int threads) {
   Descriptors all;
   all.kind = quantizer.vocabulary().words.kind;
   all.dim = quantizer.vocabulary().words.dim;
   std::vector<std::size_t> rows;
-  for (const StoredFeatures& picture : batch) {
-    const Descriptors own = DecodeFeatures(picture.encoded).descriptors;
+  for (const StoredFeatures& image : batch) {
+    const Descriptors own = DecodeFeatures(image.encoded).descriptors;
     rows.push_back(own.rows);
     all.Append(own);
   }
   const std::vector<std::uint32_t> words = quantizer.Assign(all, threads);
-  std::vector<PictureWords> result;
+  std::vector<ImageWords> result;
   std::size_t first = 0;
   for (std::size_t i = 0; i < batch.size(); ++i) {
     result.push_back(

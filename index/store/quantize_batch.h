@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Words for many stored pictures at once.
+// Words for many stored images at once.
 #pragma once
 
 #include <span>
@@ -12,10 +12,10 @@
 
 namespace pliant {
 
-inline constexpr int kPicturesABatch = 64;
+inline constexpr int kImagesABatch = 64;
 
-// One matrix product for the whole batch instead of one for each picture.
-std::vector<PictureWords> QuantizeBatch(const Quantizer& quantizer,
-                                        std::span<const StoredFeatures> batch, int threads);
+// One matrix product for the whole batch instead of one for each image.
+std::vector<ImageWords> QuantizeBatch(const Quantizer& quantizer,
+                                      std::span<const StoredFeatures> batch, int threads);
 
 }  // namespace pliant

@@ -25,14 +25,14 @@ void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
   throw NoCollection(request.collection);
 }
 
-Error NoPicture(const std::string& collection, const std::string& id) {
+Error NoImage(const std::string& collection, const std::string& id) {
   return {ErrorCode::kNotFound, "image_not_found",
           "there is no image \"" + Shown(id) + "\" in collection \"" + Shown(collection) + "\""};
 }
 
 Error NoObject(const std::string& object) {
   return {ErrorCode::kNotFound, "object_not_found",
-          "there is no picture of an object \"" + Shown(object) + "\""};
+          "there is no image of an object \"" + Shown(object) + "\""};
 }
 
 Error ContentNotKept(const std::string& id) {
@@ -42,14 +42,13 @@ Error ContentNotKept(const std::string& id) {
 
 Error FeaturesMissing() {
   return {ErrorCode::kCorrupt, "features_missing",
-          "a stored picture has lost its features; run `pliant db check`"};
+          "a stored image has lost its features; run `pliant db check`"};
 }
 
-Error ObjectExists(const std::string& object, std::uint64_t pictures) {
+Error ObjectExists(const std::string& object, std::uint64_t images) {
   return {ErrorCode::kConflict, "object_exists",
-          "there is an object \"" + Shown(object) + "\" already, of " + std::to_string(pictures) +
-              (pictures == 1 ? " picture" : " pictures") +
-              "; merge=true makes one object of the two"};
+          "there is an object \"" + Shown(object) + "\" already, of " + std::to_string(images) +
+              (images == 1 ? " image" : " images") + "; merge=true makes one object of the two"};
 }
 
 Error KeyAmbiguous(const std::string& name) {

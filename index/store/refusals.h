@@ -21,12 +21,12 @@ void CheckSchemaVersion(const std::string& database, std::int64_t version);
 Error NoCollection(const std::string& name);  // kNotFound "collection_not_found"
 // Throws NoCollection where the request means another of this name (collection_created_ms).
 void CheckIsMeant(const AddRequest& request, std::int64_t created_ms);
-Error NoPicture(const std::string& collection, const std::string& id);  // "image_not_found"
-Error NoObject(const std::string& object);                              // "object_not_found"
-Error ContentNotKept(const std::string& id);                            // "content_not_kept"
-Error FeaturesMissing();  // kCorrupt "features_missing"
-Error ObjectExists(const std::string& object, std::uint64_t pictures);  // kConflict
-Error KeyAmbiguous(const std::string& name);                            // kConflict
+Error NoImage(const std::string& collection, const std::string& id);  // "image_not_found"
+Error NoObject(const std::string& object);                            // "object_not_found"
+Error ContentNotKept(const std::string& id);                          // "content_not_kept"
+Error FeaturesMissing();                                              // kCorrupt "features_missing"
+Error ObjectExists(const std::string& object, std::uint64_t images);  // kConflict
+Error KeyAmbiguous(const std::string& name);                          // kConflict
 
 // Aliases.
 Error NoAlias(const std::string& name);            // kNotFound "alias_not_found"

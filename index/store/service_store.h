@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a server keeps in the database beside the pictures: API keys, jobs, requests. It has
+// What a server keeps in the database beside the images: API keys, jobs, requests. It has
 // connections of its own, so that it works before an Engine has loaded its index, and beside one.
 #pragma once
 

@@ -23,7 +23,7 @@ class Store {
   Store& operator=(const Store&) = delete;
 
   const StoredModel& model() const;
-  // Writes down how pictures are described, where that is not decided yet; what is written down
+  // Writes down how images are described, where that is not decided yet; what is written down
   // then: another process may have been first.
   ExtractionLimits SettleExtraction(const ExtractionLimits& limits);
   // Where uploaded bytes go (EngineOptions::originals_dir); `claim`: may make the directory its

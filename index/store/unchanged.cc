@@ -23,7 +23,7 @@ bool OtherMetadata(const ImageRecord& stored, const AddRequest& request) {
                                            "\", not of \"" + ToDisplayText(request.object) + "\""
                                      : "with other metadata";
   throw Error(ErrorCode::kConflict, "same_bytes",
-              "the same bytes are stored as picture \"" + ToDisplayText(stored.id) + "\" " +
+              "the same bytes are stored as image \"" + ToDisplayText(stored.id) + "\" " +
                   difference + "; give that id to change it, or another to store them twice");
 }
 

@@ -10,7 +10,7 @@
 
 #include "descriptor/features/descriptor.h"
 #include "descriptor/image/image.h"
-#include "index/records/picture_ref.h"
+#include "index/records/image_ref.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {

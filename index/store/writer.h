@@ -13,15 +13,15 @@
 #include <vector>
 
 #include "index/records/changes.h"
+#include "index/records/image_ref.h"
 #include "index/records/listing.h"
-#include "index/records/picture_ref.h"
 #include "index/records/records.h"
 #include "vocab/quantizer.h"
 
 namespace pliant {
 
-// A picture with everything about it that takes time, worked out before the writer's turn.
-struct PicturePut {
+// An image with everything about it that takes time, worked out before the writer's turn.
+struct ImagePut {
   const AddRequest& request;  // outlives the put
   ImageRecord record = {};
   std::vector<std::uint8_t> encoded = {};  // features (feature_codec.h)
@@ -29,8 +29,8 @@ struct PicturePut {
   Key vocabulary = 0;  // that made `bow`; another is active by now: quantised anew
   Bow bow = {};
   bool keep_content = true;  // the uploaded bytes too
-  PictureCheck check = {};   // of the picture that has the id
-  bool keep_times = false;   // those of the record: a copy of another database's picture
+  ImageCheck check = {};     // of the image that has the id
+  bool keep_times = false;   // those of the record: a copy of another database's image
 };
 
 struct PutOutcome {
@@ -38,8 +38,8 @@ struct PutOutcome {
   ImageRecord image;
 };
 
-struct PictureWords {
-  std::int64_t version = 0;  // PictureRef::version
+struct ImageWords {
+  std::int64_t version = 0;  // ImageRef::version
   Bow bow;
 };
 
@@ -56,20 +56,20 @@ class Writer {
       : access_(*access), originals_(*originals), model_(*model) {}
 
   // Looks once more whether the same is stored already: kUnchanged. What `put.check` throws.
-  PutOutcome Put(const PicturePut& put) { return PutAll({&put, 1}).front(); }
+  PutOutcome Put(const ImagePut& put) { return PutAll({&put, 1}).front(); }
   // In one commit, in this order: all, or none where one of them throws. An outcome for each.
-  std::vector<PutOutcome> PutAll(std::span<const PicturePut> puts);
-  // The bytes of a stored picture, where its file has been lost.
+  std::vector<PutOutcome> PutAll(std::span<const ImagePut> puts);
+  // The bytes of a stored image, where its file has been lost.
   void RestoreContent(const ImageRecord& stored, Bytes bytes);
-  // The picture, or the object, as it is then. Features, words and bytes stay. kNotFound
+  // The image, or the object, as it is then. Features, words and bytes stay. kNotFound
   // "image_not_found", "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict
   // "object_exists"; what `check` throws.
-  ImageRecord ChangePicture(const std::string& collection, const std::string& id,
-                            const PictureChange& change);
+  ImageRecord ChangeImage(const std::string& collection, const std::string& id,
+                          const ImageChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
   // Of what is there; the check may be empty.
-  bool Remove(const std::string& collection, const std::string& id, const PictureCheck& check);
+  bool Remove(const std::string& collection, const std::string& id, const ImageCheck& check);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
                              const ObjectCheck& check);
 
@@ -83,11 +83,11 @@ class Writer {
   // kConflict "collection_exists" for an alias with the name of a collection.
   void ChangeAliases(const AliasChanges& changes);
 
-  // A vocabulary comes in three steps: it is added, not ready yet; pictures get words of it; it is
-  // finished. The last two give words to what lacks them, while nobody adds pictures.
+  // A vocabulary comes in three steps: it is added, not ready yet; images get words of it; it is
+  // finished. The last two give words to what lacks them, while nobody adds images.
   Key AddVocabulary(Key collection, const Vocabulary& vocabulary);
-  // Does nothing for pictures that are gone.
-  void AddWords(Key vocabulary, std::span<const PictureWords> pictures);
+  // Does nothing for images that are gone.
+  void AddWords(Key vocabulary, std::span<const ImageWords> images);
   // Ready, and active where the collection has none. `automatic`: nobody chose it
   // (CollectionRecord).
   VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,
@@ -103,7 +103,7 @@ class Writer {
                                     const std::function<void(double)>& progress);
 
  private:
-  PutOutcome Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const;
+  PutOutcome Store(Connection& db, const ImagePut& put, IncomingOriginal* original) const;
 
   Access& access_;
   OriginalsKeeper& originals_;

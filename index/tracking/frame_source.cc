@@ -21,11 +21,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kSingle =
-    " has a single frame; tracking needs two or more. For one picture use pliant match";
-constexpr const char* kPicture =
-    " is a picture, a single frame; tracking needs a video or a folder of frames. For one picture "
+    " has a single frame; tracking needs two or more. For one image use pliant match";
+constexpr const char* kImage =
+    " is an image, a single frame; tracking needs a video or a folder of frames. For one image "
     "use pliant match";
-constexpr std::uintmax_t kSniffed = 64;  // bytes that tell a picture
+constexpr std::uintmax_t kSniffed = 64;  // bytes that tell an image
 
 bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
 
@@ -71,9 +71,9 @@ class VideoFrames : public FrameSource {
     for (int i = 1; i < every_ && number_ > 0; ++i, ++number_) {
       if (!video_.Skip()) return End();
     }
-    std::optional<Image> picture = video_.Next();
-    if (!picture) return End();
-    Frame frame{number_++, {}, {}, std::move(*picture)};
+    std::optional<Image> image = video_.Next();
+    if (!image) return End();
+    Frame frame{number_++, {}, {}, std::move(*image)};
     if (info_.frames_per_second > 0) {
       frame.time_s = static_cast<double>(frame.number) / info_.frames_per_second;
     }
@@ -106,7 +106,7 @@ class FolderFrames : public FrameSource {
     if (files_.empty()) {
       throw Error(
           ErrorCode::kUnprocessable, "no_frames",
-          folder.string() + " holds no picture that can be read" +
+          folder.string() + " holds no image that can be read" +
               (skipped_.empty() ? std::string()
                                 : "; " + skipped_.front().file + ": " + skipped_.front().reason));
     }
@@ -221,7 +221,7 @@ std::unique_ptr<FrameSource> OpenFrames(const fs::path& path, const FrameOptions
   if (!fs::is_directory(path, error)) {
     if (fs::is_regular_file(path, error) &&
         SniffFormat(ReadWhole(path, kSniffed)) != ImageFormat::kUnknown) {
-      throw Error(ErrorCode::kUnprocessable, "single_frame", path.string() + kPicture);
+      throw Error(ErrorCode::kUnprocessable, "single_frame", path.string() + kImage);
     }
     return std::make_unique<VideoFrames>(path, options.every);
   }

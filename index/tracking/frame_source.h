@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Input frames of the tracker: a video file, or the pictures of a folder.
+// Input frames of the tracker: a video file, or the images of a folder.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ namespace pliant {
 struct Frame {
   std::int64_t number = 0;       // among all frames, from 0
   std::optional<double> time_s;  // since the first; unknown for folders
-  std::string file;              // name of the picture; empty for videos
-  Image picture;                 // colour
+  std::string file;              // name of the image; empty for videos
+  Image image;                   // colour
 };
 
 struct FrameSourceInfo {
@@ -41,17 +41,17 @@ class FrameSource {
   virtual const FrameSourceInfo& info() const = 0;
   // nullopt after the last frame. Throws kUnprocessable "frames_vary".
   virtual std::optional<Frame> Next() = 0;
-  // Pictures that could not be decoded, so far.
+  // Images that could not be decoded, so far.
   virtual const std::vector<SkippedFrame>& skipped() const = 0;
 };
 
 struct FrameOptions {
   int every = 1;         // only frames 0, every, 2 every, ...
-  DecodeOptions decode;  // limits of a folder's pictures; frames keep their size
+  DecodeOptions decode;  // limits of a folder's images; frames keep their size
 };
 
-// The pictures of a folder come in natural order of their names (2 before 10); hidden files, files
-// that are not pictures, and the simulator's NAME.uv.png are ignored. All sizes are compared before
+// The images of a folder come in natural order of their names (2 before 10); hidden files, files
+// that are not images, and the simulator's NAME.uv.png are ignored. All sizes are compared before
 // the first frame is returned. Throws kNotFound "cannot_read", kInvalidArgument for
 // options, kUnprocessable "no_frames" (an empty folder), "single_frame", "frames_vary", and what
 // VideoReader throws.

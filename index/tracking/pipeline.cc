@@ -13,7 +13,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kFramesAhead = 3;  // that wait between two stages; each holds a picture
+constexpr std::size_t kFramesAhead = 3;  // that wait between two stages; each holds an image
 
 struct Described {
   Frame frame;
@@ -70,7 +70,7 @@ TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
     Produce(described, [&] {
       while (auto frame = decoded.Pop()) {
         const Clock::time_point begin = Clock::now();
-        Features features = tracker.Describe(frame->picture);
+        Features features = tracker.Describe(frame->image);
         if (!described.Push({std::move(*frame), std::move(features), MsSince(begin)})) return;
       }
     });

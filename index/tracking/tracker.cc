@@ -16,7 +16,7 @@ namespace pliant {
 namespace {
 
 constexpr int kLeastSide = 16;
-// Described around the region as well, so that key points at its border see what is beside them.
+// Described around the region as well, so that keypoints at its border see what is beside them.
 constexpr double kMargin = 0.25;
 
 PixelBox BoxOfMask(const Image& mask) {
@@ -40,7 +40,7 @@ PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
   if (!mask.empty() &&
       (mask.channels != 1 || mask.width != reference.width || mask.height != reference.height)) {
     throw Error(ErrorCode::kInvalidArgument, "mask_invalid",
-                "the mask must have the size of the template picture, " +
+                "the mask must have the size of the template image, " +
                     std::to_string(reference.width) + " x " + std::to_string(reference.height));
   }
   PixelBox box{0, 0, reference.width, reference.height};
@@ -52,7 +52,7 @@ PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
   if (box.x < 0 || box.y < 0 || box.width < kLeastSide || box.height < kLeastSide ||
       box.x > reference.width - box.width || box.y > reference.height - box.height) {
     throw Error(ErrorCode::kInvalidArgument, "region_invalid",
-                "the region must lie within the template picture (" +
+                "the region must lie within the template image (" +
                     std::to_string(reference.width) + " x " + std::to_string(reference.height) +
                     " pixels) and be at least " + std::to_string(kLeastSide) +
                     " pixels wide and "
@@ -105,9 +105,9 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
       extractor_(std::move(descriptor), options_.extraction),
       box_(FindBox(reference, options_)) {
   Validate(options_.locate);
-  picture_ = CutOut(reference, box_);
+  image_ = CutOut(reference, box_);
   const PixelBox around = WithMargin(box_, reference);
-  // Key points of the margin must not push out those of the region.
+  // Keypoints of the margin must not push out those of the region.
   ExtractionOptions extraction = options_.extraction;
   const int most = extraction.keypoints.max_keypoints;
   extraction.keypoints.max_keypoints = std::min(4 * most, 4096);
@@ -115,7 +115,7 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
       std::shared_ptr<const Descriptor>(std::shared_ptr<void>(), &extractor_.descriptor()),
       extraction);
   const Features found = extractor.ExtractFrom(CutOut(reference, around), options_.threads, nullptr,
-                                               PictureRole::kReference);
+                                               ImageRole::kReference);
   const Image mask = options_.mask.empty() ? Image{} : CutOut(options_.mask, around);
   features_ = FeaturesInside(found, {box_.x - around.x, box_.y - around.y, box_.width, box_.height},
                              mask, static_cast<std::size_t>(most));
@@ -123,7 +123,7 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
   if (features_.keypoints.size() < least) {
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
                 "the template's region has " + std::to_string(features_.keypoints.size()) +
-                    " key points; at least " + std::to_string(least) +
+                    " keypoints; at least " + std::to_string(least) +
                     " are needed. Choose a larger region, or one with more to see");
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Tracks a region of a template picture through frames while the object bends (Potje et al. 2021,
+// Tracks a region of a template image through frames while the object bends (Potje et al. 2021,
 // section 4.3). Every frame is processed independently, so a lost object is found again.
 #pragma once
 
@@ -14,16 +14,16 @@
 
 namespace pliant {
 
-// The key points of `features` inside the box where `mask` (empty, or a grey picture of the size of
-// the features' picture) is not 0, the first `most` of them, in pixels of the box.
+// The keypoints of `features` inside the box where `mask` (empty, or a grey image of the size of
+// the features' image) is not 0, the first `most` of them, in pixels of the box.
 Features FeaturesInside(const Features& features, const PixelBox& box, const Image& mask,
                         std::size_t most);
 
 struct TrackerOptions {
   ExtractionOptions extraction;  // of the template's region and of each frame
   LocateOptions locate;
-  std::optional<PixelBox> region;  // nullopt: the bounding box of the mask, or the whole picture
-  // Grey, of the template picture's size, 0 outside the object; empty: the whole region.
+  std::optional<PixelBox> region;  // nullopt: the bounding box of the mask, or the whole image
+  // Grey, of the template image's size, 0 outside the object; empty: the whole region.
   Image mask;
   int threads = 0;  // for the description of one frame; 0 = all cores
 };
@@ -32,14 +32,14 @@ struct TrackerOptions {
 class Tracker {
  public:
   // Describes the template. Throws kInvalidArgument "region_invalid" for a region that does not lie
-  // within the picture or is below 16 x 16, "mask_invalid", what Validate throws; kUnprocessable
-  // "too_few_features" for a region without enough key points.
+  // within the image or is below 16 x 16, "mask_invalid", what Validate throws; kUnprocessable
+  // "too_few_features" for a region without enough keypoints.
   Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
           TrackerOptions options);
 
   // The template: the region's box. Locations map its pixels.
   const PixelBox& box() const { return box_; }
-  const Image& picture() const { return picture_; }  // the cropped box
+  const Image& image() const { return image_; }  // the cropped box
   const Features& features() const { return features_; }
   const TrackerOptions& options() const { return options_; }
 
@@ -50,7 +50,7 @@ class Tracker {
   TrackerOptions options_;
   FeatureExtractor extractor_;
   PixelBox box_;
-  Image picture_;
+  Image image_;
   Features features_;
 };
 

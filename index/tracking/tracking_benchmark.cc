@@ -35,17 +35,17 @@ bool HoldsScenes(const fs::path& folder) {
   return fs::exists(folder / "scene.json");
 }
 
-Features DescribeView(const Descriptor& descriptor, const Image& picture,
+Features DescribeView(const Descriptor& descriptor, const Image& image,
                       const std::vector<Keypoint>& keypoints) {
-  return {picture.width, picture.height, keypoints, descriptor.Describe(picture, keypoints, 1),
+  return {image.width, image.height, keypoints, descriptor.Describe(image, keypoints, 1),
           descriptor.info().model_id};
 }
 
 // As Tracker describes its template.
-Features DescribeTemplate(const Descriptor& descriptor, const Image& picture,
+Features DescribeTemplate(const Descriptor& descriptor, const Image& image,
                           const std::vector<Keypoint>& keypoints) {
-  return {picture.width, picture.height, keypoints,
-          descriptor.DescribeReference(picture, keypoints, 1), descriptor.info().model_id};
+  return {image.width, image.height, keypoints, descriptor.DescribeReference(image, keypoints, 1),
+          descriptor.info().model_id};
 }
 
 class Benchmark {
@@ -109,9 +109,9 @@ class Benchmark {
     const TemplateTruth reference = FindTemplate(*scene);
     std::vector<Features> templates;
     if (!reference.samples.empty()) {
-      const auto keypoints = DetectKeypoints(scene->Picture(0), {.max_keypoints = kMaxDetected});
+      const auto keypoints = DetectKeypoints(scene->ViewImage(0), {.max_keypoints = kMaxDetected});
       // Only what counts is described.
-      Features bare{scene->Picture(0).width, scene->Picture(0).height, {}, {}, {}};
+      Features bare{scene->ViewImage(0).width, scene->ViewImage(0).height, {}, {}, {}};
       for (const Keypoint& k : keypoints) {
         if (!scene->OnObject(0, {k.x, k.y})) continue;
         bare.keypoints.push_back(k);
@@ -119,7 +119,7 @@ class Benchmark {
       }
       for (const auto& descriptor : descriptors_) {
         templates.push_back(
-            FeaturesInside(DescribeTemplate(*descriptor, scene->Picture(0), bare.keypoints),
+            FeaturesInside(DescribeTemplate(*descriptor, scene->ViewImage(0), bare.keypoints),
                            reference.box, reference.mask, bare.keypoints.size()));
       }
     }
@@ -137,10 +137,10 @@ class Benchmark {
   void Measure(std::size_t sequence, const TruthScene& scene, int view,
                const TemplateTruth& reference, const std::vector<Features>& templates,
                const ViewTruth& truth) {
-    const Image& picture = scene.Picture(view);
-    const auto keypoints = DetectKeypoints(picture, {.max_keypoints = options_.max_keypoints});
+    const Image& image = scene.ViewImage(view);
+    const auto keypoints = DetectKeypoints(image, {.max_keypoints = options_.max_keypoints});
     for (std::size_t d = 0; d < descriptors_.size(); ++d) {
-      const Features features = DescribeView(*descriptors_[d], picture, keypoints);
+      const Features features = DescribeView(*descriptors_[d], image, keypoints);
       const Location location = Locate(Verifier(features, options_.locate.verification), features,
                                        templates[d], options_.locate);
       TrackedView tracked;
@@ -154,16 +154,16 @@ class Benchmark {
       tracked.inliers = static_cast<int>(location.inliers.size());
       tracked.inlier_rate = location.inlier_rate();
       tracked.size_px = truth.size_px;
-      if (location.found) Compare(picture, *location.warp, reference, truth, tracked);
+      if (location.found) Compare(image, *location.warp, reference, truth, tracked);
       parts_[sequence].views.push_back(tracked);
     }
   }
 
-  void Compare(const Image& picture, const ThinPlateSpline& warp, const TemplateTruth& reference,
+  void Compare(const Image& image, const ThinPlateSpline& warp, const TemplateTruth& reference,
                const ViewTruth& truth, TrackedView& tracked) {
     const PixelBox& box = reference.box;
-    const UnwarpedImage flat = Unwarp(picture, warp, box.width, box.height);
-    const std::vector<float> ssim = SsimMap(flat.image, reference.picture);
+    const UnwarpedImage flat = Unwarp(image, warp, box.width, box.height);
+    const std::vector<float> ssim = SsimMap(flat.image, reference.image);
     const auto count = static_cast<double>(truth.seen.size());
     for (std::size_t i = 0; i < truth.seen.size(); ++i) {
       const Vec2 p = truth.samples[i];
@@ -199,7 +199,7 @@ class Benchmark {
 using evaluation::TruthScene;
 
 TemplateTruth FindTemplate(const TruthScene& scene) {
-  const Image& view = scene.Picture(0);
+  const Image& view = scene.ViewImage(0);
   TemplateTruth found;
   found.mask = {view.width, view.height, 1, {}};
   found.mask.pixels.assign(view.pixels.size(), 0);
@@ -216,10 +216,10 @@ TemplateTruth FindTemplate(const TruthScene& scene) {
   }
   found.box = {left, top, right - left + 1, bottom - top + 1};
   if (right < 0) return found;
-  found.picture = {found.box.width, found.box.height, 1, {}};
+  found.image = {found.box.width, found.box.height, 1, {}};
   for (int y = top; y <= bottom; ++y) {
     const auto row = view.pixels.begin() + static_cast<std::ptrdiff_t>(y) * view.width;
-    found.picture.pixels.insert(found.picture.pixels.end(), row + left, row + right + 1);
+    found.image.pixels.insert(found.image.pixels.end(), row + left, row + right + 1);
   }
   return found;
 }

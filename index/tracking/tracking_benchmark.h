@@ -4,7 +4,7 @@
 // sequences with ground truth.
 //
 // The template is view 0 of a scene, its region the object, described as a reference
-// (Descriptor::DescribeReference). All descriptors get the same key points. For every other view:
+// (Descriptor::DescribeReference). All descriptors get the same keypoints. For every other view:
 //   inlier rate = RANSAC's inliers / matches, also where the object counts as lost;
 //   error = mean distance between warp and ground truth over the template's points (every 8 pixels)
 //     that are visible in the view, in pixels of the view; only where found;
@@ -35,7 +35,7 @@ namespace pliant {
 struct TemplateTruth {
   PixelBox box;
   Image mask;                 // of view 0's size
-  Image picture;              // the box of view 0
+  Image image;                // the box of view 0
   std::vector<Vec2> samples;  // every 8 pixels of view 0, on the object
 };
 

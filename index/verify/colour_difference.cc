@@ -31,7 +31,7 @@ std::vector<Vec2> Enlarged(std::span<const Vec2> outline) {
   return enlarged;
 }
 
-// Means over squares of a picture.
+// Means over squares of an image.
 class Colours {
  public:
   explicit Colours(const Features& features)

@@ -14,12 +14,12 @@
 namespace pliant {
 namespace {
 
-constexpr double kTrusted = 10;   // evidence that a picture must have to ask in turn
+constexpr double kTrusted = 10;   // evidence that an image must have to ask in turn
 constexpr double kDecay = 0.4;    // of evidence, from link to link
 constexpr double kGrowth = 1.3;   // of the part that agreed: more of the object lies around it
 constexpr double kSupported = 1;  // less evidence than this moves nothing
 
-// The key points in and around the part of the picture that agreed with the query.
+// The keypoints in and around the part of the image that agreed with the query.
 Features ObjectsPart(const Features& features, const std::vector<Vec2>& seen) {
   Vec2 centre{0, 0};
   for (const Vec2 p : seen) {
@@ -35,15 +35,15 @@ Features ObjectsPart(const Features& features, const std::vector<Vec2>& seen) {
 
 }  // namespace
 
-std::vector<const VerifiedPicture*> ExpansionSources(const std::vector<VerifiedPicture>& pictures,
-                                                     int most) {
-  std::vector<const VerifiedPicture*> sources;
-  for (const VerifiedPicture& picture : pictures) {
-    if (picture.evidence >= kTrusted) sources.push_back(&picture);
+std::vector<const VerifiedImage*> ExpansionSources(const std::vector<VerifiedImage>& images,
+                                                   int most) {
+  std::vector<const VerifiedImage*> sources;
+  for (const VerifiedImage& image : images) {
+    if (image.evidence >= kTrusted) sources.push_back(&image);
   }
   std::sort(sources.begin(), sources.end(), [](const auto* a, const auto* b) {
     if (a->inliers() != b->inliers()) return a->inliers() > b->inliers();
-    return a->picture.ref.id < b->picture.ref.id;
+    return a->image.ref.id < b->image.ref.id;
   });
   if (sources.size() > static_cast<std::size_t>(most))
     sources.resize(static_cast<std::size_t>(most));
@@ -51,23 +51,22 @@ std::vector<const VerifiedPicture*> ExpansionSources(const std::vector<VerifiedP
 }
 
 std::unordered_map<std::int64_t, Support> Expand(
-    const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options,
+    const std::vector<VerifiedImage>& images, const ExpansionOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load,
-    const std::function<std::vector<RankedPicture>(const Features&, std::size_t depth)>& nearest) {
+    const std::function<std::vector<RankedImage>(const Features&, std::size_t depth)>& nearest) {
   std::unordered_map<std::int64_t, double> known;  // evidence so far
-  for (const VerifiedPicture& picture : pictures)
-    known[picture.picture.ref.version] = picture.evidence;
+  for (const VerifiedImage& image : images) known[image.image.ref.version] = image.evidence;
   std::unordered_map<std::int64_t, Support> supports;
-  for (const VerifiedPicture* source : ExpansionSources(pictures, options.sources)) {
-    const auto whole = load(source->picture.ref.version);
+  for (const VerifiedImage* source : ExpansionSources(images, options.sources)) {
+    const auto whole = load(source->image.ref.version);
     if (!whole) continue;
     const Features part = ObjectsPart(*whole, source->seen);
     if (part.keypoints.size() < kMinKeypoints) continue;
     const double most = kDecay * source->evidence;
-    std::vector<RankedPicture> found = nearest(part, options.depth);
-    std::erase_if(found, [&](const RankedPicture& picture) {
-      const auto at = known.find(picture.ref.version);
-      return picture.ref.version == source->picture.ref.version ||
+    std::vector<RankedImage> found = nearest(part, options.depth);
+    std::erase_if(found, [&](const RankedImage& image) {
+      const auto at = known.find(image.ref.version);
+      return image.ref.version == source->image.ref.version ||
              (at != known.end() && at->second >= most);
     });
     const Verifier verifier(part, {});
@@ -83,7 +82,7 @@ std::unordered_map<std::int64_t, Support> Expand(
       double& so_far = known[found[i].ref.version];
       if (chained < kSupported || chained <= so_far) continue;
       so_far = chained;
-      supports[found[i].ref.version] = {chained, source->picture.ref.id};
+      supports[found[i].ref.version] = {chained, source->image.ref.id};
     }
   }
   return supports;

@@ -16,13 +16,13 @@ std::string FailureInWords(const VerificationResult& result) {
     case TpsRansacFailure::kNone:
       return "";
     case TpsRansacFailure::kTooFew:
-      return "Only " + matches + " key points look alike in both pictures; that is too few.";
+      return "Only " + matches + " keypoints look alike in both images; that is too few.";
     case TpsRansacFailure::kNoAgreement:
-      return "The " + matches + " key points that look alike do not agree on where the object is.";
+      return "The " + matches + " keypoints that look alike do not agree on where the object is.";
     case TpsRansacFailure::kDegenerate:
-      return "The key points that agree lie on one line, so they do not show how the object bends.";
+      return "The keypoints that agree lie on one line, so they do not show how the object bends.";
     case TpsRansacFailure::kFolded:
-      return "The key points that agree would fold the object over itself.";
+      return "The keypoints that agree would fold the object over itself.";
   }
   return "";
 }

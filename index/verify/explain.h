@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Why a picture is a hit, or was not confirmed as one: what verification saw.
+// Why an image is a hit, or was not confirmed as one: what verification saw.
 #pragma once
 
 #include <vector>

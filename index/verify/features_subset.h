@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Selects some of a picture's features. Private to index/.
+// Selects some of an image's features. Private to index/.
 #pragma once
 
 #include <functional>
@@ -9,7 +9,7 @@
 
 namespace pliant {
 
-// The key points that `keep` accepts, with their descriptors, in their order.
+// The keypoints that `keep` accepts, with their descriptors, in their order.
 Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep);
 
 }  // namespace pliant

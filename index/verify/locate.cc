@@ -106,9 +106,9 @@ std::string Describe(LostReason reason) {
     case LostReason::kNone:
       return "found";
     case LostReason::kFewKeypoints:
-      return "the picture has hardly any key points";
+      return "the image has hardly any keypoints";
     case LostReason::kFewMatches:
-      return "too few key points match";
+      return "too few keypoints match";
     case LostReason::kNoAgreement:
       return "the matches agree on no smooth warp";
     case LostReason::kDegenerate:
@@ -135,12 +135,12 @@ void Validate(const LocateOptions& options) {
   require(options.mesh_points >= 2 && options.mesh_points <= 256, "mesh_points", "2 to 256");
 }
 
-Location Locate(const Verifier& picture, const Features& picture_features, const Features& object,
+Location Locate(const Verifier& image, const Features& image_features, const Features& object,
                 const LocateOptions& options) {
   Location location;
-  location.keypoints = static_cast<int>(picture_features.keypoints.size());
+  location.keypoints = static_cast<int>(image_features.keypoints.size());
   if (location.keypoints < options.min_inliers) return location;
-  VerificationResult result = picture.Verify(object);
+  VerificationResult result = image.Verify(object);
   location.matches = result.matches;
   location.reason = ToLostReason(result.failure);
   location.inliers = std::move(result.inliers);

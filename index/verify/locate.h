@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where is this object in that picture? What the tracker asks of every frame, and the server of one
-// picture: the verification of retrieval, and a judgement of whether its warp may be believed.
+// Where is this object in that image? What the tracker asks of every frame, and the server of one
+// image: the verification of retrieval, and a judgement of whether its warp may be believed.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ struct LocateOptions {
   // ransac.iterations is 1500, as in the paper (Potje et al. 2021, supplement: "Non-Rigid Object
   // Tracking"); ransac.regularization is the spline's.
   VerificationOptions verification;
-  int min_inliers = 8;  // among unlike pictures up to seven agree by chance
+  int min_inliers = 8;  // among unlike images up to seven agree by chance
   // Of the object's area that the inliers' convex hull must cover.
   double min_patch = 0.02;
   // Share of the mesh near inliers that may mirror or tear (real folds do).
@@ -30,9 +30,9 @@ struct LocateOptions {
   int mesh_points = 17;  // on the object's longer side
 };
 
-// `picture` must be made from `picture_features` with options.verification. Nothing found is no
+// `image` must be made from `image_features` with options.verification. Nothing found is no
 // error. Throws what Verifier::Verify throws. Thread-safe.
-Location Locate(const Verifier& picture, const Features& picture_features, const Features& object,
+Location Locate(const Verifier& image, const Features& image_features, const Features& object,
                 const LocateOptions& options);
 
 // Throws kInvalidArgument naming the field.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Outlines of warped pictures.
+// Outlines of warped images.
 #pragma once
 
 #include <span>
@@ -20,7 +20,7 @@ bool IsInside(Vec2 point, std::span<const Vec2> polygon);
 // Whether any two sides that are not neighbours touch.
 bool CrossesItself(std::span<const Vec2> polygon);
 
-// The frame of a width x height picture through the warp, `points_a_side` points per side.
+// The frame of a width x height image through the warp, `points_a_side` points per side.
 std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height, int points_a_side);
 
 // Whether the warp keeps its orientation along the frame and on a grid inside, and its local scale

@@ -15,9 +15,9 @@
 
 namespace pliant {
 
-std::size_t DefaultVerifyDepth(std::size_t pictures) {
+std::size_t DefaultVerifyDepth(std::size_t images) {
   constexpr std::size_t kLeast = 100;
-  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(pictures))));
+  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(images))));
 }
 
 namespace {
@@ -34,7 +34,7 @@ std::vector<Instance> InstancesOf(const VerificationResult& result) {
   return instances;
 }
 
-// Fitted to real packages and banknotes. Only the ratio to other pictures' factors matters.
+// Fitted to real packages and banknotes. Only the ratio to other images' factors matters.
 float ColourFactor(const std::optional<double>& difference) {
   constexpr double kNoise = 4;  // below this, differences say little
   return difference ? static_cast<float>(std::sqrt(kNoise + *difference)) : 0.0F;
@@ -65,25 +65,25 @@ std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPa
 
 }  // namespace
 
-std::vector<VerifiedPicture> Rerank(
-    const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
+std::vector<VerifiedImage> Rerank(
+    const Features& query, std::vector<RankedImage> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load) {
-  std::vector<VerifiedPicture> pictures;
-  pictures.reserve(ranking.size());
-  for (RankedPicture& picture : ranking) {
-    const double score = picture.score;
-    pictures.push_back({.picture = std::move(picture), .ranking_score = score});
+  std::vector<VerifiedImage> images;
+  images.reserve(ranking.size());
+  for (RankedImage& image : ranking) {
+    const double score = image.score;
+    images.push_back({.image = std::move(image), .ranking_score = score});
   }
   const Verifier verifier(query, {.max_instances = options.max_instances});
-  ParallelFor(pictures.size(), options.threads, [&](std::size_t i) {
-    VerifiedPicture& candidate = pictures[i];
-    const auto features = load(candidate.picture.ref.version);
+  ParallelFor(images.size(), options.threads, [&](std::size_t i) {
+    VerifiedImage& candidate = images[i];
+    const auto features = load(candidate.image.ref.version);
     if (!features) return;
     const VerificationResult result = verifier.Verify(*features);
     if (options.explain) {
       candidate.explanations = ExplainInstances(query, *features, result);
       for (Explanation& explanation : candidate.explanations) {
-        explanation.ranking_score = candidate.picture.score;
+        explanation.ranking_score = candidate.image.score;
       }
     }
     candidate.instances = InstancesOf(result);
@@ -91,32 +91,32 @@ std::vector<VerifiedPicture> Rerank(
     candidate.seen = SeenPart(*features, result.inliers);
     candidate.by_chance = InliersByChance(query.keypoints.size());
     candidate.evidence = Evidence(result.independent, candidate.by_chance);
-    candidate.picture.score = LiftScore(candidate.ranking_score, candidate.evidence);
+    candidate.image.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
-  return pictures;
+  return images;
 }
 
-bool Agrees(const VerifiedPicture& picture) {
+bool Agrees(const VerifiedImage& image) {
   constexpr double kDecided = 1;
-  return picture.evidence >= kDecided;
+  return image.evidence >= kDecided;
 }
 
-bool IsDecided(const std::vector<VerifiedPicture>& pictures) {
-  return std::any_of(pictures.begin(), pictures.end(), Agrees);
+bool IsDecided(const std::vector<VerifiedImage>& images) {
+  return std::any_of(images.begin(), images.end(), Agrees);
 }
 
-bool IsEnough(const std::vector<VerifiedPicture>& looked_at) {
+bool IsEnough(const std::vector<VerifiedImage>& looked_at) {
   const auto last = std::find_if(looked_at.rbegin(), looked_at.rend(), Agrees);
   return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
 }
 
-void DropWeakEvidence(std::vector<VerifiedPicture>* pictures) {
-  if (!IsDecided(*pictures)) return;
-  for (VerifiedPicture& picture : *pictures) {
-    if (Agrees(picture)) continue;
-    picture.evidence = 0;
-    picture.via.clear();
-    picture.picture.score = picture.ranking_score;
+void DropWeakEvidence(std::vector<VerifiedImage>* images) {
+  if (!IsDecided(*images)) return;
+  for (VerifiedImage& image : *images) {
+    if (Agrees(image)) continue;
+    image.evidence = 0;
+    image.via.clear();
+    image.image.score = image.ranking_score;
   }
 }
 
@@ -128,13 +128,12 @@ NearestMatches::Distances NearestMatches::Of(const QueryMatch& match) {
                                                   : std::numeric_limits<float>::infinity()};
 }
 
-NearestMatches::NearestMatches(const std::vector<VerifiedPicture>& pictures) {
-  for (const VerifiedPicture& picture : pictures) {
-    if (picture.picture.object == 0) continue;
-    for (const QueryMatch& match : picture.matches) {
+NearestMatches::NearestMatches(const std::vector<VerifiedImage>& images) {
+  for (const VerifiedImage& image : images) {
+    if (image.image.object == 0) continue;
+    for (const QueryMatch& match : image.matches) {
       const Distances distances = Of(match);
-      const auto [at, is_new] =
-          nearest_[match.keypoint].try_emplace(picture.picture.object, distances);
+      const auto [at, is_new] = nearest_[match.keypoint].try_emplace(image.image.object, distances);
       if (is_new) continue;
       at->second.plain = std::min(at->second.plain, distances.plain);
       at->second.with_colours = std::min(at->second.with_colours, distances.with_colours);
@@ -143,7 +142,7 @@ NearestMatches::NearestMatches(const std::vector<VerifiedPicture>& pictures) {
 }
 
 bool NearestMatches::Keeps(std::int64_t object, const QueryMatch& match) const {
-  // Distances differ by more from one compression of a picture to another.
+  // Distances differ by more from one compression of an image to another.
   constexpr float kAsNear = 1.03F;
   const auto& objects = nearest_.at(match.keypoint);
   const Distances own = objects.at(object);
@@ -155,32 +154,31 @@ bool NearestMatches::Keeps(std::int64_t object, const QueryMatch& match) const {
   });
 }
 
-void KeepExclusiveMatches(std::vector<VerifiedPicture>* pictures) {
-  const NearestMatches nearest(*pictures);
-  for (VerifiedPicture& picture : *pictures) {
-    const std::int64_t object = picture.picture.object;
-    if (object == 0 || picture.matches.empty()) continue;
+void KeepExclusiveMatches(std::vector<VerifiedImage>* images) {
+  const NearestMatches nearest(*images);
+  for (VerifiedImage& image : *images) {
+    const std::int64_t object = image.image.object;
+    if (object == 0 || image.matches.empty()) continue;
     const auto kept =
-        std::count_if(picture.matches.begin(), picture.matches.end(),
+        std::count_if(image.matches.begin(), image.matches.end(),
                       [&](const QueryMatch& match) { return nearest.Keeps(object, match); });
-    const double share = static_cast<double>(kept) / static_cast<double>(picture.matches.size());
-    picture.evidence = Evidence(picture.independent(), picture.by_chance) * std::sqrt(share);
-    picture.picture.score = LiftScore(picture.ranking_score, picture.evidence);
+    const double share = static_cast<double>(kept) / static_cast<double>(image.matches.size());
+    image.evidence = Evidence(image.independent(), image.by_chance) * std::sqrt(share);
+    image.image.score = LiftScore(image.ranking_score, image.evidence);
   }
 }
 
-void SortByScore(std::vector<VerifiedPicture>* pictures) {
-  std::sort(pictures->begin(), pictures->end(),
-            [](const VerifiedPicture& a, const VerifiedPicture& b) {
-              if (a.picture.score != b.picture.score) return a.picture.score > b.picture.score;
-              return a.picture.ref.id < b.picture.ref.id;
-            });
+void SortByScore(std::vector<VerifiedImage>* images) {
+  std::sort(images->begin(), images->end(), [](const VerifiedImage& a, const VerifiedImage& b) {
+    if (a.image.score != b.image.score) return a.image.score > b.image.score;
+    return a.image.ref.id < b.image.ref.id;
+  });
 }
 
-void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures) {
+void KeepBestOfObjects(std::vector<VerifiedImage>* images) {
   std::unordered_set<std::int64_t> seen;
-  std::erase_if(*pictures, [&](const VerifiedPicture& p) {
-    return p.picture.object != 0 && !seen.insert(p.picture.object).second;
+  std::erase_if(*images, [&](const VerifiedImage& p) {
+    return p.image.object != 0 && !seen.insert(p.image.object).second;
   });
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Verification of the best pictures of a ranking, and their order by the combined scores. Private
+// Verification of the best images of a ranking, and their order by the combined scores. Private
 // to index/.
 #pragma once
 
@@ -19,15 +19,15 @@
 
 namespace pliant {
 
-// A key point of the query that a picture shows, too.
+// A keypoint of the query that an image shows, too.
 struct QueryMatch {
   std::uint32_t keypoint = 0;  // of the query
   float distance = 0;          // between the two descriptors
   float colour_factor = 0;     // larger the more the colours there differ; 0 = they are not known
 };
 
-struct VerifiedPicture {
-  RankedPicture picture;                       // score: the ranking's, lifted by `evidence`
+struct VerifiedImage {
+  RankedImage image;                           // score: the ranking's, lifted by `evidence`
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
@@ -35,51 +35,51 @@ struct VerifiedPicture {
   double probability = 0;                // that it is right (SuppressNonMaxima)
   double evidence = 0;                   // of its own inliers, or through `via` where that is more
   std::vector<QueryMatch> matches = {};  // of the inliers of all instances
-  std::vector<Vec2> seen = {};           // hull of the inliers in this picture, original pixels
-  std::string via = {};  // id of the verified picture that supports it (index/verify/expansion.h)
+  std::vector<Vec2> seen = {};           // hull of the inliers in this image, original pixels
+  std::string via = {};  // id of the verified image that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
   double independent() const { return instances.empty() ? 0 : instances.front().independent; }
 };
 
-// Largest number of verified pictures by default: 100, or the square root of the collection's size
-// if that is more, so that correct pictures do not fall below a fixed depth as the collection
+// Largest number of verified images by default: 100, or the square root of the collection's size
+// if that is more, so that correct images do not fall below a fixed depth as the collection
 // grows.
-std::size_t DefaultVerifyDepth(std::size_t pictures);
+std::size_t DefaultVerifyDepth(std::size_t images);
 
 struct RerankOptions {
   int max_instances = 1;
   bool explain = false;
-  int threads = 1;  // pictures at a time; 0 = all cores
+  int threads = 1;  // images at a time; 0 = all cores
 };
 
-// Verifies the pictures of `ranking`, in its order. `load` gives a picture's features by its
-// PictureRef::version, or nothing for one that was removed meanwhile, which is left unverified; it
+// Verifies the images of `ranking`, in its order. `load` gives an image's features by its
+// ImageRef::version, or nothing for one that was removed meanwhile, which is left unverified; it
 // is called from several threads. Deterministic.
-std::vector<VerifiedPicture> Rerank(
-    const Features& query, std::vector<RankedPicture> ranking, const RerankOptions& options,
+std::vector<VerifiedImage> Rerank(
+    const Features& query, std::vector<RankedImage> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
-// Whether the picture, or one of them, agrees with the query as hardly any wrong one does (evidence
+// Whether the image, or one of them, agrees with the query as hardly any wrong one does (evidence
 // of 1: 5.5 independent inliers).
-bool Agrees(const VerifiedPicture& picture);
-bool IsDecided(const std::vector<VerifiedPicture>& pictures);
+bool Agrees(const VerifiedImage& image);
+bool IsDecided(const std::vector<VerifiedImage>& images);
 
-// Whether what was looked at, in the ranking's order, reaches twice as far as the last picture that
+// Whether what was looked at, in the ranking's order, reaches twice as far as the last image that
 // agrees: what shows the same, or something else in the query, is hardly ever further behind.
-bool IsEnough(const std::vector<VerifiedPicture>& looked_at);
+bool IsEnough(const std::vector<VerifiedImage>& looked_at);
 
-// A few inliers are a hint where nothing better is known. In a decided search, pictures that have
+// A few inliers are a hint where nothing better is known. In a decided search, images that have
 // no more (evidence below 1, their own or through `via`) have the ranking's score again: what is
 // left there is nearly all wrong, and not better ordered by what agrees by chance.
-void DropWeakEvidence(std::vector<VerifiedPicture>* pictures);
+void DropWeakEvidence(std::vector<VerifiedImage>* images);
 
-// Which objects match the key points of the query, and how near they are.
+// Which objects match the keypoints of the query, and how near they are.
 class NearestMatches {
  public:
-  explicit NearestMatches(const std::vector<VerifiedPicture>& pictures);
+  explicit NearestMatches(const std::vector<VerifiedImage>& images);
 
-  // Whether no other named object is clearly nearer. `match`: of one of the pictures, of this
+  // Whether no other named object is clearly nearer. `match`: of one of the images, of this
   // object.
   bool Keeps(std::int64_t object, const QueryMatch& match) const;
 
@@ -90,24 +90,24 @@ class NearestMatches {
   };
   static Distances Of(const QueryMatch& match);
 
-  // The nearest distances by key point and object.
+  // The nearest distances by keypoint and object.
   std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, Distances>> nearest_;
 };
 
-// Exclusive assignment of matches: of the named objects whose pictures match a key point of the
+// Exclusive assignment of matches: of the named objects whose images match a keypoint of the
 // query, the one with the nearest descriptor has it (of nearly equally near ones each). Between two
 // whose colours are both known, distances count more where the colours of what is seen differ
-// (index/verify/colour_difference.h). The evidence of a picture is multiplied by the square root of
+// (index/verify/colour_difference.h). The evidence of an image is multiplied by the square root of
 // the share of its matches that its object keeps, and its score follows. Tells apart objects that
 // have parts in common (notes of one series, packages of one brand): the common part agrees with
-// all of them, and where they differ the right one is nearer. Pictures of one object, and those
+// all of them, and where they differ the right one is nearer. Images of one object, and those
 // without a name, do not take from each other.
-void KeepExclusiveMatches(std::vector<VerifiedPicture>* pictures);
+void KeepExclusiveMatches(std::vector<VerifiedImage>* images);
 
 // By score, then id.
-void SortByScore(std::vector<VerifiedPicture>* pictures);
+void SortByScore(std::vector<VerifiedImage>* images);
 
-// Keeps the best picture of each object; a picture without object is a group of its own.
-void KeepBestOfObjects(std::vector<VerifiedPicture>* pictures);
+// Keeps the best image of each object; an image without object is a group of its own.
+void KeepBestOfObjects(std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

@@ -17,7 +17,7 @@
 namespace pliant {
 namespace {
 
-// Pictures that are less probable beat nobody, and have nothing to lose.
+// Images that are less probable beat nobody, and have nothing to lose.
 constexpr double kLeastProbability = 0.05;
 // The odds of objects at one place differ by more than their evidence says: what they have in
 // common agrees with both. Fitted to real packages and banknotes.
@@ -34,8 +34,8 @@ struct Box {
 
 // An instance of a named object in the query.
 struct Place {
-  std::size_t picture = 0;   // of the list
-  std::size_t instance = 0;  // of the picture
+  std::size_t image = 0;     // of the list
+  std::size_t instance = 0;  // of the image
   std::vector<Vec2> outline;
   std::vector<Vec2> points;  // of the query that it matches
   Box box;                   // of the outline
@@ -55,39 +55,39 @@ Box BoxOf(std::span<const Vec2> outline) {
 
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
 
-double OddsAt(const VerifiedPicture& picture, const Place& place) {
+double OddsAt(const VerifiedImage& image, const Place& place) {
   const auto points = static_cast<double>(place.points.size());
   const double share = static_cast<double>(place.kept) / points;
-  const double evidence = Evidence(place.independent, picture.by_chance) * std::sqrt(share);
-  return Odds(Probability(LiftScore(picture.ranking_score, evidence)));
+  const double evidence = Evidence(place.independent, image.by_chance) * std::sqrt(share);
+  return Odds(Probability(LiftScore(image.ranking_score, evidence)));
 }
 
-// The matches of a picture stand in the order of its instances.
-std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedPicture>& pictures) {
-  const NearestMatches nearest(pictures);
+// The matches of an image stand in the order of its instances.
+std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedImage>& images) {
+  const NearestMatches nearest(images);
   std::vector<Place> places;
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
-    const VerifiedPicture& picture = pictures[i];
-    if (picture.picture.object == 0 || picture.probability < kLeastProbability) continue;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const VerifiedImage& image = images[i];
+    if (image.image.object == 0 || image.probability < kLeastProbability) continue;
     std::size_t begin = 0;
-    for (std::size_t k = 0; k < picture.instances.size(); ++k) {
-      const Instance& instance = picture.instances[k];
+    for (std::size_t k = 0; k < image.instances.size(); ++k) {
+      const Instance& instance = image.instances[k];
       Place place;
-      place.picture = i;
+      place.image = i;
       place.instance = k;
       place.independent = instance.independent;
       for (const Point p : instance.polygon) place.outline.push_back({p.x, p.y});
       const std::size_t end =
-          std::min(picture.matches.size(), begin + static_cast<std::size_t>(instance.inliers));
+          std::min(image.matches.size(), begin + static_cast<std::size_t>(instance.inliers));
       for (; begin < end; ++begin) {
-        const QueryMatch& match = picture.matches[begin];
+        const QueryMatch& match = image.matches[begin];
         const Keypoint& point = query.keypoints[match.keypoint];
         place.points.push_back({point.x, point.y});
-        place.kept += nearest.Keeps(picture.picture.object, match) ? 1 : 0;
+        place.kept += nearest.Keeps(image.image.object, match) ? 1 : 0;
       }
       if (place.outline.empty() || place.points.empty()) continue;
       place.box = BoxOf(place.outline);
-      place.odds = OddsAt(picture, place);
+      place.odds = OddsAt(image, place);
       places.push_back(std::move(place));
     }
   }
@@ -116,8 +116,8 @@ struct Rivals {
 };
 
 Rivals RivalsOf(const Place& place, const std::vector<Place>& places,
-                const std::vector<VerifiedPicture>& pictures) {
-  const auto object_of = [&](const Place& p) { return pictures[p.picture].picture.object; };
+                const std::vector<VerifiedImage>& images) {
+  const auto object_of = [&](const Place& p) { return images[p.image].image.object; };
   Rivals rivals;
   std::map<std::int64_t, double> doubts;  // the most of each object
   for (const Place& other : places) {
@@ -133,66 +133,65 @@ Rivals RivalsOf(const Place& place, const std::vector<Place>& places,
   return rivals;
 }
 
-// What agrees with the query through another picture is no more probable than that one is, and less
+// What agrees with the query through another image is no more probable than that one is, and less
 // where the two have different names.
-void FollowTheirSources(std::vector<VerifiedPicture>* pictures) {
-  std::unordered_map<std::string, const VerifiedPicture*> by_id;
-  std::vector<VerifiedPicture*> supported;
-  for (VerifiedPicture& picture : *pictures) {
-    by_id.emplace(picture.picture.ref.id, &picture);
-    if (!picture.via.empty()) supported.push_back(&picture);
+void FollowTheirSources(std::vector<VerifiedImage>* images) {
+  std::unordered_map<std::string, const VerifiedImage*> by_id;
+  std::vector<VerifiedImage*> supported;
+  for (VerifiedImage& image : *images) {
+    by_id.emplace(image.image.ref.id, &image);
+    if (!image.via.empty()) supported.push_back(&image);
   }
   // A source has more evidence than what it supports.
   std::stable_sort(supported.begin(), supported.end(),
                    [](const auto* a, const auto* b) { return a->evidence > b->evidence; });
-  for (VerifiedPicture* picture : supported) {
-    const auto at = by_id.find(picture->via);
+  for (VerifiedImage* image : supported) {
+    const auto at = by_id.find(image->via);
     if (at == by_id.end()) continue;
-    const VerifiedPicture& source = *at->second;
-    const double alone = Probability(picture->picture.score);
-    const double sources = Probability(source.picture.score);
-    const std::int64_t object = picture->picture.object;
-    const bool is_rival =
-        object != 0 && source.picture.object != 0 && object != source.picture.object;
-    picture->probability = alone * source.probability / std::max(1e-12, sources) /
-                           (1 + (is_rival ? Doubt(Odds(sources), Odds(alone)) : 0));
+    const VerifiedImage& source = *at->second;
+    const double alone = Probability(image->image.score);
+    const double sources = Probability(source.image.score);
+    const std::int64_t object = image->image.object;
+    const bool is_rival = object != 0 && source.image.object != 0 && object != source.image.object;
+    image->probability = alone * source.probability / std::max(1e-12, sources) /
+                         (1 + (is_rival ? Doubt(Odds(sources), Odds(alone)) : 0));
   }
 }
 
-// Takes these instances, in ascending order, from the picture; the first one where all would go.
-void Drop(std::vector<std::size_t> instances, VerifiedPicture* picture) {
-  if (instances.size() == picture->instances.size() && !instances.empty()) {
+// Takes these instances, in ascending order, from the image; the first one where all would go.
+void Drop(std::vector<std::size_t> instances, VerifiedImage* image) {
+  if (instances.size() == image->instances.size() && !instances.empty()) {
     instances.erase(instances.begin());
   }
   for (auto instance = instances.rbegin(); instance != instances.rend(); ++instance) {
     const auto at = static_cast<std::ptrdiff_t>(*instance);
-    picture->instances.erase(picture->instances.begin() + at);
-    if (!picture->explanations.empty()) {
-      picture->explanations.erase(picture->explanations.begin() + at);
+    image->instances.erase(image->instances.begin() + at);
+    if (!image->explanations.empty()) {
+      image->explanations.erase(image->explanations.begin() + at);
     }
   }
 }
 
 }  // namespace
 
-void SuppressNonMaxima(const Features& query, std::vector<VerifiedPicture>* pictures) {
-  for (VerifiedPicture& picture : *pictures) {
-    picture.probability = Probability(picture.picture.score);
+void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images) {
+  for (VerifiedImage& image : *images) {
+    image.probability = Probability(image.image.score);
   }
-  const std::vector<Place> places = PlacesOf(query, *pictures);
-  std::vector<double> doubts(pictures->size(), std::numeric_limits<double>::infinity());
-  std::vector<std::vector<std::size_t>> lost(pictures->size());  // instances
+  const std::vector<Place> places = PlacesOf(query, *images);
+  std::vector<double> doubts(images->size(), std::numeric_limits<double>::infinity());
+  std::vector<std::vector<std::size_t>> lost(images->size());  // instances
   for (const Place& place : places) {
-    const Rivals rivals = RivalsOf(place, places, *pictures);
-    double& doubt = doubts[place.picture];
+    const Rivals rivals = RivalsOf(place, places, *images);
+    double& doubt = doubts[place.image];
     doubt = std::min(doubt, rivals.doubt);
-    if (rivals.beaten) lost[place.picture].push_back(place.instance);
+    if (rivals.beaten) lost[place.image].push_back(place.instance);
   }
-  for (std::size_t i = 0; i < pictures->size(); ++i) {
-    if (std::isfinite(doubts[i])) (*pictures)[i].probability /= 1 + doubts[i];
+  for (std::size_t i = 0; i < images->size(); ++i) {
+    if (std::isfinite(doubts[i])) (*images)[i].probability /= 1 + doubts[i];
   }
-  FollowTheirSources(pictures);
-  for (std::size_t i = 0; i < pictures->size(); ++i) Drop(lost[i], &(*pictures)[i]);
+  FollowTheirSources(images);
+  for (std::size_t i = 0; i < images->size(); ++i) Drop(lost[i], &(*images)[i]);
 }
 
 }  // namespace pliant

@@ -12,7 +12,7 @@
 namespace pliant {
 
 // A place of the query shows one thing: where instances of several named objects lie at the same
-// place (at least half of the key points of each inside of the outline of the other), one of them
+// place (at least half of the keypoints of each inside of the outline of the other), one of them
 // is right. Notes of one series, packages of one brand: each agrees with the part that they have in
 // common.
 //   - Each has its share of the probability: p / (1 + the sum of (o' / o)³), with its own
@@ -20,11 +20,11 @@ namespace pliant {
 //     several places has the largest of its shares. Scores stay, and so the order.
 //   - The one that keeps most of its matches (KeepExclusiveMatches) has the place: instances of the
 //     others there go, as far as one is left.
-// What keeps equally many matches, as copies under two names do, is no rival. Neither are pictures
-// without a name, whatever they show, nor those of the same object. A picture that agrees through
+// What keeps equally many matches, as copies under two names do, is no rival. Neither are images
+// without a name, whatever they show, nor those of the same object. An image that agrees through
 // another one (`via`) has as much of its probability as that one has, and of another object than
-// that one less, as if both were seen at one place. Sets `probability` of all pictures. `query`:
-// what `pictures` were verified against.
-void SuppressNonMaxima(const Features& query, std::vector<VerifiedPicture>* pictures);
+// that one less, as if both were seen at one place. Sets `probability` of all images. `query`:
+// what `images` were verified against.
+void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

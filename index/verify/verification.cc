@@ -29,17 +29,17 @@ void Check(const Features& features, const char* what) {
   CheckDescriptors(features.descriptors, what);
   if (features.descriptors.rows != features.keypoints.size()) {
     throw Error(ErrorCode::kInvalidArgument, "features_malformed",
-                std::string(what) + ": as many descriptors as key points are needed.");
+                std::string(what) + ": as many descriptors as keypoints are needed.");
   }
 }
 
 const Features& Checked(const Features& query) {
-  // A picture without key points has descriptors without rows, whose dim may be 0.
+  // An image without keypoints has descriptors without rows, whose dim may be 0.
   if (!query.keypoints.empty() || query.descriptors.rows != 0) Check(query, "query");
   return query;
 }
 
-// The longer side of the box around the key points: that of the part the query was limited to.
+// The longer side of the box around the keypoints: that of the part the query was limited to.
 double Extent(const std::vector<Keypoint>& keypoints) {
   if (keypoints.empty()) return 0;
   const auto [left, right] = std::ranges::minmax(keypoints, {}, &Keypoint::x);
@@ -81,7 +81,7 @@ std::vector<Vec2> Outline(const Features& query, const Features& reference,
   return ConvexHull(PointsOf(query.keypoints, inliers, &MatchedPair::query));
 }
 
-// In a Match of this file `reference` is the query's key point and `query` the reference's: the
+// In a Match of this file `reference` is the query's keypoint and `query` the reference's: the
 // reference is the side that is packed.
 std::vector<MatchedPair> PairsOf(const std::vector<Match>& matches,
                                  const std::vector<std::uint32_t>& inliers) {
@@ -268,7 +268,7 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
 
 double InliersByChance(std::size_t query_keypoints) {
   constexpr double kUsual = 4.5;
-  constexpr double kAnOctave = 1.5;  // more for twice the key points, and no more than that
+  constexpr double kAnOctave = 1.5;  // more for twice the keypoints, and no more than that
   constexpr double kUsualKeypoints = 2048;
   const double octaves = std::log2(static_cast<double>(query_keypoints) / kUsualKeypoints);
   return kUsual + kAnOctave * std::clamp(octaves, 0.0, 1.0);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Is the object of a data-base picture really in the query picture, however it is bent? Mutual
+// Is the object of a data-base image really in the query image, however it is bent? Mutual
 // nearest neighbours that pass the ratio test must agree with one smooth warp.
 #pragma once
 
@@ -21,12 +21,12 @@ struct VerificationOptions {
   // Of a query descriptor's distances to its two nearest in the reference (Lowe 2004). The
   // reference shows its object once, the query may show it several times.
   float max_ratio = 0.9F;
-  // How far a match may lie from where the warp puts it, as a share of the query picture's longer
+  // How far a match may lie from where the warp puts it, as a share of the query image's longer
   // side (0.01 of 640 pixels: 6.4 pixels).
   double tolerance = 0.01;
   // Where the query shows the reference small, a share of the reference's longer side, as the query
   // shows it, is tolerated, if that is less; but at least a share of the longer side of what the
-  // query's key points cover, and a pixel.
+  // query's keypoints cover, and a pixel.
   double reference_tolerance = 0.03;
   double least_tolerance = 0.004;
   TpsRansacOptions ransac = {};  // its tolerances are set from these
@@ -34,13 +34,13 @@ struct VerificationOptions {
   int threads = 1;               // for the matching of one pair; 0 = all cores
 };
 
-// The object once more, elsewhere in the query picture.
+// The object once more, elsewhere in the query image.
 struct FurtherInstance {
   std::vector<MatchedPair> inliers;
   std::vector<float> distances;             // of the inliers' descriptors
   double independent = 0;                   // as in VerificationResult
   std::optional<double> colour_difference;  // as there
-  ThinPlateSpline warp;                     // reference picture -> query picture
+  ThinPlateSpline warp;                     // reference image -> query image
   std::vector<Vec2> outline;
 };
 
@@ -52,9 +52,9 @@ struct VerificationResult {
   double independent = 0;                   // inliers that stand apart (independence.h)
   std::optional<double> colour_difference;  // of the part that is seen (colour_difference.h)
   TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
-  std::optional<ThinPlateSpline> warp;  // reference picture -> query picture, in pixels
-  // Outline of the object in the query picture, in order, not closed: the frame of the reference
-  // picture through the warp, or the convex hull of the inliers where the frame does not map
+  std::optional<ThinPlateSpline> warp;  // reference image -> query image, in pixels
+  // Outline of the object in the query image, in order, not closed: the frame of the reference
+  // image through the warp, or the convex hull of the inliers where the frame does not map
   // sanely. Empty without a warp.
   std::vector<Vec2> outline;
   std::vector<FurtherInstance> others;  // most inliers first; with max_instances above 1
@@ -99,14 +99,14 @@ class Verifier {
 };
 
 // How many independent inliers agree by chance, at most, but for few: 4.5, and more for queries
-// with over 2048 key points, up to 6 with 4096: a second pass finds twice the matches, wrong ones
+// with over 2048 keypoints, up to 6 with 4096: a second pass finds twice the matches, wrong ones
 // most of them.
 double InliersByChance(std::size_t query_keypoints);
 
 // The independent inliers (index/verify/independence.h) beyond those that agree by chance:
 // `independent` - `by_chance`, but never below 0.25; 0 for 0, which is no warp. Of the wrong
-// pictures of street photographs that have a warp at all, most have five inliers or fewer that
-// stand apart, one in 25 has more than 5.5, none of 124 had 7; so these move a picture up among its
+// images of street photographs that have a warp at all, most have five inliers or fewer that
+// stand apart, one in 25 has more than 5.5, none of 124 had 7; so these move an image up among its
 // neighbours, and no further (and see DropWeakEvidence).
 double Evidence(double independent, double by_chance = 4.5);
 
@@ -117,8 +117,8 @@ double Evidence(double independent, double by_chance = 4.5);
 // objects with many of them a third more count as much as a score 3.2 times as high.
 double LiftScore(double ranking_score, double evidence);
 
-// The ranking score of a picture that nothing speaks for: what the best of a few hundred pictures
-// have that do not show the query's object. For pairs of pictures that are no search's.
+// The ranking score of an image that nothing speaks for: what the best of a few hundred images
+// have that do not show the query's object. For pairs of images that are no search's.
 inline constexpr double kNoResemblance = 0.002;
 
 // How probable it is that a hit of the ranking by neighbours with this final score is right:

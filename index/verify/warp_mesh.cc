@@ -35,7 +35,7 @@ Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
               int reference_height, int longer_side) {
   if (reference_width < 2 || reference_height < 2) {
     throw Error(ErrorCode::kInvalidArgument, "bad_mesh",
-                "a mesh needs a reference picture of 2 x 2 pixels or more, not " +
+                "a mesh needs a reference image of 2 x 2 pixels or more, not " +
                     std::to_string(reference_width) + " x " + std::to_string(reference_height));
   }
   if (longer_side < 2 || longer_side > kMostPointsASide) {

@@ -12,8 +12,8 @@
 namespace pliant {
 
 // The mesh of a map reference -> query: `longer_side` points on the reference's longer side, as
-// many on the shorter as keep the cells nearly square, at least 2. Throws kInvalidArgument for a
-// picture narrower than 2 pixels or longer_side outside 2..256.
+// many on the shorter as keep the cells nearly square, at least 2. Throws kInvalidArgument for an
+// image narrower than 2 pixels or longer_side outside 2..256.
 Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
               int reference_height, int longer_side = 17);
 

@@ -35,18 +35,18 @@ void CheckRows(const Array& rows, py::ssize_t columns, const char* what) {
 
 Image ToImage(const ByteArray& pixels) {
   const bool colour = pixels.ndim() == 3 && pixels.shape(2) == 3;
-  if (pixels.ndim() != 2 && !colour) ThrowShape("a picture is an array of H x W or H x W x 3");
+  if (pixels.ndim() != 2 && !colour) ThrowShape("an image is an array of H x W or H x W x 3");
   const DecodeOptions limits;
   const std::int64_t height = pixels.shape(0);
   const std::int64_t width = pixels.shape(1);
   if (std::min(width, height) < limits.min_side_px) {
     throw Error(ErrorCode::kUnprocessable, "image_too_small",
-                "The picture is " + std::to_string(width) + " x " + std::to_string(height) +
+                "The image is " + std::to_string(width) + " x " + std::to_string(height) +
                     " pixels; " + std::to_string(limits.min_side_px) + " a side are needed.");
   }
   if (height > limits.max_pixels / width) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The picture is " + std::to_string(width) + " x " + std::to_string(height) +
+                "The image is " + std::to_string(width) + " x " + std::to_string(height) +
                     " pixels; the limit is " + std::to_string(limits.max_pixels) + " pixels.");
   }
   const std::uint8_t* first = pixels.data();
@@ -132,7 +132,7 @@ Features ToFeatures(const py::object& features, const char* what) {
   result.descriptors = ToDescriptors(features.attr("descriptors").cast<py::array>(),
                                      (name + ".descriptors").c_str());
   if (result.descriptors.rows != result.keypoints.size()) {
-    ThrowShape(name + " has " + std::to_string(result.keypoints.size()) + " key points and " +
+    ThrowShape(name + " has " + std::to_string(result.keypoints.size()) + " keypoints and " +
                std::to_string(result.descriptors.rows) + " descriptors");
   }
   return result;

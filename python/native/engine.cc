@@ -87,14 +87,14 @@ std::string AddFolders(const OpenIndex& index, const std::vector<std::string>& f
   std::stop_source stop;
   Callback heard(progress, stop);
   const FolderImportResult result = Interruptibly(stop, heard, [&] {
-    const PictureFiles files = FindPictures({folders.begin(), folders.end()}, *named);
+    const ImageFiles files = FindImages({folders.begin(), folders.end()}, *named);
     FolderImportOptions options;
     options.collection = index.collection();
     options.threads = threads;
     options.max_bytes = DecodeOptions().max_bytes;
     options.stop = stop.get_token();
     options.progress = [&](std::uint64_t done, std::uint64_t total) { heard(done, total); };
-    return ImportPictures(*engine, files, options);
+    return ImportImages(*engine, files, options);
   });
   Json skipped = Json::array();
   for (const SkippedFile& file : result.skipped) skipped.push_back(SkippedJson(file));
@@ -147,7 +147,7 @@ void BindEngine(py::module_& module) {
            py::arg("busy_timeout"))
       .def("close", &OpenIndex::Close, py::call_guard<py::gil_scoped_release>())
       .def_property_readonly("is_open", &OpenIndex::is_open);
-  BindPictures(index);
+  BindImages(index);
   BindSearch(index);
   BindUpkeep(index);
 }

@@ -44,7 +44,7 @@ py::bytes EncodeArray(const ByteArray& pixels) {
   return {reinterpret_cast<const char*>(png.data()), png.size()};
 }
 
-// H x W x 3, upright, in the picture's own size.
+// H x W x 3, upright, in the image's own size.
 py::array Decode(const py::bytes& data) {
   const Bytes bytes = ViewOf(data);
   const Image image = [&] {

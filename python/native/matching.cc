@@ -50,7 +50,7 @@ std::vector<MatchedPair> ToPairs(const IndexArray& rows, const Features& a, cons
     };
     if (!inside(0, a) || !inside(1, b)) {
       throw Error(ErrorCode::kInvalidArgument, "index_out_of_range",
-                  "matches: row " + std::to_string(i) + " names a key point that is not there");
+                  "matches: row " + std::to_string(i) + " names a keypoint that is not there");
     }
     pairs.push_back({static_cast<std::uint32_t>(at(i, 1)), static_cast<std::uint32_t>(at(i, 0))});
   }
@@ -148,7 +148,7 @@ ThinPlateSpline FitWarp(const DoubleArray& from, const DoubleArray& to, double r
 
 void BindMatching(py::module_& module) {
   py::class_<ThinPlateSpline>(module, "Warp",
-                              "A thin-plate spline from points of picture a to points of picture "
+                              "A thin-plate spline from points of image a to points of image "
                               "b, in pixels (x, y), pixel centres at integers. Immutable; may be "
                               "used by many threads.")
       .def_static("_fit", &FitWarp, py::arg("source").noconvert(), py::arg("target").noconvert(),
@@ -157,7 +157,7 @@ void BindMatching(py::module_& module) {
       .def("_jacobians", &Jacobians, py::arg("points").noconvert())
       .def_property_readonly("bending_energy", &ThinPlateSpline::bending_energy,
                              "How far the warp is from an affine map, which has 0; a number "
-                             "without a unit, whatever the size of the pictures.");
+                             "without a unit, whatever the size of the images.");
   module.def("match", &MatchArrays, py::arg("a"), py::arg("b"), py::arg("ratio"), py::arg("mutual"),
              py::arg("threads"));
   module.def("verify", &Verify, py::arg("a"), py::arg("b"), py::arg("matches").noconvert(),

@@ -54,7 +54,7 @@ class OpenIndex {
   std::string collection_;
 };
 
-void BindPictures(pybind11::class_<OpenIndex>& index);
+void BindImages(pybind11::class_<OpenIndex>& index);
 void BindSearch(pybind11::class_<OpenIndex>& index);
 void BindUpkeep(pybind11::class_<OpenIndex>& index);
 

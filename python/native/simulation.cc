@@ -51,7 +51,7 @@ py::dict RunSimulation(const py::dict& given, const py::object& progress) {
   py::dict result;
   result["scenes"] = report.scenes;
   result["unchanged"] = report.unchanged;
-  result["pictures"] = report.pictures;
+  result["images"] = report.images;
   result["textures"] = report.textures;
   result["seconds"] = report.seconds;
   result["mean_stretch"] = report.mean_stretch;

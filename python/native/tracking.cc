@@ -30,12 +30,12 @@ std::unique_ptr<Tracker> MakeTracker(const FeatureExtractor& extractor, const By
     options.region = PixelBox{(*region)[0], (*region)[1], (*region)[2], (*region)[3]};
   }
   if (mask) options.mask = ToImage(*mask);
-  const Image picture = ToImage(reference);
+  const Image image = ToImage(reference);
   // Shared with the extractor, which Python keeps alive as long as the tracker.
   const std::shared_ptr<const Descriptor> descriptor(std::shared_ptr<void>(),
                                                      &extractor.descriptor());
   const py::gil_scoped_release release;
-  return std::make_unique<Tracker>(descriptor, picture, options);
+  return std::make_unique<Tracker>(descriptor, image, options);
 }
 
 // (the JSON text of the location, the inliers as K x 2 of template and frame, the warp or None)
@@ -58,7 +58,7 @@ py::tuple Find(const Tracker& tracker, const Image& frame) {
                         FromPoints(in_frame), location.warp);
 }
 
-// The next (number, seconds or None, file name, picture H x W x 3 RGB), or None at the end.
+// The next (number, seconds or None, file name, image H x W x 3 RGB), or None at the end.
 py::object NextFrame(FrameSource& source) {
   std::optional<Frame> frame;
   {
@@ -69,7 +69,7 @@ py::object NextFrame(FrameSource& source) {
   const auto name = py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefaultAndSize(
       frame->file.data(), static_cast<Py_ssize_t>(frame->file.size())));
   if (!name) throw py::error_already_set();
-  return py::make_tuple(frame->number, frame->time_s, name, FromImage(frame->picture));
+  return py::make_tuple(frame->number, frame->time_s, name, FromImage(frame->image));
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find the same object again, however it is bent, folded or crumpled.
 
-    features = pliant.describe("mug.jpg")                     # key points and descriptors, as NumPy arrays
+    features = pliant.describe("mug.jpg")                     # keypoints and descriptors, as NumPy arrays
     matches = pliant.match(features, other)                   # nearest neighbours
     inliers, warp = pliant.verify(features, other)            # those that agree on one smooth warp
     with pliant.Index("shop.db") as index: ...                # a searchable collection in one file
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pliant.features import Extractor, Features, describe, descriptor_names
     from pliant.index import Index
     from pliant.matching import Matches, Verification, Warp, match, verify
-    from pliant.records import FolderReport, Hit, Instance, Picture, SearchResult, Vocabulary
+    from pliant.records import FolderReport, Hit, Instance, Image, SearchResult, Vocabulary
     from pliant.simulation import SimulationReport, simulate
     from pliant.tracking import TrackedFrame, Tracker, track
 
@@ -34,14 +34,14 @@ _LAZY = {name: module for module, names in {
     "features": ("Extractor", "Features", "describe", "descriptor_names"),
     "index": ("Index",),
     "matching": ("Matches", "Verification", "Warp", "match", "verify"),
-    "records": ("FolderReport", "Hit", "Instance", "Picture", "SearchResult", "Vocabulary"),
+    "records": ("FolderReport", "Hit", "Instance", "Image", "SearchResult", "Vocabulary"),
     "simulation": ("SimulationReport", "simulate"),
     "tracking": ("TrackedFrame", "Tracker", "track"),
 }.items() for name in names}
 
 __all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError", "CorruptError", "Error", "Extractor",
            "Features", "FolderReport", "ForbiddenError", "Hit", "Index", "Instance", "InternalError",
-           "InvalidArgumentError", "Matches", "NoSpaceError", "NotFoundError", "Picture", "ReadOnlyError",
+           "InvalidArgumentError", "Matches", "NoSpaceError", "NotFoundError", "Image", "ReadOnlyError",
            "SearchResult", "SimulationReport", "TooLargeError", "TrackedFrame", "Tracker", "UnauthorizedError",
            "UnavailableError", "UnprocessableError", "UnsupportedMediaTypeError", "Verification", "Vocabulary", "Warp",
            "describe", "descriptor_names", "match", "simulate", "track", "verify"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a server does in the background: jobs, training, many pictures at once. Private; see pliant.client."""
+"""What a server does in the background: jobs, training, many images at once. Private; see pliant.client."""
 from __future__ import annotations
 
 import json
@@ -39,10 +39,10 @@ class Background:
     def import_archive(self, path: str | os.PathLike[str], *, object_from: str | None = None, object: str | None = None,
                        metadata: Json | None = None, wait: bool = True, timeout: float | None = None,
                        progress: Callable[[Json], object] | None = None) -> Json:
-        """Adds the pictures of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
+        """Adds the images of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
         "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). It is sent as it is read, and may be larger than
-        the memory. object and metadata: of all pictures that do not say otherwise.
-        The job, as `train` gives it. `job_items` says what became of each picture; one that is refused fails none of the
+        the memory. object and metadata: of all images that do not say otherwise.
+        The job, as `train` gives it. `job_items` says what became of each image; one that is refused fails none of the
         others."""
         kind = _bodies.archive_type(path)
         parameters = _bodies.listing(object_from=object_from, object=object)
@@ -61,7 +61,7 @@ class Background:
         return self._call("GET", f"/v1/jobs/{segment('id', id)}")
 
     def job_items(self, id: str) -> Iterator[Json]:
-        """What became of each picture of an `import_archive`: status, and image_id or the problem."""
+        """What became of each image of an `import_archive`: status, and image_id or the problem."""
         parameters: Json = {"limit": _ITEMS}
         while True:
             page = self._call("GET", f"/v1/jobs/{segment('id', id)}/items", parameters=parameters)

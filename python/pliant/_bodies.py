@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What requests carry: pictures, parameters, archives. Private; see pliant.client."""
+"""What requests carry: images, parameters, archives. Private; see pliant.client."""
 from __future__ import annotations
 
 import base64
@@ -35,10 +35,10 @@ def as_base64(image: ImageLike, channels: str = "RGB") -> str:
     return base64.b64encode(encoded(image, channels)).decode("ascii")
 
 
-def picture(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> tuple[bytes, str]:
-    """The body of a request with one picture, and its type."""
+def image(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> tuple[bytes, str]:
+    """The body of a request with one image, and its type."""
     if (image is None) == (image_url is None):
-        raise TypeError(f"{what} takes a picture or image_url")
+        raise TypeError(f"{what} takes an image or image_url")
     if image_url is not None:
         return json.dumps({"image_url": image_url}).encode(), "application/json"
     return encoded(image, channels), "application/octet-stream"
@@ -62,7 +62,7 @@ def plain(value: Any) -> str:
 
 
 def search(asked: Mapping[str, Any]) -> Json:
-    """One search of a batch: as the server takes it, but `image` may be any picture."""
+    """One search of a batch: as the server takes it, but `image` may be any image."""
     if "image" not in asked:
         return dict(asked)
     return {**asked, "image": as_base64(asked["image"])}
@@ -77,7 +77,7 @@ def changes(given: Mapping[str, Any]) -> bytes:
 
 
 def archive_type(path: str | os.PathLike[str]) -> str:
-    """The media type of many pictures in one file, which its name says."""
+    """The media type of many images in one file, which its name says."""
     name = os.fsdecode(os.fspath(path))
     kind = _ARCHIVES.get(os.path.splitext(name)[1].lower())
     if kind is None:

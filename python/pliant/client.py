@@ -59,7 +59,7 @@ class Client(Background):
         return self._ask("PUT", self._base)
 
     def info(self) -> Json:
-        """Its name, its numbers of pictures, objects and descriptors, and the vocabulary in use."""
+        """Its name, its numbers of images, objects and descriptors, and the vocabulary in use."""
         return self._get(self._base)
 
     def set_display_name(self, name: str | None) -> Json:
@@ -78,13 +78,13 @@ class Client(Background):
         """Makes, moves and (None) removes aliases, all at once or none."""
         self._patch("/v1/aliases", json.dumps(dict(changes)).encode())
 
-    # Pictures
+    # Images
 
     def add(self, image: ImageLike | None = None, *, image_url: str | None = None, object: str = "",
             id: str | None = None, metadata: Json | None = None, channels: str = "RGB") -> Json:
-        """Adds a picture and gives its record. With an id it replaces what is there, and can be repeated safely.
+        """Adds an image and gives its record. With an id it replaces what is there, and can be repeated safely.
         image_url, in place of image: an address that the server fetches it from (where --fetch-hosts allows it)."""
-        body, kind = _bodies.picture("add", image, image_url, channels)
+        body, kind = _bodies.image("add", image, image_url, channels)
         parameters: Json = {"object": object} if object else {}
         if metadata:
             parameters["metadata"] = json.dumps(metadata, allow_nan=False)
@@ -92,23 +92,23 @@ class Client(Background):
         return self._ask("POST" if id is None else "PUT", path, parameters=parameters, body=body, content_type=kind)
 
     def get(self, id: str) -> Json:
-        """A picture's record. NotFoundError "image_not_found"."""
+        """An image's record. NotFoundError "image_not_found"."""
         return self._get(self._image(id))
 
     def etag(self, id: str) -> str:
-        """Of a picture's record as it is now, for `update(..., if_match=...)`."""
+        """Of an image's record as it is now, for `update(..., if_match=...)`."""
         return str(self._transport.call("GET", self._image(id)).headers["ETag"])
 
     def update(self, id: str, *, object: str | None = None, metadata: Json | None = None, source: str | None = None,
                if_match: str | None = None) -> Json:
-        """Changes what a picture is called or known by, without describing it anew, and gives its record. What is left
+        """Changes what an image is called or known by, without describing it anew, and gives its record. What is left
         out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key.
         if_match: an `etag`; ConflictError "precondition_failed" if the record was changed since."""
         return self._patch(self._image(id), _bodies.changes({"object": object, "metadata": metadata, "source": source}),
                            if_match=if_match)
 
     def content(self, id: str) -> bytes:
-        """The bytes of a picture as it was added."""
+        """The bytes of an image as it was added."""
         return self._transport.call("GET", self._image(id) + "/content").body
 
     def thumbnail(self, id: str) -> bytes:
@@ -116,7 +116,7 @@ class Client(Background):
         return self._transport.call("GET", self._image(id) + "/thumbnail").body
 
     def features(self, id: str) -> Json:
-        """Key points, and descriptors as base64."""
+        """Keypoints, and descriptors as base64."""
         return self._get(self._image(id) + "/features")
 
     def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
@@ -127,34 +127,34 @@ class Client(Background):
         _transport.download(self._transport, f"{self._base}/features", _bodies.listing(object=object, filter=filter, q=q), path)
 
     def delete(self, id: str) -> None:
-        """Deletes a picture for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""
+        """Deletes an image for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""
         self._transport.call("DELETE", self._image(id))
 
     def delete_object(self, object: str) -> int:
-        """Deletes all pictures of an object, and says how many."""
+        """Deletes all images of an object, and says how many."""
         return int(self._ask("DELETE", f"{self._base}/objects/{segment('object', object)}")["deleted"])
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> Json:
-        """Gives an object another name, with all its pictures at once. Where another one has it, ConflictError
+        """Gives an object another name, with all its images at once. Where another one has it, ConflictError
         "object_exists", or, with merge=True, both become one."""
         return self._patch(f"{self._base}/objects/{segment('object', object)}", _bodies.changes({"object": name}),
                            parameters={"merge": "true"} if merge else None)
 
     def delete_where(self, filter: Json, object: str | None = None) -> int:
-        """Deletes all pictures (of an object) whose metadata pass, at once or not at all, and says how many."""
+        """Deletes all images (of an object) whose metadata pass, at once or not at all, and says how many."""
         parameters = _bodies.listing(object=object, filter=filter)
         return int(self._ask("DELETE", f"{self._base}/images", parameters=parameters)["deleted"])
 
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
                q: str | None = None, sort: str | None = None) -> Iterator[Json]:
-        """All pictures (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
+        """All images (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
         those with these words in the id, the object or the file's name. sort: id, created, updated, object or
         source; with a minus downwards."""
         return self._pages("/images", "images", page, _bodies.listing(object=object, filter=filter, q=q, sort=sort))
 
     def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,
                 sort: str | None = None) -> Iterator[Json]:
-        """All objects with their numbers of pictures. sort: object, created, updated or images."""
+        """All objects with their numbers of images. sort: object, created, updated or images."""
         return self._pages("/objects", "objects", page, _bodies.listing(filter=filter, q=q, sort=sort))
 
     # Searches
@@ -162,15 +162,15 @@ class Client(Background):
     def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
                image_ids: Sequence[str] | None = None, image_url: str | None = None, filter: Json | None = None,
                channels: str = "RGB", **options: Any) -> Json:
-        """The server's answer, `{"hits": [...], "found": ..., ...}`, to a picture, to one that the server fetches by its
-        address, to the id of a stored one, or to several ids: pictures like any of these, those like several first.
-        Stored pictures are no hits themselves, unless exclude_self=False.
+        """The server's answer, `{"hits": [...], "found": ..., ...}`, to an image, to one that the server fetches by its
+        address, to the id of a stored one, or to several ids: images like any of these, those like several first.
+        Stored images are no hits themselves, unless exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
         or four numbers), min_score, object, explain, exclude_self.
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
-            raise TypeError("search takes a picture, image_url, image_id or image_ids")
+            raise TypeError("search takes an image, image_url, image_id or image_ids")
         parameters: Json = {name: _bodies.plain(value) for name, value in options.items() if value is not None}
         parameters["limit"] = top
         if filter is not None:
@@ -179,7 +179,7 @@ class Client(Background):
             stored: Json = {"image_id": image_id} if image_id is not None else {"image_ids": list(image_ids or ())}
             body, kind = json.dumps(stored).encode(), "application/json"
         else:
-            body, kind = _bodies.picture("search", image, image_url, channels)
+            body, kind = _bodies.image("search", image, image_url, channels)
         return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
 
     def search_batch(self, searches: Sequence[Mapping[str, Any]]) -> list[Json | Error]:
@@ -193,15 +193,15 @@ class Client(Background):
 
     def locate(self, image: ImageLike | None, object: str, *, image_url: str | None = None,
                channels: str = "RGB") -> Json:
-        """Where a known object is in a picture; with None and an image_url, in one that the server fetches."""
-        body, kind = _bodies.picture("locate", image, image_url, channels)
+        """Where a known object is in an image; with None and an image_url, in one that the server fetches."""
+        body, kind = _bodies.image("locate", image, image_url, channels)
         return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
                          body=body, content_type=kind, again=True)
 
     def compare(self, first: ImageLike | None = None, second: ImageLike | None = None, *, first_url: str | None = None,
                 second_url: str | None = None, explain: bool = False, channels: str = "RGB") -> Json:
-        """Whether two pictures show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
-        that of the first is in the second ("polygon"). Nothing is stored. Each is a picture, or an address that the
+        """Whether two images show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
+        that of the first is in the second ("polygon"). Nothing is stored. Each is an image, or an address that the
         server fetches it from."""
         body: Json = {"explain": explain}
         for name, image, url in (("first", first, first_url), ("second", second, second_url)):

@@ -45,7 +45,7 @@ class InvalidArgumentError(Error, ValueError):
 
 
 class NotFoundError(Error, LookupError):
-    """No such picture, object, vocabulary, collection or file."""
+    """No such image, object, vocabulary, collection or file."""
 
 
 class ConflictError(Error):
@@ -57,7 +57,7 @@ class CorruptError(Error):
 
 
 class UnsupportedMediaTypeError(Error):
-    """Not a type of picture (or of body) that Pliant reads."""
+    """Not a type of image (or of body) that Pliant reads."""
 
 
 class TooLargeError(Error):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Key points and descriptors of a picture."""
+"""Keypoints and descriptors of an image."""
 from __future__ import annotations
 
 import collections
@@ -21,17 +21,17 @@ COLUMNS = ("x", "y", "size", "angle", "response", "octave")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Features:
-    """The N key points of one picture and their descriptors. The arrays are C-contiguous copies and not writeable.
+    """The N keypoints of one image and their descriptors. The arrays are C-contiguous copies and not writeable.
 
     keypoints: N x 6 float32, the columns being
-        x, y: pixels of the original upright picture, pixel centres at integers: (0, 0) is the middle of the first pixel;
+        x, y: pixels of the original upright image, pixel centres at integers: (0, 0) is the middle of the first pixel;
         size: diameter of the described neighbourhood, in pixels (OpenCV's);
         angle: degrees, 0 to 360, clockwise (y points down), as OpenCV's;
         response: the detector's strength, without a unit;
         octave: OpenCV's packed SIFT octave, a whole number.
     descriptors: N x D; float32 (Euclidean distance; D = 128 for deal, sift and rootsift, 200 for daisy) or uint8
         (Hamming distance over 8 D bits; D = 32 for orb, 64 for brisk).
-    width, height: of that picture, in pixels.
+    width, height: of that image, in pixels.
     model_id: which model made the descriptors ("deal:" and 16 hex digits); those of two models cannot be compared.
     """
 
@@ -50,7 +50,7 @@ class Features:
                                        f"{' x '.join(map(str, keypoints.shape))}", code="array_shape")
         descriptors = descriptor_rows("descriptors", self.descriptors)
         if len(keypoints) != len(descriptors):
-            raise InvalidArgumentError(f"{len(keypoints)} key points, but {len(descriptors)} descriptors",
+            raise InvalidArgumentError(f"{len(keypoints)} keypoints, but {len(descriptors)} descriptors",
                                        code="array_shape")
         keypoints = np.array(keypoints, np.float32, order="C")
         if not np.isfinite(keypoints).all():
@@ -67,16 +67,16 @@ class Features:
         _checks.text("model_id", self.model_id)
 
     def __len__(self) -> int:
-        """N, the number of key points."""
+        """N, the number of keypoints."""
         return len(self.keypoints)
 
     @property
     def xy(self) -> npt.NDArray[np.float64]:
-        """Positions of the key points in pixels, N x 2."""
+        """Positions of the keypoints in pixels, N x 2."""
         return self.keypoints[:, :2].astype(np.float64)
 
     def to_cv(self) -> list[Any]:
-        """The key points as a list of `cv2.KeyPoint`, in order (needs OpenCV's Python module)."""
+        """The keypoints as a list of `cv2.KeyPoint`, in order (needs OpenCV's Python module)."""
         import cv2  # type: ignore[import]
         return [cv2.KeyPoint(float(x), float(y), float(size), float(angle), float(response), int(octave))
                 for x, y, size, angle, response, octave in self.keypoints]
@@ -84,7 +84,7 @@ class Features:
     @classmethod
     def from_cv(cls, keypoints: Sequence[Any], descriptors: npt.ArrayLike, width: int, height: int,
                 model_id: str = "cv2") -> Features:
-        """Of a sequence of `cv2.KeyPoint` and what `detectAndCompute` gave for them, in a picture of width x height
+        """Of a sequence of `cv2.KeyPoint` and what `detectAndCompute` gave for them, in an image of width x height
         pixels. `model_id` says how they were made; matching compares it."""
         rows = np.array([[*k.pt, k.size, k.angle, k.response, k.octave] for k in keypoints], np.float32)
         return cls(rows.reshape(-1, len(COLUMNS)), np.asarray(descriptors), width, height, model_id)
@@ -109,11 +109,11 @@ class Features:
 
     @classmethod
     def load_folder(cls, path: str | os.PathLike[str]) -> dict[str, Features]:
-        """Of a file that `pliant describe DIR --out x.npz` wrote: the features of each picture, by its name below DIR."""
+        """Of a file that `pliant describe DIR --out x.npz` wrote: the features of each image, by its name below DIR."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
             if "starts" not in file:
-                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of one picture: use load",
-                                           code="features_of_picture")
+                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of one image: use load",
+                                           code="features_of_image")
             keypoints, descriptors, starts = file["keypoints"], file["descriptors"], file["starts"]
             sizes = zip(file["width"].tolist(), file["height"].tolist(), strict=True)
             return {str(name): cls(keypoints[begin:end], descriptors[begin:end], width, height, str(file["model_id"]))
@@ -152,13 +152,13 @@ def default_model() -> bytes:
 
 
 class Extractor:
-    """Describes pictures, always in the same way. Making one loads the weights; it may be used by many threads.
+    """Describes images, always in the same way. Making one loads the weights; it may be used by many threads.
 
     descriptor: one of `descriptor_names()`.
     model: weight file for deal and its variants; None: the installed one.
     max_keypoints: the strongest so many are kept, 1 to 4096.
-    max_side: larger pictures are scaled down to this longer side in pixels; 0 = never.
-    enlarge_below: a picture with fewer key points than this is also described at twice its size; 0 = never.
+    max_side: larger images are scaled down to this longer side in pixels; 0 = never.
+    enlarge_below: an image with fewer keypoints than this is also described at twice its size; 0 = never.
     """
 
     def __init__(self, descriptor: str = "deal", *, model: str | os.PathLike[str] | None = None,
@@ -185,8 +185,8 @@ class Extractor:
         return self._native.dim
 
     def describe(self, image: images.ImageLike, *, channels: str = "RGB", threads: int = 0) -> Features:
-        """Detects key points and describes them. `threads`: 0 = one per core; with several pictures in threads of your
-        own, 1 is faster. A picture without key points gives N = 0."""
+        """Detects keypoints and describes them. `threads`: 0 = one per core; with several images in threads of your
+        own, 1 is faster. An image without keypoints gives N = 0."""
         count = _checks.whole("threads", threads, 0, 1024)
         if isinstance(image, np.ndarray):
             return Features(*self._native.describe_array(images.pixels(image, channels), count))
@@ -201,11 +201,11 @@ _KEPT = 4
 def describe(image: images.ImageLike, *, descriptor: str = "deal", model: str | os.PathLike[str] | None = None,
              max_keypoints: int = 1024, max_side: int = 1024, enlarge_below: int = 0, channels: str = "RGB",
              threads: int = 0) -> Features:
-    """Key points and descriptors of a picture, the same that `pliant describe` writes.
+    """Keypoints and descriptors of an image, the same that `pliant describe` writes.
 
     image, channels: see `pliant.images`. The other arguments are those of `Extractor`; the last few extractors are
     kept, so that weights are loaded once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
-    pictures, OSError for files.
+    images, OSError for files.
     """
     key = (_checks.text("descriptor", descriptor), default_model() if model is None else _checks.path("model", model),
            _checks.whole("max_keypoints", max_keypoints, 1, 4096), _checks.whole("max_side", max_side),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures as functions take them: a path, encoded bytes, or an array of pixels.
+"""Images as functions take them: a path, encoded bytes, or an array of pixels.
 
 - `str` or `os.PathLike`: a file of JPEG, PNG, WebP, BMP or TIFF (the content counts, not the name);
 - `bytes`, `bytearray` or `memoryview`: the content of such a file;
@@ -20,7 +20,7 @@ from pliant.errors import InvalidArgumentError, TooLargeError
 
 ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, "npt.NDArray[np.uint8]"]
 
-MAX_BYTES = 64 * 1024 * 1024  # of an encoded picture
+MAX_BYTES = 64 * 1024 * 1024  # of an encoded image
 
 
 def read(path: str | os.PathLike[str]) -> bytes:
@@ -60,4 +60,4 @@ def encoded(image: ImageLike, channels: str = "RGB") -> bytes:
     if isinstance(image, (str, os.PathLike)):
         return read(image)
     raise TypeError("image must be a path, the bytes of a file, or an array of uint8 (np.asarray(image) of a PIL "
-                    f"picture in mode RGB or L), not {type(image).__name__}")
+                    f"image in mode RGB or L), not {type(image).__name__}")

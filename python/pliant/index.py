@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""A searchable collection of pictures in one database file, the same that `pliant` and `pliant-server` use."""
+"""A searchable collection of images in one database file, the same that `pliant` and `pliant-server` use."""
 from __future__ import annotations
 
 import json
@@ -26,9 +26,9 @@ class Index:
     descriptor: of a new database; empty: that of an existing one, deal for a new one. Another one than the database's
         is ConflictError "model_mismatch".
     model: weight file for deal; None: the installed one.
-    max_keypoints, max_side: how the pictures of a new database are described (1024 and 1024 pixels). Other values than
+    max_keypoints, max_side: how the images of a new database are described (1024 and 1024 pixels). Other values than
         those of an existing one are ConflictError "extraction_mismatch".
-    keep_originals: also stores the pictures' bytes, for `content`; in `originals_dir` if that is given.
+    keep_originals: also stores the images' bytes, for `content`; in `originals_dir` if that is given.
     busy_timeout: seconds to wait for another process's write, before UnavailableError.
     """
 
@@ -57,17 +57,17 @@ class Index:
                  trace: TracebackType | None) -> None:
         self.close()
 
-    # Pictures
+    # Images
 
     def add(self, image: images.ImageLike, *, object: str = "", id: str | None = None,
             metadata: dict[str, Any] | None = None, source: str | None = None, channels: str = "RGB",
-            threads: int = 0) -> records.Picture:
-        """Adds a picture. An array is stored as a PNG.
+            threads: int = 0) -> records.Image:
+        """Adds an image. An array is stored as a PNG.
 
         object: what it shows; searches group by it. metadata: anything that JSON can hold, for filters.
-        id: an existing one is replaced. None: a new picture gets one made of its bytes; bytes that are stored already
+        id: an existing one is replaced. None: a new image gets one made of its bytes; bytes that are stored already
             are "unchanged", with another object or other metadata ConflictError "same_bytes".
-        Raises what `describe` raises, UnprocessableError "too_few_features" for pictures without texture.
+        Raises what `describe` raises, UnprocessableError "too_few_features" for images without texture.
         """
         if source is None:
             source = ""
@@ -77,14 +77,14 @@ class Index:
             images.encoded(image, channels), _checks.text("object", object),
             None if id is None else _checks.text("id", id), _json("metadata", metadata or {}),
             _checks.text("source", source), _checks.whole("threads", threads, 0, 1024))
-        return records.picture(json.loads(record), outcome)
+        return records.image(json.loads(record), outcome)
 
     def add_folder(self, *folders: str | os.PathLike[str], object_from: str = "auto", threads: int = 0,
                    progress: Callable[[int, int], object] | None = None) -> records.FolderReport:
-        """Adds all pictures below the folders, one thread each, as `pliant index` does, but trains no vocabulary.
+        """Adds all images below the folders, one thread each, as `pliant index` does, but trains no vocabulary.
 
         object_from: "folder" (the folder's name), "stem" (the file's), "none", or "auto" for the likelier of the first
-        two. progress(done, total) is called from other threads; what it raises stops the work. Pictures that are
+        two. progress(done, total) is called from other threads; what it raises stops the work. Images that are
         stored already are skipped, so it can be repeated. Ctrl-C raises KeyboardInterrupt; what was added stays.
         """
         report = json.loads(self._native.add_folders([_checks.path("folder", folder) for folder in folders],
@@ -93,44 +93,44 @@ class Index:
         return records.FolderReport(report["indexed"], report["unchanged"],
                                     [(file["file"], file["code"], file["reason"]) for file in report["skipped"]])
 
-    def get(self, id: str) -> records.Picture:
+    def get(self, id: str) -> records.Image:
         """Raises NotFoundError."""
-        return records.picture(json.loads(self._native.get(_checks.text("id", id))))
+        return records.image(json.loads(self._native.get(_checks.text("id", id))))
 
     def features(self, id: str) -> Features:
-        """Key points and descriptors of a stored picture, the descriptors with 8 bits a value."""
+        """Keypoints and descriptors of a stored image, the descriptors with 8 bits a value."""
         return Features(*self._native.features(_checks.text("id", id)))
 
     def content(self, id: str) -> bytes:
-        """The bytes of the picture as it was added."""
+        """The bytes of the image as it was added."""
         return self._native.content(_checks.text("id", id))
 
     def update(self, id: str, *, object: str | None = None, metadata: dict[str, Any] | None = None,
-               source: str | None = None) -> records.Picture:
-        """Changes what a picture is called or known by, without describing it anew, and gives its record. What is left
+               source: str | None = None) -> records.Image:
+        """Changes what an image is called or known by, without describing it anew, and gives its record. What is left
         out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key."""
         if object is None and metadata is None and source is None:
             raise TypeError("nothing to change: give object, metadata, source")
-        return records.picture(json.loads(self._native.change(
+        return records.image(json.loads(self._native.change(
             _checks.text("id", id), None if object is None else _checks.text("object", object),
             None if metadata is None else _json("metadata", metadata),
             None if source is None else _checks.text("source", source))))
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> int:
-        """Gives an object another name, with all its pictures at once, and says how many it has now. Where another one
+        """Gives an object another name, with all its images at once, and says how many it has now. Where another one
         has the name, ConflictError "object_exists", or, with merge=True, both become one."""
         return self._native.rename_object(_checks.text("object", object), _checks.text("name", name), bool(merge))
 
     def remove(self, id: str) -> bool:
-        """Removes a picture from the file and from all searches that follow. False: it was not there."""
+        """Removes an image from the file and from all searches that follow. False: it was not there."""
         return self._native.remove(_checks.text("id", id))
 
     def remove_object(self, object: str) -> int:
-        """Removes all pictures of an object, and says how many these were."""
+        """Removes all images of an object, and says how many these were."""
         return self._native.remove_object(_checks.text("object", object))
 
     def __len__(self) -> int:
-        """The number of pictures."""
+        """The number of images."""
         return int(json.loads(self._native.describe_collection())["images"])
 
     def __contains__(self, id: str) -> bool:
@@ -140,22 +140,22 @@ class Index:
             return False
         return True
 
-    def __iter__(self) -> Iterator[records.Picture]:
-        return self.pictures()
+    def __iter__(self) -> Iterator[records.Image]:
+        return self.images()
 
-    def pictures(self, object: str | None = None) -> Iterator[records.Picture]:
-        """All pictures (of an object) in order of their ids, read in pages: others may add and remove meanwhile."""
+    def images(self, object: str | None = None) -> Iterator[records.Image]:
+        """All images (of an object) in order of their ids, read in pages: others may add and remove meanwhile."""
         wanted = None if object is None else _checks.text("object", object)
         after = ""
         while True:
             page = json.loads(self._native.list(after, wanted, _PAGE))
-            yield from map(records.picture, page)
+            yield from map(records.image, page)
             if len(page) < _PAGE:
                 return
             after = page[-1]["id"]
 
     def objects(self) -> Iterator[tuple[str, int]]:
-        """(name, number of pictures) of all objects, in order of their names."""
+        """(name, number of images) of all objects, in order of their names."""
         after = ""
         while True:
             page = self._native.objects(after, _PAGE)
@@ -168,7 +168,7 @@ class Index:
 
     def train(self, *, words: int = 0, sample: int = 0, seed: int = 1, threads: int = 0,
               progress: Callable[[float], object] | None = None) -> records.Vocabulary:
-        """Trains a vocabulary from the stored pictures and uses it. The first search needs one; train again when the
+        """Trains a vocabulary from the stored images and uses it. The first search needs one; train again when the
         collection has grown a few times larger.
 
         words: 0 = a tenth of the sample. sample: descriptors drawn at random; 0 = chosen by the collection's size.
@@ -191,21 +191,21 @@ class Index:
 
     def search(self, image: images.ImageLike | Features, top: int = 10, *, channels: str = "RGB",
                **options: Any) -> records.SearchResult:
-        """Which objects does the picture show? The best `top` hits; 0 = all.
+        """Which objects does the image show? The best `top` hits; 0 = all.
 
         image: as everywhere, or Features of the index's own model.
         options:
             offset: hits to leave out before the first.
-            group_by: "object" (each once, by its best picture) or "image".
+            group_by: "object" (each once, by its best image) or "image".
             rank: "neighbours" or "histogram".
-            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: pictures that are verified, 0 = 30
+            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images that are verified, 0 = 30
                 and up to 100, or the square root of their number, as far as there are some that agree, and twice that
-                where none agrees; expand: query expansion through so many verified pictures, None = 3 by image, 0 by
+                where none agrees; expand: query expansion through so many verified images, None = 3 by image, 0 by
                 object; instances: of one object that are looked for, 4.
-            closer_look: where nothing is found, the picture is described once more at a finer scale, and the surer
+            closer_look: where nothing is found, the image is described once more at a finer scale, and the surer
                 answer is given (True); not with Features.
             region: (x, y, width, height) in pixels of the query: only this part is looked at, in more of its own pixels.
-            min_score: 0 to 1. object: only pictures of it. filter: conditions on metadata, such as
+            min_score: 0 to 1. object: only images of it. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
                 exists, and filters are joined by "and": [...], "or": [...] and "not": {...}.
             explain: adds the matches and the warp to each hit.
@@ -218,7 +218,7 @@ class Index:
         return records.SearchResult(json.loads(self._native.search(images.encoded(image, channels), asked)))
 
     def search_stored(self, id: str, top: int = 10, **options: Any) -> records.SearchResult:
-        """As `search`, with a stored picture as the query."""
+        """As `search`, with a stored image as the query."""
         return records.SearchResult(json.loads(self._native.search_stored(_checks.text("id", id),
                                                                           _search_options(top, options))))
 

@@ -24,7 +24,7 @@ class Matches(NamedTuple):
 
 
 class Warp:
-    """A thin-plate spline that maps points of picture a to points of picture b. Immutable; for many threads.
+    """A thin-plate spline that maps points of image a to points of image b. Immutable; for many threads.
 
     Points are N x 2 (or one of 2) in pixels, x before y, pixel centres at integers.
     """
@@ -35,7 +35,7 @@ class Warp:
     @classmethod
     def fit(cls, source: npt.ArrayLike, target: npt.ArrayLike, regularization: float = 1e-3) -> Warp:
         """The warp of least bending that maps `source` near to `target`, both N x 2 with N of 3 or more.
-        `regularization`: 0 = as near as possible, large = affine; it does not depend on the pictures' sizes.
+        `regularization`: 0 = as near as possible, large = affine; it does not depend on the images' sizes.
         Raises UnprocessableError for points on one line."""
         return cls(_native.Warp._fit(_points("source", source), _points("target", target), float(regularization)))
 
@@ -50,7 +50,7 @@ class Warp:
 
     @property
     def bending_energy(self) -> float:
-        """0 for an affine map, more the more it bends; without a unit, whatever the pictures' sizes."""
+        """0 for an affine map, more the more it bends; without a unit, whatever the images' sizes."""
         return self._native.bending_energy
 
 
@@ -59,7 +59,7 @@ class Verification:
     """What `verify` found; `inliers, warp = verify(a, b)` works, too.
 
     inliers: K x 2 int64, the matches that agree with the warp (rows of a and of b); K = 0 where there is no warp.
-    warp: from picture a to picture b; None when the matches agree on none.
+    warp: from image a to image b; None when the matches agree on none.
     failure: why there is none: too few matches, no agreement, and so on; None when there is a warp.
     matches: how many matches were tested.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an index answers. Plain values; coordinates are pixels of original upright pictures, centres at integers."""
+"""What an index answers. Plain values; coordinates are pixels of original upright images, centres at integers."""
 from __future__ import annotations
 
 import dataclasses
@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 
 @dataclasses.dataclass(frozen=True)
-class Picture:
-    """A stored picture. `outcome` is set by `Index.add` alone: "created", "replaced" or "unchanged"."""
+class Image:
+    """A stored image. `outcome` is set by `Index.add` alone: "created", "replaced" or "unchanged"."""
 
     id: str
     object: str  # what it shows; may be empty
@@ -56,7 +56,7 @@ class Instance:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Hit:
-    """One result of a search, the best picture of its object."""
+    """One result of a search, the best image of its object."""
 
     rank: int  # from 1
     object: str | None
@@ -66,14 +66,14 @@ class Hit:
     inliers: int  # matches that agree on one warp; 0 when not verified
     polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
     instances: list[Instance]
-    via: str | None  # id of the picture through which query expansion found it
+    via: str | None  # id of the image through which query expansion found it
     metadata: dict[str, Any]
     explain: dict[str, Any] | None  # as the HTTP interface gives it, with explain=True
 
 
 class SearchResult(list["Hit"]):
     """The hits, best first, and about the search: `total` hits over all pages; `verdict`, "found", "undecided" (one of
-    several objects that are alike) or "not_found", whether what the picture shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
+    several objects that are alike) or "not_found", whether what the image shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
     hits have none); `document`, the whole answer as `pliant query --json`
     prints it (took_ms, timings, vocabulary, ...)."""
 
@@ -87,7 +87,7 @@ class SearchResult(list["Hit"]):
 
 @dataclasses.dataclass(frozen=True)
 class FolderReport:
-    """What `Index.add_folder` did. skipped: (file, code, reason) of each picture that was refused."""
+    """What `Index.add_folder` did. skipped: (file, code, reason) of each image that was refused."""
 
     indexed: int
     unchanged: int
@@ -105,10 +105,10 @@ def _hit(hit: dict[str, Any]) -> Hit:
                hit.get("via"), hit["metadata"], hit.get("explain"))
 
 
-def picture(document: dict[str, Any], outcome: str | None = None) -> Picture:
+def image(document: dict[str, Any], outcome: str | None = None) -> Image:
     """Of a record's JSON form."""
-    names = {field.name for field in dataclasses.fields(Picture)}
-    return Picture(outcome=outcome, **{name: value for name, value in document.items() if name in names})
+    names = {field.name for field in dataclasses.fields(Image)}
+    return Image(outcome=outcome, **{name: value for name, value in document.items() if name in names})
 
 
 def vocabulary(document: dict[str, Any]) -> Vocabulary:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated pictures of cloth and paper, with exact correspondences."""
+"""Simulated images of cloth and paper, with exact correspondences."""
 from __future__ import annotations
 
 import dataclasses
@@ -21,7 +21,7 @@ class SimulationReport:
 
     scenes: int
     unchanged: int
-    pictures: int
+    images: int
     textures: int
     seconds: float
     mean_stretch: float
@@ -33,7 +33,7 @@ def simulate(textures: str | os.PathLike[str], out: str | os.PathLike[str], *,
              progress: Callable[[int, int], object] | None = None, **options: Any) -> SimulationReport:
     """Renders scenes into the folder `out`, as `pliant simulate` does; scenes that are there already are kept.
 
-    textures: a folder of pictures, a safetensors pack, or "procedural" for generated ones.
+    textures: a folder of images, a safetensors pack, or "procedural" for generated ones.
     options: preset ("pairs", "objects", "sequence", "rotation", "scale", "planar", "street"), format ("auto", "tensors",
         "folders"), scenes (100), first (0), distractors (0), views (0 = the preset's), width (640), height (480), colour
         (False), strength (1.0), occluders (0.25), turn_deg (60), least_scale (0.5), seed (1), jobs (0 = one a core).

@@ -50,7 +50,7 @@ class TrackedFrame:
 
 
 class Tracker:
-    """Looks for an object of a reference picture in frames. Immutable; for many threads.
+    """Looks for an object of a reference image in frames. Immutable; for many threads.
 
     reference: see `pliant.images`. region: (x, y, width, height) of the object in it, whole pixels; None: all of it, or
     the bounding box of `mask`, H x W uint8 of the reference's size, 0 outside the object.
@@ -104,7 +104,7 @@ def track(reference: images.ImageLike | Tracker, frames: str | os.PathLike[str] 
           every: int = 1, channels: str = "RGB", **options: Any) -> Iterator[TrackedFrame]:
     """The object of `reference` in each frame, one after the other, as they are asked for.
 
-    frames: a video file, a folder of pictures (in natural order of their names), or any iterable of pictures.
+    frames: a video file, a folder of images (in natural order of their names), or any iterable of images.
     every: only frames 0, every, 2 every, ... options: those of `Tracker`; or pass a Tracker as `reference`.
     Raises what Tracker raises at once; what concerns a frame when that is reached.
     """
@@ -118,17 +118,17 @@ def track(reference: images.ImageLike | Tracker, frames: str | os.PathLike[str] 
     if isinstance(frames, (str, os.PathLike)):
         return _of_source(tracker, _native.Frames(_checks.path("frames", frames), step))
     if isinstance(frames, (bytes, bytearray, memoryview)):
-        raise TypeError("frames must be a path or an iterable of pictures, not the bytes of one")
-    return _of_pictures(tracker, frames, step, channels)
+        raise TypeError("frames must be a path or an iterable of images, not the bytes of one")
+    return _of_images(tracker, frames, step, channels)
 
 
 def _of_source(tracker: Tracker, source: _native.Frames) -> Iterator[TrackedFrame]:
     while (frame := source.next()) is not None:
-        number, time_s, file, picture = frame
-        yield tracker.find(picture, number=number, time_s=time_s, file=file)
+        number, time_s, file, image = frame
+        yield tracker.find(image, number=number, time_s=time_s, file=file)
 
 
-def _of_pictures(tracker: Tracker, frames: Iterable[images.ImageLike], every: int,
+def _of_images(tracker: Tracker, frames: Iterable[images.ImageLike], every: int,
                  channels: str) -> Iterator[TrackedFrame]:
     for number, frame in enumerate(frames):
         if number % every == 0:

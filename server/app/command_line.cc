@@ -49,25 +49,25 @@ constexpr NumberFlag kNumbers[] = {
     {"--max-header-kb", &ServerOptions::max_header_kb, 1, 1024,
      "Largest headers of a request in KiB"},
     {"--max-megapixels", &ServerOptions::max_megapixels, 1, 10000,
-     "Largest picture in megapixels, checked before decoding"},
+     "Largest image in megapixels, checked before decoding"},
     {"--max-decode-mb", &ServerOptions::max_decode_mb, 16, 65536,
-     "Memory for decoding one picture in MiB, checked before decoding"},
+     "Memory for decoding one image in MiB, checked before decoding"},
     {"--decode-timeout", &ServerOptions::decode_timeout_s, 1, 3600,
-     "Seconds that decoding one picture may take (with --decoder process)"},
+     "Seconds that decoding one image may take (with --decoder process)"},
     {"--reserve-mb", &ServerOptions::reserve_mb, 0, 1'048'576,
-     "Free space in MiB that uploads leave on the disk, so that pictures can be removed"},
+     "Free space in MiB that uploads leave on the disk, so that images can be removed"},
     {"--max-keypoints", &ServerOptions::max_keypoints, 0, 4096,
-     "Key points per picture and size it is described at, at least 16; 0 = that of the database, "
+     "Keypoints per image and size it is described at, at least 16; 0 = that of the database, "
      "1024 for a new one"},
     {"--max-side", &ServerOptions::max_side_px, 0, 16384,
-     "Longer side in pixels to which larger pictures are scaled before description, at least "
+     "Longer side in pixels to which larger images are scaled before description, at least "
      "64; 0 = that of the database, 1024 for a new one"},
     {"--rate-limit", &ServerOptions::rate_limit, 0, 1'000'000,
      "Requests per second of one key (without keys: of one address); more get 429; 0 = no limit"},
     {"--rate-burst", &ServerOptions::rate_burst, 1, 1'000'000,
      "Requests allowed at once before --rate-limit applies"},
     {"--fetch-timeout", &ServerOptions::fetch_timeout_s, 1, 300,
-     "Seconds that fetching one picture may take, with all redirections"},
+     "Seconds that fetching one image may take, with all redirections"},
     {"--idle-timeout", &ServerOptions::idle_timeout_s, 1, 3600,
      "Seconds an idle connection is kept open"},
     {"--header-timeout", &ServerOptions::header_timeout_s, 1, 3600,
@@ -117,19 +117,17 @@ void DefineBasics(CLI::App& app, ServerOptions& options) {
           "Descriptor of a new database; empty = that of the database, deal for a new one");
   AddText(app, "--model", options.model, "Weight file of deal; empty = the installed one");
   AddSwitch(app, "--keep-originals", options.keep_originals,
-            "Store uploaded pictures, for content and thumbnails");
-  AddText(
-      app, "--originals-dir", options.originals_dir,
-      "Directory for uploaded pictures, or `database`; empty = as before, the database for a new "
-      "one");
+            "Store uploaded images, for content and thumbnails");
+  AddText(app, "--originals-dir", options.originals_dir,
+          "Directory for uploaded images, or `database`; empty = as before, the database for a new "
+          "one");
   AddSwitch(app, "--auto-train", options.auto_train,
             "Train vocabularies automatically in the background");
   AddSwitch(app, "--check-database", options.check_database,
             "Read the whole database file at the start and refuse a damaged one");
-  AddText(
-      app, "--decoder", options.decoder,
-      "Where pictures are decoded: process (processes of their own, which may do nothing else), "
-      "or inside the server");
+  AddText(app, "--decoder", options.decoder,
+          "Where images are decoded: process (processes of their own, which may do nothing else), "
+          "or inside the server");
   app.get_option("--decoder")->check(cli::OneOf({"process", "inside"}));
   AddText(app, "--log-level", options.log_level, "debug, info, warn or error");
   app.get_option("--log-level")->check(cli::OneOf({"debug", "info", "warn", "error"}));
@@ -149,7 +147,7 @@ void DefineDoors(CLI::App& app, ServerOptions& options) {
   AddText(app, "--allowed-hosts", options.allowed_hosts,
           "Names that clients may call the server by, with commas between, or *; empty = its own");
   AddText(app, "--fetch-hosts", options.fetch_hosts,
-          "Hosts that pictures may be fetched from (image_url), with commas between: NAME, "
+          "Hosts that images may be fetched from (image_url), with commas between: NAME, "
           "*.SUFFIX, either with :PORT, or *; empty = none");
   AddSwitch(app, "--fetch-private", options.fetch_private,
             "Fetch also where the hosts of --fetch-hosts have loopback or private addresses");

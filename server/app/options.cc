@@ -111,7 +111,7 @@ void CheckFetching(const ServerOptions& options) {
   }
 }
 
-// Requests hold a thread while a picture is fetched for them; the others are for other requests.
+// Requests hold a thread while an image is fetched for them; the others are for other requests.
 FetchOptions MakeFetchOptions(const ServerOptions& options) {
   constexpr int kShareOfThreads = 4;
   return {.hosts = Split(options.fetch_hosts, ','),
@@ -134,7 +134,7 @@ void CheckOptions(const ServerOptions& options) {
   for (const std::string& one : Split(options.allowed_hosts, ',')) {
     if (!std::regex_match(one, host)) {
       Fail("allowed-hosts",
-           "must be names like pictures.example without scheme and port, with "
+           "must be names like images.example without scheme and port, with "
            "commas between, or *, not '" +
                one + "'");
     }

@@ -40,7 +40,7 @@ struct ServerOptions {
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;
   int max_megapixels = 100;
-  int max_decode_mb = 256;  // of memory, a picture
+  int max_decode_mb = 256;  // of memory, an image
   int decode_timeout_s = 30;
   int reserve_mb = 64;    // of the disk, which uploads may not take
   int max_keypoints = 0;  // 0 = as the database was made
@@ -52,19 +52,19 @@ struct ServerOptions {
   int write_timeout_s = 10;
   int shutdown_timeout_s = 30;
 
-  std::string decoder = "process";  // where pictures are decoded: process, inside
+  std::string decoder = "process";  // where images are decoded: process, inside
 
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
 
-  std::string import_dir;     // pictures may be imported from below it; empty = off
+  std::string import_dir;     // images may be imported from below it; empty = off
   std::string backup_dir;     // backups over HTTP go there; empty = off
   std::string tls_cert;       // PEM file; empty = no TLS
   std::string tls_key;        // PEM file
   std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
-  std::string allowed_hosts;  // "pictures.example,shop.example", "*"; empty = own names only
+  std::string allowed_hosts;  // "images.example,shop.example", "*"; empty = own names only
 
-  std::string fetch_hosts;  // that pictures are fetched from, see FetchHosts; empty = none
+  std::string fetch_hosts;  // that images are fetched from, see FetchHosts; empty = none
   int fetch_timeout_s = 10;
   bool fetch_private = false;  // also where these have private addresses
 };
@@ -75,7 +75,7 @@ void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);
-// Nothing where pictures are decoded inside the server's process.
+// Nothing where images are decoded inside the server's process.
 std::optional<DecoderOptions> MakeDecoderOptions(const ServerOptions& options);
 ServiceOptions MakeServiceOptions(const ServerOptions& options);
 

@@ -61,7 +61,7 @@ std::string AddressText(const HttpOptions& http, int port) {
 
 // Sockets are files: the usual limit of 1024 is meant for select(), which is not used here.
 void AllowConnections(int connections) {
-  constexpr rlim_t kOthers = 256;  // database, log, pictures
+  constexpr rlim_t kOthers = 256;  // database, log, images
   rlimit files{};
   if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
   files.rlim_cur = files.rlim_max;
@@ -134,7 +134,7 @@ void PrintDecoderProtection(const ServerOptions& options) {
       text = std::string("nowhere: ") + error.what();
     }
   }
-  std::printf("# Pictures are decoded %s.\n", text.c_str());
+  std::printf("# Images are decoded %s.\n", text.c_str());
 }
 
 int RunServer(const ServerOptions& options) {

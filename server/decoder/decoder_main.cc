@@ -30,7 +30,7 @@ namespace pliant::server {
 namespace {
 
 constexpr const char* kTooMuchMemory =
-    "Decoding the picture takes more memory than allowed. Scale it down, or save it as JPEG that "
+    "Decoding the image takes more memory than allowed. Scale it down, or save it as JPEG that "
     "is "
     "not progressive.";
 constexpr int kArguments = 5;  // program, kDecoderArgument, server, memory, processor time
@@ -98,7 +98,7 @@ DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, DecodedImage* dec
     return Refusal(ErrorCode::kTooLarge, "image_too_large", kTooMuchMemory);
   } catch (const std::exception& error) {
     return Refusal(ErrorCode::kUnprocessable, "image_corrupt",
-                   std::string("The picture cannot be decoded: ") + error.what());
+                   std::string("The image cannot be decoded: ") + error.what());
   }
 }
 
@@ -127,7 +127,7 @@ bool IsDecoder(int argc, const char* const* argv) {
 int RunDecoder(int /*argc*/, const char* const* argv) {
   // Ends with the thread that started it, whatever it is doing then.
   if (prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0) != 0 || getppid() != std::atoi(argv[2])) return 1;
-  // What one picture took is there for the next: no second arena, which reserves what the limit
+  // What one image took is there for the next: no second arena, which reserves what the limit
   // counts, and large blocks go back at once (mallopt(3)).
   mallopt(M_ARENA_MAX, 1);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);

@@ -15,13 +15,12 @@ using Cause = DecoderEnded::Cause;
 
 Error RefusalOf(const DecoderEnded& ended) {
   if (ended.cause == Cause::kTimeout) {
-    return {
-        ErrorCode::kTooLarge, "image_too_large",
-        "Decoding the picture takes longer than allowed. Scale it down, or save it as JPEG that "
-        "is not progressive."};
+    return {ErrorCode::kTooLarge, "image_too_large",
+            "Decoding the image takes longer than allowed. Scale it down, or save it as JPEG that "
+            "is not progressive."};
   }
   return {ErrorCode::kUnprocessable, "image_corrupt",
-          "The picture cannot be decoded: the decoder did not survive it. Save it again as JPEG or "
+          "The image cannot be decoded: the decoder did not survive it. Save it again as JPEG or "
           "PNG."};
 }
 
@@ -60,7 +59,7 @@ DecodedImage DecoderPool::Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     return DecodeImage(bytes, options);  // refuses it without looking at it
   }
-  struct Busy {  // counts this picture
+  struct Busy {  // counts this image
     explicit Busy(DecoderPool& in) : pool(in) { Add(1); }
     ~Busy() { Add(-1); }
     Busy(const Busy&) = delete;
@@ -80,8 +79,8 @@ DecodedImage DecoderPool::Decode(Bytes bytes, const DecodeOptions& options) {
       if (auto* error = std::get_if<Error>(&answer)) throw std::move(*error);
       return std::get<DecodedImage>(std::move(answer));
     } catch (const DecoderEnded& ended) {
-      Report(ended, "while it decoded a picture of " + std::to_string(bytes.size()) + " bytes");
-      // No picture has a decoder killed: its limits are others. Somebody else wanted its end.
+      Report(ended, "while it decoded an image of " + std::to_string(bytes.size()) + " bytes");
+      // No image has a decoder killed: its limits are others. Somebody else wanted its end.
       if (ended.cause != Cause::kKilled || again) throw RefusalOf(ended);
     }
   }

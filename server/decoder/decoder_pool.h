@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Decodes pictures in processes of their own. As many decoders are started as pictures are decoded
+// Decodes images in processes of their own. As many decoders are started as images are decoded
 // at once; then they wait for the next. One that ends, or has to be ended, is replaced.
 #pragma once
 
@@ -31,7 +31,7 @@ class DecoderPool {
   DecoderPool(const DecoderPool&) = delete;
   DecoderPool& operator=(const DecoderPool&) = delete;
 
-  // As DecodeImage. A picture during which the decoder ends is refused: kTooLarge
+  // As DecodeImage. An image during which the decoder ends is refused: kTooLarge
   // "image_too_large" when it took too long, kUnprocessable "image_corrupt" otherwise. Throws
   // kUnavailable "decoder_not_started" as well.
   DecodedImage Decode(Bytes bytes, const DecodeOptions& options);

@@ -175,7 +175,7 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
-// Enough for the picture during which it comes to be worn.
+// Enough for the image during which it comes to be worn.
 std::int64_t CpuLimit(const DecoderOptions& options) {
   const auto whole = std::chrono::ceil<std::chrono::seconds>(options.worn_after + options.timeout);
   return whole.count();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One decoder: this program again, as a child process that does nothing but decode pictures and may
+// One decoder: this program again, as a child process that does nothing but decode images and may
 // do nothing else (sandbox.h). Nothing that it says is believed without a check.
 #pragma once
 
@@ -21,11 +21,11 @@ namespace pliant::server {
 
 struct DecoderOptions {
   std::filesystem::path program = "/proc/self/exe";  // that calls RunDecoder
-  // Of memory for one picture: what DecodeOptions allow, its file twice, some for the libraries.
+  // Of memory for one image: what DecodeOptions allow, its file twice, some for the libraries.
   std::int64_t memory_bytes = std::int64_t{384} * 1024 * 1024;
-  std::chrono::milliseconds timeout{30'000};  // for one picture
-  // Of processor time. One that has used more is replaced after its picture; a little later the
-  // system kills it, also while it has no picture to decode and should do nothing.
+  std::chrono::milliseconds timeout{30'000};  // for one image
+  // Of processor time. One that has used more is replaced after its image; a little later the
+  // system kills it, also while it has no image to decode and should do nothing.
   std::chrono::milliseconds worn_after{600'000};
 };
 
@@ -47,7 +47,7 @@ class DecoderEnded : public std::runtime_error {
 inline constexpr std::size_t kDecoderCauses = 5;
 const char* DecoderCauseName(DecoderEnded::Cause cause);  // "crashed", "forbidden", ...
 
-// Not thread-safe: one picture at a time.
+// Not thread-safe: one image at a time.
 class DecoderProcess {
  public:
   // Starts the program. It is killed when the calling thread ends, however that comes. Throws Error
@@ -57,11 +57,11 @@ class DecoderProcess {
   DecoderProcess(const DecoderProcess&) = delete;
   DecoderProcess& operator=(const DecoderProcess&) = delete;
 
-  // Once, before the first picture: waits until it is ready. Returns why its system calls are not
+  // Once, before the first image: waits until it is ready. Returns why its system calls are not
   // limited, empty when they are. Throws Error kUnavailable "decoder_not_started".
   std::string AwaitReady();
 
-  // While it waits for a picture: throws DecoderEnded if it is no more.
+  // While it waits for an image: throws DecoderEnded if it is no more.
   void CheckAlive();
 
   // What DecodeImage gives, or throws. Throws DecoderEnded; do not use it after that.

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the server and its decoders say to each other, over a stream socket. Both are the same
 // program, so plain structures will do. The server believes nothing that a decoder says: it may
-// have been taken over by a picture.
+// have been taken over by an image.
 #pragma once
 
 #include <cstdint>

@@ -87,7 +87,7 @@ WebAddress Next(const WebAddress& address, const std::string& location) {
     try {
       return address.Redirected(location);
     } catch (const Error&) {
-      ThrowFailed("image_url is redirected to what is no address of a picture.");
+      ThrowFailed("image_url is redirected to what is no address of an image.");
     }
   };
   WebAddress there = next();
@@ -97,7 +97,7 @@ WebAddress Next(const WebAddress& address, const std::string& location) {
   return there;
 }
 
-// A picture keeps its place.
+// An image keeps its place.
 std::shared_ptr<const std::vector<std::uint8_t>> Held(std::vector<std::uint8_t> bytes,
                                                       std::shared_ptr<void> place) {
   using Both = std::pair<std::vector<std::uint8_t>, std::shared_ptr<void>>;
@@ -141,7 +141,7 @@ bool FetchHosts::Allows(const std::string& scheme, const std::string& host, int 
   });
 }
 
-// Counts the pictures that are on their way or in use. Thread-safe; outlives the fetcher with them.
+// Counts the images that are on their way or in use. Thread-safe; outlives the fetcher with them.
 class Fetcher::Places : public std::enable_shared_from_this<Places> {
  public:
   explicit Places(int most) : most_(std::max(1, most)) {}
@@ -153,7 +153,7 @@ class Fetcher::Places : public std::enable_shared_from_this<Places> {
     while (!stopped_ && used_ >= most) {
       const bool patient = whom == For::kJob || (whom == For::kBatch && Clock::now() < until);
       if (!patient) {
-        throw ProblemError("busy", "Too many pictures are being fetched. Try again shortly.")
+        throw ProblemError("busy", "Too many images are being fetched. Try again shortly.")
             .RetryAfter(2);
       }
       if (stop && stop()) ThrowStopping();
@@ -203,23 +203,22 @@ void Fetcher::Stop() { places_->Stop(); }
 
 void Fetcher::RequireAllowed(const WebAddress& address, const char* what) const {
   if (hosts_.Allows(address.scheme(), address.host(), address.port())) return;
-  ThrowNotAllowed(std::string("The operator lets no pictures be fetched from ") + what +
+  ThrowNotAllowed(std::string("The operator lets no images be fetched from ") + what +
                   " (--fetch-hosts).");
 }
 
-FetchedPicture Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop,
-                              std::shared_ptr<void> place) {
+FetchedImage Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop,
+                            std::shared_ptr<void> place) {
   if (!on()) {
-    throw ProblemError("fetch_off",
-                       "The operator lets the server fetch no pictures (--fetch-hosts).")
+    throw ProblemError("fetch_off", "The operator lets the server fetch no images (--fetch-hosts).")
         .Parameter(kParameter);
   }
   WebAddress address(url);
-  FetchedPicture picture;
-  picture.source = address.Display();
+  FetchedImage image;
+  image.source = address.Display();
   RequireAllowed(address, "this host and port");
   if (!place) place = places_->Take(whom, Clock::now() + options_.timeout, stop);
-  picture.place = place;
+  image.place = place;
   TransferOptions how;
   how.deadline = Clock::now() + options_.timeout;
   how.max_bytes = options_.max_bytes;
@@ -232,8 +231,8 @@ FetchedPicture Fetcher::Fetch(const std::string& url, For whom, const std::funct
     TransferResult result = Transfer(address, how);
     if (result.end != TransferResult::End::kAnswered) ThrowFailure(result, options_);
     if (result.status == kOk) {
-      picture.bytes = Held(std::move(result.body), place);
-      return picture;
+      image.bytes = Held(std::move(result.body), place);
+      return image;
     }
     if (!IsRedirection(result.status) || result.location.empty()) {
       ThrowFailed(fmt::format("The host of image_url answered {}.", result.status));

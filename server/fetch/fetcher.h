@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures that a client names by their address on the web, fetched by the server where its
+// Images that a client names by their address on the web, fetched by the server where its
 // operator allows the host.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace pliant::server {
 
-// The operator's list of the hosts that pictures may be fetched from.
+// The operator's list of the hosts that images may be fetched from.
 
 // Immutable and thread-safe.
 class FetchHosts {
@@ -42,16 +42,16 @@ class WebAddress;
 struct FetchOptions {
   std::vector<std::string> hosts = {};        // see FetchHosts; empty = nothing is fetched
   bool allow_private = false;                 // of these hosts also loopback and private addresses
-  std::chrono::milliseconds timeout{10'000};  // of one picture, with all redirections
-  std::size_t max_bytes = 32 * 1024 * 1024;   // of a picture
-  int most_at_once = 16;                      // pictures on their way or in use
+  std::chrono::milliseconds timeout{10'000};  // of one image, with all redirections
+  std::size_t max_bytes = 32 * 1024 * 1024;   // of an image
+  int most_at_once = 16;                      // images on their way or in use
   std::string user_agent = "Pliant";
   std::string ca_file = {};               // PEM; empty = the system's certificates
   std::vector<std::string> resolve = {};  // "host:port:address" in place of the system's resolver
 };
 
-struct FetchedPicture {
-  // As long as these are held, the picture counts among FetchOptions::most_at_once.
+struct FetchedImage {
+  // As long as these are held, the image counts among FetchOptions::most_at_once.
   std::shared_ptr<const std::vector<std::uint8_t>> bytes;
   std::string source;                // its address without query and fragment
   std::shared_ptr<void> place = {};  // which it takes
@@ -73,16 +73,16 @@ class Fetcher {
   // Who asks, when all places are taken.
   enum class For {
     kRequest,  // is refused at once: it holds a thread that serves requests
-    kBatch,    // waits as long as one picture may take
+    kBatch,    // waits as long as one image may take
     kJob,      // waits until `stop`, and leaves half of the places to the others
   };
   // Throws ProblemError: "fetch_off"; "fetch_host_not_allowed", also for a redirection to such a
   // host, and for a host that has only addresses that may not be connected to; "fetch_failed",
   // which says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
   // "image_url_invalid".
-  // `place`: of another picture of the same request, to be shared with it; null = one of its own.
-  FetchedPicture Fetch(const std::string& url, For whom = For::kRequest,
-                       const std::function<bool()>& stop = {}, std::shared_ptr<void> place = {});
+  // `place`: of another image of the same request, to be shared with it; null = one of its own.
+  FetchedImage Fetch(const std::string& url, For whom = For::kRequest,
+                     const std::function<bool()>& stop = {}, std::shared_ptr<void> place = {});
 
   // Ends what runs, within a second, and refuses all that comes.
   void Stop();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One request for a picture that somebody else keeps, with all its limits. Redirections are not
+// One request for an image that somebody else keeps, with all its limits. Redirections are not
 // followed: the caller decides.
 #pragma once
 

@@ -22,7 +22,7 @@ const char* CodingName(Coding coding);
 // last choice. Entries that are not well-formed are not looked at.
 Coding ChooseCoding(std::string_view accept_encoding);
 
-// Text and JSON; pictures are compressed already.
+// Text and JSON; images are compressed already.
 bool IsCompressible(std::string_view content_type);
 
 // Empty where it cannot be done.

@@ -25,9 +25,9 @@ const Parameter* FindSpec(const Route& route, const std::string& name) {
   return it == route.parameters.end() ? nullptr : &*it;
 }
 
-// What stands for a picture is taken out of the object. `of` begins its name in what is said of it,
+// What stands for an image is taken out of the object. `of` begins its name in what is said of it,
 // and is the parameter at fault where there is no other.
-PictureText TakePicture(Json& object, const std::string& of = {}) {
+ImageText TakeImage(Json& object, const std::string& of = {}) {
   const auto take = [&](const char* name, const char* what) -> std::optional<std::string> {
     const auto found = object.find(name);
     if (found == object.end()) return std::nullopt;
@@ -40,14 +40,14 @@ PictureText TakePicture(Json& object, const std::string& of = {}) {
     }
     return std::move(value.get_ref<std::string&>());
   };
-  PictureText picture;
-  picture.base64 = take(kImagePart, "base64");
-  picture.url = take(kImageUrl, "an address on the web");
-  if (picture.base64 && picture.url) {
+  ImageText image;
+  image.base64 = take(kImagePart, "base64");
+  image.url = take(kImageUrl, "an address on the web");
+  if (image.base64 && image.url) {
     ThrowInvalid(of.empty() ? kImageUrl : of,
                  (of.empty() ? "" : of + ": ") + "image_url and image exclude each other.");
   }
-  return picture;
+  return image;
 }
 
 // Whole text to number; false for anything left over.
@@ -84,7 +84,7 @@ std::string WantedType(const Parameter& spec, const Json& value) {
     case Parameter::Type::kBoolean:
       return unless(value.is_boolean(), "true or false");
     case Parameter::Type::kJson:
-    case Parameter::Type::kPicture:
+    case Parameter::Type::kImage:
       return unless(value.is_object(), "an object");
     case Parameter::Type::kJsonList:
       return unless(value.is_array(), "an array");
@@ -160,7 +160,7 @@ void CheckText(const Parameter& spec, const std::string& text) {
     case Parameter::Type::kJsonList:
       ParseJsonArray(text, name);
       return;
-    case Parameter::Type::kPicture:
+    case Parameter::Type::kImage:
       return;
   }
 }
@@ -177,20 +177,20 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
                        route.body != BodyKind::kMergePatch;
   if (in_body) {
     Json body = ParseJsonObject(request.body, "body");
-    if (route.body == BodyKind::kImageOrJson) image_ = TakePicture(body);
+    if (route.body == BodyKind::kImageOrJson) image_ = TakeImage(body);
     for (auto& [name, value] : body.items()) {
       const Parameter& spec = Known(name);
       if (value.is_null()) continue;
-      if (spec.type == Parameter::Type::kPicture) {
+      if (spec.type == Parameter::Type::kImage) {
         RequireType(spec, value);
-        InsertPicture(spec, std::move(value));
+        InsertImage(spec, std::move(value));
       } else {
         Insert(spec, JsonText(spec, value));
       }
     }
   }
   for (const Parameter& parameter : route_.parameters) {
-    if (parameter.required && !pictures_.contains(parameter.name) &&
+    if (parameter.required && !images_.contains(parameter.name) &&
         Text(parameter.name).value_or("").empty()) {
       throw ProblemError("missing_parameter", parameter.name + " is required.")
           .Parameter(parameter.name);
@@ -212,8 +212,8 @@ const Parameter& Parameters::Known(const std::string& name) const {
 void Parameters::Insert(const Parameter& spec, std::string value) {
   const std::string& name = spec.name;
   if (!IsValidUtf8(value)) ThrowInvalid(name, name + " is not UTF-8.");
-  if (spec.type == Parameter::Type::kPicture) {
-    InsertPicture(spec, ParseJsonObject(value, name));
+  if (spec.type == Parameter::Type::kImage) {
+    InsertImage(spec, ParseJsonObject(value, name));
     return;
   }
   RequireNew(name);
@@ -221,18 +221,18 @@ void Parameters::Insert(const Parameter& spec, std::string value) {
   values_.emplace(name, std::move(value));
 }
 
-void Parameters::InsertPicture(const Parameter& spec, Json value) {
+void Parameters::InsertImage(const Parameter& spec, Json value) {
   const std::string& name = spec.name;
   RequireNew(name);
-  PictureText picture = TakePicture(value, name);
+  ImageText image = TakeImage(value, name);
   if (!value.empty()) {
     ThrowInvalid(name, fmt::format("{}: there is no '{}', only image and image_url.", name,
                                    value.begin().key().substr(0, 64)));
   }
-  if (!picture.base64 && !picture.url) {
-    ThrowInvalid(name, name + " needs a picture: image (base64) or image_url.");
+  if (!image.base64 && !image.url) {
+    ThrowInvalid(name, name + " needs an image: image (base64) or image_url.");
   }
-  pictures_.emplace(name, std::move(picture));
+  images_.emplace(name, std::move(image));
 }
 
 void Parameters::RequireNew(const std::string& name) const {
@@ -292,12 +292,12 @@ std::optional<std::string> Parameters::JsonObject(const std::string& name) const
   return ToText(ParseJsonObject(*text, name));
 }
 
-const PictureText* Parameters::Picture(const std::string& name) const {
-  if (Spec(name).type != Parameter::Type::kPicture) {
+const ImageText* Parameters::Image(const std::string& name) const {
+  if (Spec(name).type != Parameter::Type::kImage) {
     throw std::logic_error("parameter " + name + " is of another kind");
   }
-  const auto it = pictures_.find(name);
-  return it == pictures_.end() ? nullptr : &it->second;
+  const auto it = images_.find(name);
+  return it == images_.end() ? nullptr : &it->second;
 }
 
 std::optional<Json> Parameters::JsonList(const std::string& name) const {

@@ -18,8 +18,8 @@
 
 namespace pliant::server {
 
-// A picture in JSON: base64, or an address to fetch it from. Never both; neither = there is none.
-struct PictureText {
+// An image in JSON: base64, or an address to fetch it from. Never both; neither = there is none.
+struct ImageText {
   std::optional<std::string> base64 = {};
   std::optional<std::string> url = {};
 };
@@ -30,17 +30,17 @@ class Parameters {
   // a name that it does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
   // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have; in a
   // JSON body also for one of another type ("5" is no number). There null is as good as nothing.
-  // The part or field "image" is the picture, never a parameter; in a JSON body it is base64, or
+  // The part or field "image" is the image, never a parameter; in a JSON body it is base64, or
   // "image_url" stands in its place.
   // `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
   bool has(const std::string& name) const {
-    return values_.contains(name) || pictures_.contains(name);
+    return values_.contains(name) || images_.contains(name);
   }
   bool takes(const std::string& name) const;  // whether the route has a parameter of that name
 
-  // The key "image" of a JSON body, where the route takes a picture; null = there is none.
+  // The key "image" of a JSON body, where the route takes an image; null = there is none.
   const std::string* image_base64() const { return image_.base64 ? &*image_.base64 : nullptr; }
   // Likewise the key "image_url". Never both.
   const std::string* image_url() const { return image_.url ? &*image_.url : nullptr; }
@@ -55,7 +55,7 @@ class Parameters {
   // Text that is a JSON object, in one line.
   std::optional<std::string> JsonObject(const std::string& name) const;
   // nullptr = absent. As long as this lives.
-  const PictureText* Picture(const std::string& name) const;
+  const ImageText* Image(const std::string& name) const;
   // The elements of a JSON array.
   std::optional<Json> JsonList(const std::string& name) const;
 
@@ -74,15 +74,15 @@ class Parameters {
   // Throws "unknown_parameter".
   const Parameter& Known(const std::string& name) const;
   void Insert(const Parameter& spec, std::string value);
-  void InsertPicture(const Parameter& spec, Json value);
+  void InsertImage(const Parameter& spec, Json value);
   void RequireNew(const std::string& name) const;
   const Parameter& Spec(const std::string& name) const;
   std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
 
   const Route& route_;
   std::map<std::string, std::string> values_;
-  std::map<std::string, PictureText> pictures_;
-  PictureText image_;
+  std::map<std::string, ImageText> images_;
+  ImageText image_;
 };
 
 // Throws ProblemError "invalid_parameter" for `name`.

@@ -13,8 +13,8 @@
 
 namespace pliant::server {
 
-// The picture that a problem is about.
-struct StoredPicture {
+// The image that a problem is about.
+struct StoredImage {
   std::string image_id;
   std::string object;
 };
@@ -29,7 +29,7 @@ struct Problem {
   int retry_after_s = 0;           // 429 and 503; 0 = no header
   double progress = -1;            // "starting": which share of the index is loaded; < 0 = none
   std::string internal = {};       // for the log only
-  std::optional<StoredPicture> stored = {};  // "same_bytes": which has them
+  std::optional<StoredImage> stored = {};  // "same_bytes": which has them
 };
 
 // A code that the server answers with. Codes of the engine ("image_truncated", ...) pass through

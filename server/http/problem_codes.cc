@@ -85,7 +85,7 @@ constexpr std::array kEngineCodes = std::to_array<ProblemCode>({
      "the collection has these bytes as an image with another object or other metadata"},
     {"object_exists", 409, "another object has this name; `merge=true` merges the two"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
-    {"no_pictures", 409, "there are no images to train a vocabulary from (of a job)"},
+    {"no_images", 409, "there are no images to train a vocabulary from (of a job)"},
     {"image_too_large", 413,
      "the image exceeds --max-megapixels, --max-decode-mb or --decode-timeout"},
     {"image_type_unknown", 415, "the bytes are not an image of a supported type"},

@@ -24,7 +24,7 @@ struct Parameter {
     kBoolean,   // "true" or "false"
     kJson,      // a JSON object
     kJsonList,  // a JSON array
-    kPicture,   // a JSON object: {"image": base64} or {"image_url": address}
+    kImage,     // a JSON object: {"image": base64} or {"image_url": address}
   };
 
   Parameter(const char* parameter_name, const char* for_what)
@@ -64,8 +64,8 @@ struct Parameter {
     type = Type::kJsonList;
     return std::move(*this);
   }
-  Parameter Picture() && {
-    type = Type::kPicture;
+  Parameter Image() && {
+    type = Type::kImage;
     return std::move(*this);
   }
   // What it is when it is not given, as text.

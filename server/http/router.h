@@ -21,7 +21,7 @@ enum class BodyKind {
   kNone,
   kJson,         // application/json, or no body
   kImageOrJson,  // image/*, application/octet-stream, multipart/form-data or application/json
-  kPair,         // a form of two pictures, or application/json; parameters may be pictures
+  kPair,         // a form of two images, or application/json; parameters may be images
   kBulk,         // application/x-ndjson or application/x-tar
   kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
 };

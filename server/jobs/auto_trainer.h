@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Vocabularies without being asked: someone who uploads a few pictures and searches expects an
+// Vocabularies without being asked: someone who uploads a few images and searches expects an
 // answer.
 #pragma once
 
@@ -21,7 +21,7 @@
 namespace pliant::server {
 
 // The policy, for each collection:
-// - no vocabulary and at least one picture: train, once uploads pause for kPause (at the latest
+// - no vocabulary and at least one image: train, once uploads pause for kPause (at the latest
 //   kLongestWait after the first), or at once when a search comes;
 // - the active vocabulary is one of ours and outgrown (index/engine/training_policy.h): train again
 // and switch. A vocabulary that somebody trained or chose by hand is left alone: the database
@@ -43,7 +43,7 @@ class AutoTrainer {
   void OnAdded(const std::string& collection);
 
   // The running or new training job of the collection; nothing when none is due. For a search that
-  // found no vocabulary: then it is due as soon as there is a picture. Throws Error kNotFound.
+  // found no vocabulary: then it is due as soon as there is an image. Throws Error kNotFound.
   std::optional<JobStatus> TrainIfDue(const std::string& collection);
 
  private:

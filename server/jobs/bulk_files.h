@@ -20,7 +20,7 @@ struct BulkFileOptions {
   std::filesystem::path database = {};  // the files are NAME.import-ID beside it
   std::uint64_t max_bytes = 0;          // of a body; 0 = as the disk has room
   std::uint64_t reserve_bytes = 0;      // of the disk, which bodies may not take
-  std::size_t max_item_bytes = 0;       // of one picture, or line, in a body
+  std::size_t max_item_bytes = 0;       // of one image, or line, in a body
 };
 
 // A file as memory, read from the disk as it is looked at. Immutable.

@@ -35,7 +35,7 @@ Json ParametersOf(const CollectionRecord& collection, const BulkItems& items,
 // The id of the job's file; empty = what it works on is in the store.
 std::string FileOf(const JobStatus& job) { return job.parameters.value("file", ""); }
 
-// Problems that concern the server, not the picture: the job begins again, or fails as a whole.
+// Problems that concern the server, not the image: the job begins again, or fails as a whole.
 bool ConcernsAll(const Problem& problem) { return problem.status >= 500; }
 
 struct Outcome {
@@ -114,7 +114,7 @@ class BulkImport {
 
   void Fetch(BulkItem& item) {
     const auto stop = [this] { return context_.stop().stop_requested(); };
-    FetchedPicture fetched = fetcher_.Fetch(*item.url, Fetcher::For::kJob, stop);
+    FetchedImage fetched = fetcher_.Fetch(*item.url, Fetcher::For::kJob, stop);
     item.request.bytes = *fetched.bytes;
     item.decoded = std::move(fetched.bytes);
     if (item.request.source.empty()) item.request.source = std::move(fetched.source);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The background job that adds the pictures of one body (bulk_items.h).
+// The background job that adds the images of one body (bulk_items.h).
 #pragma once
 
 #include <functional>
@@ -25,7 +25,7 @@ JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection,
 JobStatus AddBulkImportJob(JobQueue& jobs, const CollectionRecord& collection, BulkUpload& body,
                            const std::string& type, const BulkDefaults& defaults);
 
-// `on_added` hears of the collection for each picture that was added; any thread. What the job says
+// `on_added` hears of the collection for each image that was added; any thread. What the job says
 // of an item (ServiceStore::JobItems) is a JSON object: "index", "source", "status" as a request of
 // its own would have, and "outcome", "image_id" and "object", or "problem". Begun again after an
 // interruption it goes on behind the items that it has said something of.

@@ -93,7 +93,7 @@ BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefault
     }
   }
   if (size() == 0) {
-    throw ProblemError("missing_parameter", "The body has no pictures.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body has no images.").Parameter("body");
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive.
+// Many images in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@ namespace pliant::server {
 
 inline constexpr std::size_t kMostBulkItems = 10'000;
 
-// What all pictures have that do not say otherwise.
+// What all images have that do not say otherwise.
 struct BulkDefaults {
   std::string object;                     // also in place of those that a TAR's names give
   std::string metadata = "{}";            // a JSON object
@@ -26,7 +26,7 @@ struct BulkDefaults {
   std::size_t max_item_bytes = SIZE_MAX;  // longer lines and files are refused, each by itself
 };
 
-// A picture of a body. The request's bytes are those of the body, or `decoded`; none when it has to
+// An image of a body. The request's bytes are those of the body, or `decoded`; none when it has to
 // be fetched from `url` first.
 struct BulkItem {
   AddRequest request;

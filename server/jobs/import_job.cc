@@ -31,8 +31,8 @@ std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& option
                    const JobStatus& job, const JobContext& context) {
   const fs::path folder =
       ResolveImportFolder(options.directory, job.parameters.at("folder").get<std::string>());
-  const PictureFiles files =
-      FindPictures({folder}, ObjectFromName(job.parameters.at("object_from").get<std::string>()));
+  const ImageFiles files =
+      FindImages({folder}, ObjectFromName(job.parameters.at("object_from").get<std::string>()));
   FolderImportOptions how;
   how.collection = job.collection;
   how.threads = ImportsAtOnce(pool);
@@ -51,7 +51,7 @@ std::string Import(Engine& engine, WorkerPool& pool, const ImportOptions& option
     if (added.outcome != AddOutcome::kUnchanged) options.on_added(job.collection);
     return added;
   };
-  if (ImportPictures(engine, files, how).interrupted) ThrowImportStopped();
+  if (ImportImages(engine, files, how).interrupted) ThrowImportStopped();
   return "/v1/collections/" + job.collection;
 }
 

@@ -18,7 +18,7 @@ JobStatus AddTrainingJob(JobQueue& jobs, const TrainOptions& options, bool activ
 // has a vocabulary that still suits when its turn comes trains nothing. Nothing = a training of the
 // collection has not ended, here or at another server.
 std::optional<JobStatus> AddAutomaticTrainingJob(JobQueue& jobs, const TrainOptions& options);
-// Queues the switch to a vocabulary with which pictures must be quantised first.
+// Queues the switch to a vocabulary with which images must be quantised first.
 JobStatus AddActivationJob(JobQueue& jobs, const std::string& collection, std::int64_t vocabulary);
 
 // Kinds "train" and "activate": both start again after a restart, with the same result.

@@ -19,8 +19,8 @@ namespace {
 
 // Parameters in the OpenAPI document.
 //
-// In words, what a picture may be.
-inline constexpr const char* kBinaryImage = "a picture: JPEG, PNG, WebP, BMP or TIFF";
+// In words, what an image may be.
+inline constexpr const char* kBinaryImage = "an image: JPEG, PNG, WebP, BMP or TIFF";
 
 // "images" of "images.create"; what has no point has one of its own, or one for several.
 std::string TagOf(const Route& route) {
@@ -38,15 +38,15 @@ Json TagsOf(const std::vector<Route>& routes) {
   static const std::map<std::string, std::string> meanings = {
       {"aliases", "Other names of collections, moved from one to another at once"},
       {"backups", "Copies of the database in the operator's directory"},
-      {"collections", "Separate sets of pictures, objects and vocabularies"},
-      {"compare", "Two pictures, whether stored or not"},
+      {"collections", "Separate sets of images, objects and vocabularies"},
+      {"compare", "Two images, whether stored or not"},
       {"demo", "Demonstration objects for a first try"},
       {"health", "Whether the server lives, whether it is ready, how it is doing"},
-      {"images", "Pictures: adding, reading, changing, deleting"},
-      {"imports", "Pictures of a folder on the server"},
+      {"images", "Images: adding, reading, changing, deleting"},
+      {"imports", "Images of a folder on the server"},
       {"jobs", "What runs in the background"},
       {"keys", "API keys, and what the caller may do"},
-      {"objects", "What the pictures show"},
+      {"objects", "What the images show"},
       {"page", "The web page, and this document"},
       {"search", "Which object is this?"},
       {"vocabularies", "Visual words: training, choosing"}};
@@ -61,17 +61,17 @@ Json TagsOf(const std::vector<Route>& routes) {
   return tags;
 }
 
-Json PictureProperties() {
+Json ImageProperties() {
   return {
       {"image", {{"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}}},
       {"image_url",
        {{"type", "string"},
         {"description",
-         "address (http, https) to fetch the picture from, where the operator allows its host "
+         "address (http, https) to fetch the image from, where the operator allows its host "
          "(--fetch-hosts); in place of image"}}}};
 }
 
-Json EitherPicture() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
+Json EitherImage() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
 
 Json SchemaOf(const Parameter& parameter) {
   Json schema;
@@ -105,11 +105,11 @@ Json SchemaOf(const Parameter& parameter) {
     case Parameter::Type::kJsonList:
       schema = {{"type", "array"}};
       break;
-    case Parameter::Type::kPicture:
+    case Parameter::Type::kImage:
       schema = {{"type", "object"},
-                {"properties", PictureProperties()},
+                {"properties", ImageProperties()},
                 {"additionalProperties", false},
-                {"oneOf", EitherPicture()}};
+                {"oneOf", EitherImage()}};
       break;
   }
   if (parameter.default_value.empty()) return schema;
@@ -126,7 +126,7 @@ Json QueryParameter(const Parameter& parameter, bool only) {
                {"required", only && parameter.required}};
   using Type = Parameter::Type;
   const Type type = parameter.type;
-  if (type == Type::kJson || type == Type::kJsonList || type == Type::kPicture) {
+  if (type == Type::kJson || type == Type::kJsonList || type == Type::kImage) {
     json["content"] = {{"application/json", {{"schema", SchemaOf(parameter)}}}};
   } else {
     if (type == Type::kNumbers) {
@@ -140,7 +140,7 @@ Json QueryParameter(const Parameter& parameter, bool only) {
 
 Json PathParameter(const std::string& name) {
   static const std::map<std::string, std::string> meanings = {
-      {"c", "name of a collection"}, {"id", "id of a picture or a job"},
+      {"c", "name of a collection"}, {"id", "id of an image or a job"},
       {"o", "name of an object"},    {"v", "number of a vocabulary"},
       {"b", "name of a backup"},     {"n", "number of an object"},
       {"k", "id of a key"},          {"a", "name of an alias"}};
@@ -160,7 +160,7 @@ Json Properties(const Route& route) {
   return properties;
 }
 
-// Instead of a picture the request may name one that is stored.
+// Instead of an image the request may name one that is stored.
 bool MayDoWithoutImage(const Route& route) {
   return std::any_of(route.parameters.begin(), route.parameters.end(),
                      [](const Parameter& parameter) { return parameter.name == "image_id"; });
@@ -170,12 +170,12 @@ Json JsonContent(const Route& route) {
   Json schema = {{"type", "object"}, {"properties", Properties(route)}};
   for (const Parameter& parameter : route.parameters) {
     // A form may have them as its fields.
-    const bool picture = parameter.type == Parameter::Type::kPicture;
-    if (parameter.required || picture) schema["required"].push_back(parameter.name);
+    const bool image = parameter.type == Parameter::Type::kImage;
+    if (parameter.required || image) schema["required"].push_back(parameter.name);
   }
   if (route.body == BodyKind::kImageOrJson) {
-    schema["properties"].update(PictureProperties());
-    if (!MayDoWithoutImage(route)) schema["oneOf"] = EitherPicture();
+    schema["properties"].update(ImageProperties());
+    if (!MayDoWithoutImage(route)) schema["oneOf"] = EitherImage();
   }
   return {{"schema", schema}};
 }
@@ -325,7 +325,7 @@ Json OpenApiDocument(const std::vector<Route>& routes) {
         {"summary", "Find the same object again, however it is bent, folded or crumpled"},
         {"description",
          "Parameters may stand in the query, as keys of a JSON body, there with the types given "
-         "here (null is as if it were left out), or, where a route takes a picture, in form "
+         "here (null is as if it were left out), or, where a route takes an image, in form "
          "fields. Errors "
          "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
          "X-Request-Id. HEAD works wherever GET does."},

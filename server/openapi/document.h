@@ -3,9 +3,9 @@
 // The OpenAPI 3.1 document, generated from the route table.
 //
 // Each operation has an example as `x-codeSamples`: a shell command for a folder that holds the
-// pictures mug.png and cup.png, with these variables:
+// images mug.png and cup.png, with these variables:
 //   $PLIANT      address of the server, http://127.0.0.1:8080
-//   $IMAGE       id of a stored picture of the object "mug"
+//   $IMAGE       id of a stored image of the object "mug"
 //   $VOCABULARY  number of a vocabulary
 //   $JOB         id of a job
 //   $BACKUP      name of a backup

@@ -19,18 +19,17 @@ void AddBodyCodes(const Route& route, Codes& codes) {
   if (route.body == BodyKind::kNone) return;
   codes.insert({"body_too_large", "unsupported_content_type", "unsupported_content_encoding",
                 "unsupported_transfer_encoding"});
-  const bool pictures_in_json =
-      route.body == BodyKind::kImageOrJson || route.body == BodyKind::kPair;
-  if (route.body == BodyKind::kJson || pictures_in_json) {
+  const bool images_in_json = route.body == BodyKind::kImageOrJson || route.body == BodyKind::kPair;
+  if (route.body == BodyKind::kJson || images_in_json) {
     codes.insert("invalid_json");
   }
   if (route.body == BodyKind::kMergePatch) {
     codes.insert({"invalid_json", "missing_parameter", "invalid_parameter", "unknown_parameter"});
   }
-  if (pictures_in_json) {
+  if (images_in_json) {
     codes.insert({"invalid_parameter", "fetch_off", "fetch_host_not_allowed", "fetch_failed"});
   }
-  if (!pictures_in_json) return;
+  if (!images_in_json) return;
   if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
   codes.insert({"missing_parameter", "duplicate_parameter", "image_type_unknown", "image_empty",
                 "image_truncated", "image_corrupt", "image_too_small", "image_too_large",
@@ -44,7 +43,7 @@ void AddParameterCodes(const Route& route, Codes& codes) {
     if (parameter.required) codes.insert("missing_parameter");
     if (parameter.name == "cursor") codes.insert("invalid_cursor");
     if (parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList ||
-        parameter.type == Parameter::Type::kPicture) {
+        parameter.type == Parameter::Type::kImage) {
       codes.insert("invalid_json");
     }
   }

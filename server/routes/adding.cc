@@ -4,7 +4,7 @@
 
 namespace pliant::server {
 
-AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCheck& check) {
+AddResult AddOnPool(Service& service, const AddRequest& request, const ImageCheck& check) {
   // A store that cannot be written now must not keep cores from searches.
   std::function<AddResult()> write;
   service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
@@ -20,10 +20,10 @@ AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCh
   return result;
 }
 
-Parameter ObjectParameter() { return {"object", "what the picture shows"}; }
+Parameter ObjectParameter() { return {"object", "what the image shows"}; }
 
 Parameter MetadataParameter() {
-  return Parameter("metadata", "a JSON object that is kept with the picture").Json();
+  return Parameter("metadata", "a JSON object that is kept with the image").Json();
 }
 
 }  // namespace pliant::server

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Adding a picture, shared by several routes.
+// Adding an image, shared by several routes.
 #pragma once
 
 #include "server/routes/service.h"
@@ -8,7 +8,7 @@
 namespace pliant::server {
 
 // Runs on the pool, updates the metrics, and notifies the automatic training.
-AddResult AddOnPool(Service& service, const AddRequest& request, const PictureCheck& check = {});
+AddResult AddOnPool(Service& service, const AddRequest& request, const ImageCheck& check = {});
 
 Parameter ObjectParameter();
 Parameter MetadataParameter();

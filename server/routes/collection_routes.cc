@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Collections: separate pictures, objects and vocabularies.
+// Collections: separate images, objects and vocabularies.
 #include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/routes/answers.h"

@@ -54,11 +54,11 @@ Response Attachment(std::shared_ptr<const BodyFile> file, const char* type,
 
 Response Export(Service& service, const Request& request, const Parameters& parameters) {
   const Turn turn(running);
-  PictureListing list;
+  ImageListing list;
   list.which = SelectionOf(parameters, CollectionOf(service, request));
   list.limit = kRecordsAtOnce;
   const std::shared_ptr<BodyFile> file = NewFile(service);
-  service.engine().ForEachPage(list, [&](const PicturePage& page) {
+  service.engine().ForEachPage(list, [&](const ImagePage& page) {
     std::string lines;
     for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
     if (!lines.empty()) file->Append(lines);
@@ -68,7 +68,7 @@ Response Export(Service& service, const Request& request, const Parameters& para
 
 Response ExportFeatures(Service& service, const Request& request, const Parameters& parameters) {
   const Turn turn(running);
-  PictureListing list;
+  ImageListing list;
   list.which = SelectionOf(parameters, CollectionOf(service, request));
   const std::shared_ptr<BodyFile> file = NewFile(service);
   WriteFeaturesNpz(
@@ -86,9 +86,7 @@ void AddExportRoutes(Service& service, std::vector<Route>& routes) {
        .pattern = "/v1/collections/{c}/export",
        .summary =
            "All records of a collection, or some, in order of their ids: a line of JSON each",
-       .parameters = {{"object", "only pictures of this object"},
-                      FilterParameter(),
-                      TextParameter()},
+       .parameters = {{"object", "only images of this object"}, FilterParameter(), TextParameter()},
        .answers = {{200, "lines, each an Image", "", kNdjsonType}},
        .codes = {"busy", "no_space", "read_only"},
        .example = R"(curl "$PLIANT/v1/collections/default/export")",
@@ -101,7 +99,7 @@ void AddExportRoutes(Service& service, std::vector<Route>& routes) {
        .pattern = "/v1/collections/{c}/features",
        .summary = "The features of a collection, or some, in order of their ids: NumPy's archive",
        .parameters = {Parameter("format", "npz: for numpy.load").Choice({"npz"}).Default("npz"),
-                      {"object", "only pictures of this object"},
+                      {"object", "only images of this object"},
                       FilterParameter(),
                       TextParameter()},
        .answers = {{200,

@@ -38,8 +38,8 @@ Response MetricsText(Service& service) {
 [[noreturn]] void ThrowStarting(const Service& service) {
   const double share = service.loaded();
   Problem problem =
-      ProblemError("starting", fmt::format("The index is still loading: {:.0f} % of the pictures.",
-                                           100 * share))
+      ProblemError("starting",
+                   fmt::format("The index is still loading: {:.0f} % of the images.", 100 * share))
           .problem();
   problem.progress = share;
   throw ProblemError(problem);

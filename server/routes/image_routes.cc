@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures: add, replace, show, list, delete.
+// Images: add, replace, show, list, delete.
 #include <utility>
 
 #include "descriptor/base/base64.h"
@@ -25,15 +25,15 @@ std::string ImagePath(const ImageRecord& image) {
          EncodeSegment(image.id);
 }
 
-// As AddOnPool; "same_bytes" says which picture has the bytes, so that a client can change that
+// As AddOnPool; "same_bytes" says which image has the bytes, so that a client can change that
 // one.
-PictureCheck CheckOf(const Request& request) {
+ImageCheck CheckOf(const Request& request) {
   return [&request](const ImageRecord* now) {
     CheckConditionsOf(request, now == nullptr ? Json(nullptr) : ImageJson(*now));
   };
 }
 
-AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add, const PictureCheck& check) {
+AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add, const ImageCheck& check) {
   try {
     return AddOnPool(service, add, check);
   } catch (const Error& error) {
@@ -58,7 +58,7 @@ Response Add(Service& service, const Request& request, const Parameters& paramet
   add.source = image.filename;
   add.bytes = image.bytes;
   const AddResult result =
-      AddOrSayWhereItIs(service, add, names_one ? CheckOf(request) : PictureCheck());
+      AddOrSayWhereItIs(service, add, names_one ? CheckOf(request) : ImageCheck());
   const bool created = result.outcome == AddOutcome::kCreated;
   Response response = JsonResponse(ImageJson(result.image), created ? 201 : 200);
   if (names_one) response.headers.emplace_back("ETag", EtagOf(ImageJson(result.image)));
@@ -66,22 +66,22 @@ Response Add(Service& service, const Request& request, const Parameters& paramet
   return response;
 }
 
-const Orders<PictureOrder>& PictureOrders() {
-  static const Orders<PictureOrder> orders = {{"id", PictureOrder::kId},
-                                              {"created", PictureOrder::kCreated},
-                                              {"updated", PictureOrder::kUpdated},
-                                              {"object", PictureOrder::kObject},
-                                              {"source", PictureOrder::kSource}};
+const Orders<ImageOrder>& ImageOrders() {
+  static const Orders<ImageOrder> orders = {{"id", ImageOrder::kId},
+                                            {"created", ImageOrder::kCreated},
+                                            {"updated", ImageOrder::kUpdated},
+                                            {"object", ImageOrder::kObject},
+                                            {"source", ImageOrder::kSource}};
   return orders;
 }
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
-  PictureListing list;
+  ImageListing list;
   list.which = SelectionOf(parameters, CollectionOf(service, request));
   const std::string identity = ListIdentity("images", list.which, parameters);
   static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
-  list.order = OrderOf(parameters, PictureOrders());
-  const PicturePage page = ListPageOf(service.engine(), list);
+  list.order = OrderOf(parameters, ImageOrders());
+  const ImagePage page = ListPageOf(service.engine(), list);
   Json items = Json::array();
   for (const ImageRecord& image : page.records) items.push_back(ImageJson(image));
   return JsonResponse(PageJson("images", std::move(items), page.next, page.total, page.facets,
@@ -92,7 +92,7 @@ Response RemoveWhere(Service& service, const Request& request, const Parameters&
   const Selection which = SelectionOf(parameters, CollectionOf(service, request));
   if (which.filter.empty()) {
     ThrowInvalid("filter",
-                 "filter must have a condition: all pictures go with the collection, or with their "
+                 "filter must have a condition: all images go with the collection, or with their "
                  "objects.");
   }
   return JsonResponse({{"deleted", service.engine().RemoveWhere(which)}});
@@ -101,7 +101,7 @@ Response RemoveWhere(Service& service, const Request& request, const Parameters&
 Response Remove(Service& service, const Request& request) {
   const std::string& id = request.captures.at("id");
   if (!service.engine().Remove(CollectionOf(service, request), id, CheckOf(request))) {
-    throw ProblemError("image_not_found", "There is no picture '" + id + "'.");
+    throw ProblemError("image_not_found", "There is no image '" + id + "'.");
   }
   return {.status = 204};
 }
@@ -111,10 +111,10 @@ void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.create",
        .method = "POST",
        .pattern = "/v1/collections/{c}/images",
-       .summary = "Add a picture; the same bytes again are no work",
+       .summary = "Add an image; the same bytes again are no work",
        .scope = Scope::kWrite,
        .body = BodyKind::kImageOrJson,
-       .parameters = {{"id", "id of the picture; by default made from its bytes"},
+       .parameters = {{"id", "id of the image; by default made from its bytes"},
                       ObjectParameter(),
                       MetadataParameter()},
        .answers = {{201, "added", "Image"}, {200, "the same bytes were there: no work", "Image"}},
@@ -128,7 +128,7 @@ void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.put",
                     .method = "PUT",
                     .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "Add or replace the picture of this id",
+                    .summary = "Add or replace the image of this id",
                     .scope = Scope::kWrite,
                     .body = BodyKind::kImageOrJson,
                     .parameters = {ObjectParameter(), MetadataParameter()},
@@ -145,8 +145,8 @@ void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
 }
 
 void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
-  std::vector<Parameter> listing = {{"object", "only pictures of this object"}};
-  for (Parameter& parameter : ListParameters(NamesOf(PictureOrders()))) {
+  std::vector<Parameter> listing = {{"object", "only images of this object"}};
+  for (Parameter& parameter : ListParameters(NamesOf(ImageOrders()))) {
     listing.push_back(std::move(parameter));
   }
   listing.push_back(CursorParameter());
@@ -155,7 +155,7 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.list",
        .method = "GET",
        .pattern = "/v1/collections/{c}/images",
-       .summary = "Pictures, page by page: some or all, in the order asked for",
+       .summary = "Images, page by page: some or all, in the order asked for",
        .parameters = std::move(listing),
        .answers = {{200, "a page", "ImageList"}},
        .example = R"(curl "$PLIANT/v1/collections/default/images?limit=10&sort=-created")",
@@ -166,11 +166,11 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.delete_where",
        .method = "DELETE",
        .pattern = "/v1/collections/{c}/images",
-       .summary = "Delete all pictures whose metadata pass a filter, at once or not at all",
+       .summary = "Delete all images whose metadata pass a filter, at once or not at all",
        .scope = Scope::kWrite,
        .parameters =
-           {Parameter("filter", "only pictures whose metadata pass; never all").Json().Required(),
-            {"object", "only pictures of this object"},
+           {Parameter("filter", "only images whose metadata pass; never all").Json().Required(),
+            {"object", "only images of this object"},
             TextParameter()},
        .answers = {{200, "how many are gone", "ImagesDeleted"}},
        .example = R"(curl -X DELETE -G --data-urlencode 'filter={"batch": 7}' )"
@@ -181,7 +181,7 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "One picture's record",
+                    .summary = "One image's record",
                     .answers = {{200, "the record, with ETag", "Image"},
                                 {304, "If-None-Match names its ETag", "", ""}},
                     .codes = {"image_not_found"},
@@ -193,7 +193,7 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "images.delete",
                     .method = "DELETE",
                     .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "Delete a picture; no later answer knows it",
+                    .summary = "Delete an image; no later answer knows it",
                     .scope = Scope::kWrite,
                     .answers = {{204, "gone", "", ""}},
                     .codes = {"image_not_found"},
@@ -203,10 +203,10 @@ void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
                     .takes_if_match = true});
 }
 
-// Pictures come from strangers: whatever their bytes are, a browser must not run them. Who names
+// Images come from strangers: whatever their bytes are, a browser must not run them. Who names
 // the bytes may keep them: at that address they are never others. Another key may not see them.
-void AddPictureHeaders(Response& response, const std::string& etag, const ImageRecord& image,
-                       const Parameters& parameters) {
+void AddImageHeaders(Response& response, const std::string& etag, const ImageRecord& image,
+                     const Parameters& parameters) {
   const bool named = parameters.Text("sha256") == image.sha256;
   response.headers.emplace_back("ETag", etag);
   response.headers.emplace_back(
@@ -219,7 +219,7 @@ Response Content(Service& service, const Request& request, const Parameters& par
   const std::string collection = CollectionOf(service, request);
   const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
   Response response;
-  AddPictureHeaders(response, '"' + image.sha256 + '"', image, parameters);
+  AddImageHeaders(response, '"' + image.sha256 + '"', image, parameters);
   response.headers.emplace_back("Accept-Ranges", "bytes");
   if (!NamedByIfNoneMatch(request, '"' + image.sha256 + '"').empty()) {
     response.status = 304;
@@ -237,7 +237,7 @@ Response Thumbnail(Service& service, const Request& request, const Parameters& p
   const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
   const std::string etag = "\"" + image.sha256 + "-" + std::to_string(kThumbnailSidePx) + "\"";
   Response response;
-  AddPictureHeaders(response, etag, image, parameters);
+  AddImageHeaders(response, etag, image, parameters);
   if (!NamedByIfNoneMatch(request, etag).empty()) {
     response.status = 304;
     return response;
@@ -296,7 +296,7 @@ Response FeaturesOf(Service& service, const Request& request, const Parameters& 
 
 Parameter Sha256Parameter() {
   return {"sha256",
-          "of the picture as its record has it: where it is still that, caches may keep the answer "
+          "of the image as its record has it: where it is still that, caches may keep the answer "
           "for good (Cache-Control: immutable)"};
 }
 
@@ -326,7 +326,7 @@ void AddImageDataRoutes(Service& service, std::vector<Route>& routes) {
                     .pattern = "/v1/collections/{c}/images/{id}/content",
                     .summary = "The uploaded bytes",
                     .parameters = {Sha256Parameter()},
-                    .answers = {{200, "the picture, with ETag", "", "image/*"},
+                    .answers = {{200, "the image, with ETag", "", "image/*"},
                                 {206, "the part that Range names", "", "image/*"},
                                 {304, "If-None-Match names its ETag", "", ""}},
                     .codes = {"image_not_found", "content_not_kept"},
@@ -350,7 +350,7 @@ void AddImageDataRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.features",
        .method = "GET",
        .pattern = "/v1/collections/{c}/images/{id}/features",
-       .summary = "Key points and descriptors: as JSON, these as base64 of "
+       .summary = "Keypoints and descriptors: as JSON, these as base64 of "
                   "little-endian rows, or as NumPy's archive",
        .parameters =
            {Parameter("format", "npz: for numpy.load").Choice({"json", "npz"}).Default("json")},
@@ -368,7 +368,7 @@ void AddPreviewRoute(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "preview",
                     .method = "POST",
                     .pattern = "/v1/preview",
-                    .summary = "A JPEG preview of a picture that is not stored, longer side 320 "
+                    .summary = "A JPEG preview of an image that is not stored, longer side 320 "
                                "pixels",
                     .body = BodyKind::kImageOrJson,
                     .answers = {{200, "the preview", "", "image/jpeg"}},

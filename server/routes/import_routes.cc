@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures in one body, or in a folder on the server, added in the background.
+// Many images in one body, or in a folder on the server, added in the background.
 #include <filesystem>
 
 #include "index/store/database_url.h"
@@ -29,7 +29,7 @@ Response Import(Service& service, const Request& request, const Parameters& para
   const CollectionRecord collection =
       service.engine().GetCollection(CollectionOf(service, request));
   if (request.received ? request.received->All().empty() : request.body.empty()) {
-    throw ProblemError("missing_parameter", "The body has no pictures.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body has no images.").Parameter("body");
   }
   BulkDefaults defaults;
   defaults.object = parameters.Text("object").value_or("");
@@ -69,18 +69,17 @@ void AddImportRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.import",
        .method = "POST",
        .pattern = "/v1/collections/{c}/images:import",
-       .summary =
-           "Add many pictures in the background: lines of JSON with base64, or a TAR archive",
+       .summary = "Add many images in the background: lines of JSON with base64, or a TAR archive",
        .scope = Scope::kWrite,
        .body = BodyKind::kBulk,
-       .parameters = {{"object", "what all pictures show that do not say otherwise"},
+       .parameters = {{"object", "what all images show that do not say otherwise"},
                       MetadataParameter(),
                       Parameter("object_from",
-                                "of a TAR, what names a picture's object; auto: its folder where "
+                                "of a TAR, what names an image's object; auto: its folder where "
                                 "there are folders, else the file's name")
                           .Choice({"auto", "folder", "stem", "none"})
                           .Default("auto")},
-       .answers = {{202, "the job; its items say what became of each picture", "Job"}},
+       .answers = {{202, "the job; its items say what became of each image", "Job"}},
        .codes = {"missing_parameter"},
        .example = R"(tar cf - mug.png cup.png | curl -H "Content-Type: application/x-tar" )"
                   R"(--data-binary @- "$PLIANT/v1/collections/default/images:import")",
@@ -95,13 +94,13 @@ void AddImportRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "imports.create",
        .method = "POST",
        .pattern = "/v1/collections/{c}/imports",
-       .summary = "Add the pictures of a folder on the server, in the background",
+       .summary = "Add the images of a folder on the server, in the background",
        .scope = Scope::kAdmin,
        .body = BodyKind::kJson,
        .parameters =
            {Parameter("folder", "path inside --import-dir; \".\" is all of it").Required(),
             Parameter("object_from",
-                      "what names a picture's object; auto: stem for a folder without "
+                      "what names an image's object; auto: stem for a folder without "
                       "folders, else folder")
                 .Choice({"auto", "folder", "stem", "none"})
                 .Default("auto")},

@@ -152,7 +152,7 @@ void AddMeRoute(Service& service, std::vector<Route>& routes) {
       {.name = "me",
        .method = "GET",
        .pattern = "/v1/me",
-       .summary = "What the caller may do: the scopes of its key, and whether pictures are fetched",
+       .summary = "What the caller may do: the scopes of its key, and whether images are fetched",
        .answers = {{200, "the caller", "Me"}},
        .example = R"(curl "$PLIANT/v1/me")",
        .handler =

@@ -76,14 +76,13 @@ void ThrowInvalidCursor() {
 }
 
 Parameter FilterParameter() {
-  return Parameter("filter", "only pictures whose metadata pass: a JSON object of conditions")
-      .Json();
+  return Parameter("filter", "only images whose metadata pass: a JSON object of conditions").Json();
 }
 
 Parameter TextParameter() {
   return {"q",
           "only what these words occur in, whatever their case: the id, the object or the file's "
-          "name of a picture, the name of an object"};
+          "name of an image, the name of an object"};
 }
 
 std::vector<Parameter> ListParameters(const std::vector<std::string>& orders) {

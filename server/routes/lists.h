@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What lists of pictures and objects have in common: which of them, in which order, what is counted
+// What lists of images and objects have in common: which of them, in which order, what is counted
 // beside, and cursors.
 #pragma once
 

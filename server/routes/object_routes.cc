@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Objects: what pictures show, and where one is in a picture.
+// Objects: what images show, and where one is in an image.
 #include "descriptor/base/stopwatch.h"
 #include "index/json/location_json.h"
 #include "index/json/record_json.h"
@@ -18,7 +18,7 @@ namespace pliant::server {
 namespace {
 
 [[noreturn]] void ThrowNoObject(const std::string& object) {
-  throw ProblemError("object_not_found", "There is no picture of an object '" + object + "'.");
+  throw ProblemError("object_not_found", "There is no image of an object '" + object + "'.");
 }
 
 const Orders<ObjectOrder>& ObjectOrders() {
@@ -78,7 +78,7 @@ Response Locate(Service& service, const Request& request, const Parameters& para
 
 Response ChangeImage(Service& service, const Request& request) {
   const Json patch = MergePatchOf(request, {"object", "metadata", "source"});
-  PictureChange change;
+  ImageChange change;
   change.object = TextIn(patch, "object");
   change.source = TextIn(patch, "source");
   if (const auto it = patch.find("metadata"); it != patch.end()) {
@@ -148,7 +148,7 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "objects.get",
                     .method = "GET",
                     .pattern = "/v1/collections/{c}/objects/{o}",
-                    .summary = "One object: how many pictures show it",
+                    .summary = "One object: how many images show it",
                     .answers = {{200, "the object, with ETag", "Object"},
                                 {304, "If-None-Match names its ETag", "", ""}},
                     .codes = {"object_not_found"},
@@ -159,7 +159,7 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "objects.locate",
                     .method = "POST",
                     .pattern = "/v1/collections/{c}/objects/{o}/locate",
-                    .summary = "Where the object is in the picture sent",
+                    .summary = "Where the object is in the image sent",
                     .body = BodyKind::kImageOrJson,
                     .answers = {{200, "where, or that it is not found", "Location"}},
                     .codes = {"object_not_found"},
@@ -171,7 +171,7 @@ void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
   routes.push_back({.name = "objects.delete",
                     .method = "DELETE",
                     .pattern = "/v1/collections/{c}/objects/{o}",
-                    .summary = "Delete all pictures of an object",
+                    .summary = "Delete all images of an object",
                     .scope = Scope::kWrite,
                     .answers = {{200, "how many are gone", "ObjectDeleted"}},
                     .codes = {"object_not_found"},
@@ -186,7 +186,7 @@ void AddChangeRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "images.patch",
        .method = "PATCH",
        .pattern = "/v1/collections/{c}/images/{id}",
-       .summary = "Change a picture's object, metadata or source",
+       .summary = "Change an image's object, metadata or source",
        .scope = Scope::kWrite,
        .body = BodyKind::kMergePatch,
        .body_schema = "ImagePatch",
@@ -202,11 +202,11 @@ void AddChangeRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "objects.patch",
        .method = "PATCH",
        .pattern = "/v1/collections/{c}/objects/{o}",
-       .summary = "Rename an object, with all its pictures",
+       .summary = "Rename an object, with all its images",
        .scope = Scope::kWrite,
        .body = BodyKind::kMergePatch,
        .body_schema = "ObjectPatch",
-       .parameters = {Parameter("merge", "whether the pictures join an object that has the name")
+       .parameters = {Parameter("merge", "whether the images join an object that has the name")
                           .Boolean()
                           .Default("false")},
        .answers = {{200, "the object as it is now", "Object"}},

@@ -11,9 +11,9 @@
 
 namespace pliant::server {
 
-// `image_id`: one of its pictures, to show it by; empty becomes null: the last one just went.
+// `image_id`: one of its images, to show it by; empty becomes null: the last one just went.
 Json ObjectJson(const ObjectRecord& object, const std::string& image_id);
-// With the first of its pictures there are at the moment.
+// With the first of its images there are at the moment.
 Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object);
 
 }  // namespace pliant::server

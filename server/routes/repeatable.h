@@ -6,7 +6,7 @@
 // A request is what it asks for: method, path, query and body, each part of a form by itself, since
 // boundaries differ from one sending to the next. Answers of success are remembered in the database
 // for a day and given again, by any server on it, with the header Idempotency-Replayed. What failed
-// is done anew. So is what a server began that died before it answered: pictures that it had added
+// is done anew. So is what a server began that died before it answered: images that it had added
 // are found to be there, by their bytes; only a job may then be begun twice.
 #pragma once
 

@@ -41,8 +41,8 @@ std::string NameOf(const Hit& hit) {
 
 class Sheet {
  public:
-  Sheet(Image picture, double scale)
-      : image_(std::move(picture)),
+  Sheet(Image image, double scale)
+      : image_(std::move(image)),
         scale_(scale),
         letters_(std::clamp(std::max(image_.width, image_.height) / 60, 9, 22)),
         line_(std::max(2, letters_ / 5)) {}
@@ -50,7 +50,7 @@ class Sheet {
   void Outline(const std::vector<Point>& polygon, Colour colour) {
     DrawPolyline(image_, OnSheet(polygon), true, colour, line_);
   }
-  // Above the outline's highest point, inside of the picture.
+  // Above the outline's highest point, inside of the image.
   void Name(const std::vector<Point>& polygon, const std::string& name, Colour colour) {
     const std::vector<Vec2> points = OnSheet(polygon);
     const Vec2 top =

@@ -20,7 +20,7 @@ Region RegionOf(const std::vector<double>& numbers) {
   const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
   for (const double number : numbers) {
     if (number < -kLargestCoordinate || number > kLargestCoordinate) {
-      ThrowInvalid("region", "region lies outside any picture.");
+      ThrowInvalid("region", "region lies outside any image.");
     }
   }
   if (region.width <= 0 || region.height <= 0) {
@@ -67,10 +67,10 @@ std::vector<std::string> ExamplesOf(const Parameters& parameters) {
   if (!list) return ids;
   if (list->empty() || list->size() > kMaxExamples) {
     ThrowInvalid("image_ids",
-                 "image_ids must be 1 to " + std::to_string(kMaxExamples) + " ids of pictures.");
+                 "image_ids must be 1 to " + std::to_string(kMaxExamples) + " ids of images.");
   }
   for (const Json& id : *list) {
-    if (!id.is_string()) ThrowInvalid("image_ids", "image_ids must be texts, ids of pictures.");
+    if (!id.is_string()) ThrowInvalid("image_ids", "image_ids must be texts, ids of images.");
     ids.push_back(id.get<std::string>());
     if (std::count(ids.begin(), ids.end(), ids.back()) > 1) {
       ThrowInvalid("image_ids", "image_ids has an id twice.");
@@ -79,8 +79,8 @@ std::vector<std::string> ExamplesOf(const Parameters& parameters) {
   return ids;
 }
 
-// Whether the request has a picture, beside its parameters.
-bool HasPicture(const Request& request, const Parameters& parameters) {
+// Whether the request has an image, beside its parameters.
+bool HasImage(const Request& request, const Parameters& parameters) {
   if (request.content_type == "application/json") {
     return parameters.image_base64() != nullptr || parameters.image_url() != nullptr;
   }
@@ -97,15 +97,15 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
   query.options = OptionsOf(parameters, collection);
   query.image_id = parameters.Text("image_id");
   query.image_ids = ExamplesOf(parameters);
-  const bool has_picture = HasPicture(request, parameters);
-  if (query.image_id && has_picture) {
-    ThrowInvalid("image_id", "image_id and a picture exclude each other.");
+  const bool has_image = HasImage(request, parameters);
+  if (query.image_id && has_image) {
+    ThrowInvalid("image_id", "image_id and an image exclude each other.");
   }
-  if (!query.image_ids.empty() && (query.image_id || has_picture)) {
-    ThrowInvalid("image_ids", "image_ids excludes image_id and a picture.");
+  if (!query.image_ids.empty() && (query.image_id || has_image)) {
+    ThrowInvalid("image_ids", "image_ids excludes image_id and an image.");
   }
   if (!query.image_ids.empty() && query.options.region) {
-    ThrowInvalid("region", "region is of one picture, and image_ids are several.");
+    ThrowInvalid("region", "region is of one image, and image_ids are several.");
   }
   if (query.image_id) {
     if (parameters.Flag("exclude_self").value_or(true)) query.options.without = {*query.image_id};
@@ -120,18 +120,17 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
 
 std::vector<Parameter> SearchParameters() {
   return {
-      {"image_id", "a stored picture to search with, instead of sending one"},
-      Parameter("exclude_self", "whether the picture of image_id is no hit itself")
+      {"image_id", "a stored image to search with, instead of sending one"},
+      Parameter("exclude_self", "whether the image of image_id is no hit itself")
           .Boolean()
           .Default("true"),
-      Parameter(
-          "image_ids",
-          "stored pictures to search with, at most 16: what is like any of them, what is like "
-          "several first; they are no hits themselves")
+      Parameter("image_ids",
+                "stored images to search with, at most 16: what is like any of them, what is like "
+                "several first; they are no hits themselves")
           .JsonList(),
       Parameter("limit", "hits per page; 0 = all").Integer(0, kLargestLimit).Default("10"),
       Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
-      Parameter("group_by", "each object once, by its best picture, or each picture")
+      Parameter("group_by", "each object once, by its best image, or each image")
           .Choice({"object", "image"})
           .Default("object"),
       Parameter("rank", "votes of nearest neighbours, or the paper's histogram distance")
@@ -143,32 +142,31 @@ std::vector<Parameter> SearchParameters() {
           .Choice({"none", "tps"}),
       Parameter(
           "verify_depth",
-          "how many of the best pictures are verified; by default 30, and up to 100, or the square "
+          "how many of the best images are verified; by default 30, and up to 100, or the square "
           "root of the collection's size, as far as there are some that agree; twice that where "
           "none "
           "agrees")
           .Integer(1, kLargestDepth),
       Parameter("expand",
-                "query expansion: how many of the best verified pictures are used as further "
+                "query expansion: how many of the best verified images are used as further "
                 "queries, for views that the query alone does not reach; by default 3 by "
                 "image and 0 by object")
           .Integer(0, kMostExpansions),
-      Parameter("instances", "maximum number of instances of one object in the query picture")
+      Parameter("instances", "maximum number of instances of one object in the query image")
           .Integer(1, kMostInstances)
           .Default("4"),
       Parameter("closer_look",
-                "where nothing is found, describe the query picture once more at a finer scale, "
+                "where nothing is found, describe the query image once more at a finer scale, "
                 "and give the surer answer; takes three to four times as long; not with image_id "
                 "or image_ids")
           .Boolean()
           .Default("true"),
-      Parameter(
-          "region",
-          "x,y,width,height in pixels of the query picture: only this part is looked at, in as "
-          "many of its own pixels as a whole picture may have")
+      Parameter("region",
+                "x,y,width,height in pixels of the query image: only this part is looked at, in as "
+                "many of its own pixels as a whole image may have")
           .Numbers(4),
       Parameter("min_score", "drop hits below it").Number(0, 1).Default("0"),
-      {"object", "only pictures of this object"},
+      {"object", "only images of this object"},
       FilterParameter(),
       Parameter("explain", "explain every hit").Boolean().Default("false")};
 }

@@ -16,7 +16,7 @@ namespace pliant::server {
 // Without "draw" and "preview", which are for a single search.
 std::vector<Parameter> SearchParameters();
 
-// What is searched with: a picture that was sent, one that is stored, or several of those.
+// What is searched with: an image that was sent, one that is stored, or several of those.
 struct SearchQuery {
   UploadedImage image;  // when both others are absent
   std::optional<std::string> image_id;

@@ -55,7 +55,7 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
   const std::optional<JobStatus> job = TrainingOf(*trainer, collection);
   if (!job) {
     throw ProblemError("no_vocabulary",
-                       "There is nothing to find yet: the collection has no pictures. POST some to "
+                       "There is nothing to find yet: the collection has no images. POST some to "
                        "/v1/collections/" +
                            collection + "/images.");
   }
@@ -85,7 +85,7 @@ SearchResult SearchOnPool(Service& service, const SearchQuery& query) {
   return result;
 }
 
-// A picture in place of the JSON: the query with the outlines and names of the hits.
+// An image in place of the JSON: the query with the outlines and names of the hits.
 Response Drawing(Service& service, const Request& request, const SearchQuery& query,
                  const SearchResult& result) {
   std::vector<std::uint8_t> stored;
@@ -93,14 +93,14 @@ Response Drawing(Service& service, const Request& request, const SearchQuery& qu
     stored = service.engine().GetContent(query.options.collection, *query.image_id);
   }
   const bool png = PrefersPng(request.header("Accept"));
-  std::string picture;
+  std::string image;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
-    picture = DrawSearch(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
-                         service.options.engine.extraction.decode, service.decode(), result, png);
+    image = DrawSearch(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
+                       service.options.engine.extraction.decode, service.decode(), result, png);
   });
   Response response;
   response.content_type = png ? "image/png" : "image/jpeg";
-  response.body = std::move(picture);
+  response.body = std::move(image);
   response.headers.emplace_back("Cache-Control", "no-store");
   return response;
 }
@@ -120,16 +120,16 @@ std::string Preview(Service& service, const SearchQuery& query) {
   return "data:image/jpeg;base64," + Base64(jpeg.data(), jpeg.size());
 }
 
-// Parameters that say what the answer is made of, and need one query picture.
-void CheckPictures(const SearchQuery& query, bool draws, bool previews) {
+// Parameters that say what the answer is made of, and need one query image.
+void CheckImages(const SearchQuery& query, bool draws, bool previews) {
   if (draws && !query.image_ids.empty()) {
-    ThrowInvalid("draw", "draw needs one query picture, and image_ids are several.");
+    ThrowInvalid("draw", "draw needs one query image, and image_ids are several.");
   }
   if (previews && !query.image_ids.empty()) {
-    ThrowInvalid("preview", "preview needs one query picture, and image_ids are several.");
+    ThrowInvalid("preview", "preview needs one query image, and image_ids are several.");
   }
   if (draws && previews) {
-    ThrowInvalid("preview", "preview is a part of the JSON that draw has a picture in place of.");
+    ThrowInvalid("preview", "preview is a part of the JSON that draw has an image in place of.");
   }
 }
 
@@ -139,7 +139,7 @@ Response Search(Service& service, const Request& request, const Parameters& para
       SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
   const bool previews = parameters.Flag("preview").value_or(false);
-  CheckPictures(query, draws, previews);
+  CheckImages(query, draws, previews);
   const SearchResult result = SearchOnPool(service, query);
   if (draws) return Drawing(service, request, query, result);
   Json answer = SearchResultJson(result, watch.ms());
@@ -206,7 +206,7 @@ Response SearchBatch(Service& service, const Request& request, const Parameters&
 constexpr std::array<const char*, 2> kNames = {"first", "second"};
 using Pair = std::array<UploadedImage, kNames.size()>;
 
-// What is said of image_url is said of the picture that has it.
+// What is said of image_url is said of the image that has it.
 [[noreturn]] void ThrowFor(const char* name) {
   Problem problem = CurrentProblem();
   if (problem.parameter == "image_url") problem.parameter = name;
@@ -219,35 +219,34 @@ std::vector<UploadedImage> Uploaded(const Request& request) {
   return none ? std::vector<UploadedImage>() : ImagesOf(request);
 }
 
-// The pictures that are named by `first` and `second`, and in the places of those that are not, the
+// The images that are named by `first` and `second`, and in the places of those that are not, the
 // form's fields 'image' in their order. Nothing is fetched before all of it is there.
 Pair PairOf(const Request& request, const Parameters& parameters, Fetcher& fetcher) {
   std::vector<UploadedImage> uploaded = Uploaded(request);
   std::size_t taken = 0;
   Pair pair;
   for (std::size_t i = 0; i < pair.size(); ++i) {
-    const PictureText* named = parameters.Picture(kNames[i]);
+    const ImageText* named = parameters.Image(kNames[i]);
     if (named != nullptr && named->base64) {
       pair[i] = ImageOfBase64(*named->base64, kNames[i]);
     } else if (named == nullptr && taken < uploaded.size()) {
       pair[i] = std::move(uploaded[taken++]);
     } else if (named == nullptr) {
       throw ProblemError("missing_parameter",
-                         "Two pictures are required: form fields 'image', or 'first' and 'second', "
+                         "Two images are required: form fields 'image', or 'first' and 'second', "
                          "each with image (base64) or image_url.")
           .Parameter(request.is_multipart() ? "image" : kNames[i]);
     }
   }
   if (taken < uploaded.size()) {
-    throw ProblemError("duplicate_parameter", "There are more than two pictures.")
-        .Parameter("image");
+    throw ProblemError("duplicate_parameter", "There are more than two images.").Parameter("image");
   }
   std::shared_ptr<void> place;  // one for both: a request that waits for its second helps nobody
   for (std::size_t i = 0; i < pair.size(); ++i) {
-    const PictureText* named = parameters.Picture(kNames[i]);
+    const ImageText* named = parameters.Image(kNames[i]);
     if (named == nullptr || !named->url) continue;
     try {
-      FetchedPicture fetched = fetcher.Fetch(*named->url, Fetcher::For::kRequest, {}, place);
+      FetchedImage fetched = fetcher.Fetch(*named->url, Fetcher::For::kRequest, {}, place);
       place = fetched.place;
       const Bytes bytes(*fetched.bytes);
       pair[i] = {bytes, std::move(fetched.source), std::move(fetched.bytes)};
@@ -274,12 +273,12 @@ Response Compare(Service& service, const Request& request, const Parameters& par
 void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
   std::vector<Parameter> parameters = SearchParameters();
   parameters.push_back(Parameter("draw",
-                                 "answer with the query picture, outlines and names drawn into it: "
+                                 "answer with the query image, outlines and names drawn into it: "
                                  "a JPEG, or a PNG where Accept prefers one")
                            .Boolean()
                            .Default("false"));
   parameters.push_back(Parameter("preview",
-                                 "query.preview of the answer is the query picture, a JPEG of at "
+                                 "query.preview of the answer is the query image, a JPEG of at "
                                  "most 1280 pixels in a data: URL: to show what was fetched")
                            .Boolean()
                            .Default("false"));
@@ -290,8 +289,8 @@ void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
                     .body = BodyKind::kImageOrJson,
                     .parameters = std::move(parameters),
                     .answers = {{200, "hits, best first", "SearchAnswer"},
-                                {200, "with draw: the query picture", "", "image/jpeg"},
-                                {200, "with draw: the query picture", "", "image/png"}},
+                                {200, "with draw: the query image", "", "image/jpeg"},
+                                {200, "with draw: the query image", "", "image/png"}},
                     .codes = {"image_not_found", "no_vocabulary", "content_not_kept"},
                     .example = R"(curl -F image=@mug.png -F limit=3 )"
                                R"("$PLIANT/v1/collections/default/search")",
@@ -306,7 +305,7 @@ void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
        .body = BodyKind::kJson,
        .parameters = {Parameter("searches",
                                 "up to 100 objects, each with the parameters of a search, and "
-                                "image_id, image_ids or a picture, as base64 in image or by its "
+                                "image_id, image_ids or an image, as base64 in image or by its "
                                 "address in image_url")
                           .JsonList()
                           .Required()},
@@ -324,12 +323,12 @@ void AddCompareRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "compare",
        .method = "POST",
        .pattern = "/v1/compare",
-       .summary = "Do two pictures show the same object, and where is that of the first in the "
+       .summary = "Do two images show the same object, and where is that of the first in the "
                   "second? Neither is stored",
        .body = BodyKind::kPair,
        .parameters =
-           {Parameter("first", "the first picture, where it is no form field image").Picture(),
-            Parameter("second", "likewise the second").Picture(),
+           {Parameter("first", "the first image, where it is no form field image").Image(),
+            Parameter("second", "likewise the second").Image(),
             Parameter("explain", "the matches that agree, and the warp")
                 .Boolean()
                 .Default("false")},

@@ -34,17 +34,16 @@ Service::~Service() {
 
 void Service::StartDecoders() {
   if (!options.decoder) {
-    spdlog::info("pictures are decoded inside the server's process (--decoder inside)");
+    spdlog::info("images are decoded inside the server's process (--decoder inside)");
     return;
   }
   try {
     decoders_ = std::make_unique<DecoderPool>(
         *options.decoder, [this](DecoderEnded::Cause cause) { metrics.OnDecoderEnded(cause); });
   } catch (const Error& error) {
-    throw Error(
-        error.code(), error.reason(),
-        std::string(error.what()) +
-            ". With --decoder inside the server decodes pictures itself, with less safety.");
+    throw Error(error.code(), error.reason(),
+                std::string(error.what()) +
+                    ". With --decoder inside the server decodes images itself, with less safety.");
   }
   decode_ = [this](Bytes bytes, const DecodeOptions& how) { return decoders_->Decode(bytes, how); };
   if (!decoders_->missing().empty()) {
@@ -64,7 +63,7 @@ void Service::Open() {
         "the originals' directory is not swept: {}.before-restore-... may need what lies there",
         engine_options.database.string());
   } else if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
-    spdlog::info("removed {} files of no picture from the originals' directory", swept);
+    spdlog::info("removed {} files of no image from the originals' directory", swept);
   }
   figures_ = std::make_unique<StoreFigures>(engine_.get(),
                                             IsDatabaseUrl(engine_options.database.string()));

@@ -26,13 +26,13 @@ namespace pliant::server {
 
 struct ServiceOptions {
   EngineOptions engine;
-  std::optional<DecoderOptions> decoder;  // of pictures; absent = inside this process
+  std::optional<DecoderOptions> decoder;  // of images; absent = inside this process
   WorkerPoolOptions pool;
   bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
-  std::filesystem::path import_dir;  // pictures may be imported from below it; empty = off
+  std::filesystem::path import_dir;  // images may be imported from below it; empty = off
   std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
   BulkFileOptions bulk;              // of imports that are too large for the database
-  FetchOptions fetch;                // of pictures that clients name by their address
+  FetchOptions fetch;                // of images that clients name by their address
 };
 
 // Everything the handlers share. Made before the index is loaded; engine() only after Open().

@@ -45,7 +45,7 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
     return ImageOfBase64(*base64, "image");
   }
   if (const std::string* url = parameters.image_url()) {
-    FetchedPicture fetched = fetcher.Fetch(*url, whom);
+    FetchedImage fetched = fetcher.Fetch(*url, whom);
     const Bytes bytes(*fetched.bytes);
     return {bytes, std::move(fetched.source), std::move(fetched.bytes)};
   }
@@ -53,7 +53,7 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
     if (request.has_body && request.content_type != "application/json")
       return {AsBytes(request.body), {}, {}};
     throw ProblemError("missing_parameter",
-                       "A picture is required: as the body, as the form field 'image', or in a "
+                       "An image is required: as the body, as the form field 'image', or in a "
                        "JSON body as base64 in 'image' or by its address in 'image_url'.")
         .Parameter("image");
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The pictures that a request brings.
+// The images that a request brings.
 #pragma once
 
 #include <memory>
@@ -20,7 +20,7 @@ struct UploadedImage {
   std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};  // of base64, or fetched
 };
 
-// The picture of the request: a raw body, the multipart part "image", or in a JSON body the key
+// The image of the request: a raw body, the multipart part "image", or in a JSON body the key
 // "image", as base64, or "image_url", which is fetched. Throws ProblemError "missing_parameter",
 // "duplicate_parameter", "invalid_parameter" for what is no base64, and what Fetcher::Fetch throws.
 UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetcher& fetcher,

@@ -14,7 +14,7 @@ namespace pliant::server {
 
 namespace {
 
-// More pictures than these that lack words of a vocabulary make its activation a job.
+// More images than these that lack words of a vocabulary make its activation a job.
 constexpr std::uint64_t kQuantizedAtOnce = 200;
 constexpr auto kMostWords = static_cast<std::int64_t>(kMaxWords);
 constexpr auto kLargestSample = static_cast<std::int64_t>(kMaxVocabularySamples);
@@ -71,7 +71,7 @@ void AddVocabularyRoutes(Service& service, std::vector<Route>& routes) {
       {.name = "vocabularies.train",
        .method = "POST",
        .pattern = "/v1/collections/{c}/vocabularies",
-       .summary = "Train a vocabulary from the stored pictures, in the background",
+       .summary = "Train a vocabulary from the stored images, in the background",
        .scope = Scope::kWrite,
        .body = BodyKind::kJson,
        .parameters =
@@ -79,7 +79,7 @@ void AddVocabularyRoutes(Service& service, std::vector<Route>& routes) {
                 .Integer(2, kMostWords),
             Parameter("sample", "descriptors to train on; by default ten per word, at least 10000")
                 .Integer(2, kLargestSample),
-            Parameter("seed", "same seed and pictures, same vocabulary")
+            Parameter("seed", "same seed and images, same vocabulary")
                 .Integer(0, std::numeric_limits<std::int64_t>::max())
                 .Default("1"),
             Parameter("activate", "activate it when it is done").Boolean().Default("true")},
@@ -105,7 +105,7 @@ void AddVocabularyRoutes(Service& service, std::vector<Route>& routes) {
                     .summary = "Use this vocabulary from now on",
                     .scope = Scope::kWrite,
                     .answers = {{200, "in use", "Vocabulary"},
-                                {202, "many pictures must be quantised first: the job", "Job"}},
+                                {202, "many images must be quantised first: the job", "Job"}},
                     .codes = {"vocabulary_not_found", "model_mismatch"},
                     .example =
                         R"(curl -X PUT )"

@@ -10,7 +10,7 @@ const kProblems = {
   backup_exists: "A backup with this name already exists.",
   key_not_found: "This key is already revoked.",
   no_vocabulary: "The collection is empty, or search is still being prepared. Add images, or try again in a moment.",
-  no_pictures: "There are no images to train on. Add images first.",
+  no_images: "There are no images to train on. Add images first.",
   interrupted: "The server stopped during this job. Start the job again.",
   content_not_kept: "The server does not store the original of this image.",
   image_not_found: "This image no longer exists.",

@@ -14,7 +14,7 @@
 #include "descriptor/base/sha256.h"
 #include "descriptor/image/image.h"
 #include "tests/accuracy/small_set.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {

@@ -7,7 +7,7 @@ Pliant, and writes its results in the same JSON form:
     tests/accuracy/compare_colmap.py DIR --pliant build/release/bin/pliant --out colmap.json
     pliant eval retrieval DIR --peers colmap.json
 
-COLMAP extracts SIFT as it does by default, trains a tree on the searched pictures, and ranks once by
+COLMAP extracts SIFT as it does by default, trains a tree on the searched images, and ranks once by
 words alone and once with its own spatial verification of the best.
 """
 import argparse
@@ -50,21 +50,21 @@ def read_set(options):
     return json.loads(done.stdout)
 
 
-def extract(pictures, work, options, log):
-    """Links the pictures under flat names and has COLMAP describe them. Names in pictures' order."""
-    images = work / "images"
-    images.mkdir(exist_ok=True)
+def extract(images, work, options, log):
+    """Links the images under flat names and has COLMAP describe them. Names in images' order."""
+    folder = work / "images"
+    folder.mkdir(exist_ok=True)
     names = []
-    for number, picture in enumerate(pictures):
-        source = pathlib.Path(picture["file"]).resolve()
+    for number, image in enumerate(images):
+        source = pathlib.Path(image["file"]).resolve()
         names.append(f"{number:06d}{source.suffix}")
-        link = images / names[-1]
+        link = folder / names[-1]
         if not link.is_symlink():
             link.symlink_to(source)
         elif link.resolve() != source:
-            sys.exit(f"{work} was made for other pictures ({link.name} is {link.resolve()}); give another --work")
+            sys.exit(f"{work} was made for other images ({link.name} is {link.resolve()}); give another --work")
     command = ["colmap", "feature_extractor", "--database_path", str(work / "colmap.db"),
-               "--image_path", str(images), "--SiftExtraction.use_gpu", "0",
+               "--image_path", str(folder), "--SiftExtraction.use_gpu", "0",
                "--SiftExtraction.num_threads", str(options.threads)]
     if options.max_keypoints:
         command += ["--SiftExtraction.max_num_features", str(options.max_keypoints)]
@@ -72,12 +72,12 @@ def extract(pictures, work, options, log):
     return names
 
 
-def measure(answers, pictures, right):
+def measure(answers, images, right):
     """The metrics of index/evaluation/retrieval_metrics.h, mean over the queries."""
     sums = {"map": 0.0, "top1": 0.0, "mrr": 0.0, "ns": 0.0}
     accuracy = [0.0] * RANKS
     for query, answer in answers.items():
-        hits = [pictures[hit]["object"] == pictures[query]["object"] for hit in answer]
+        hits = [images[hit]["object"] == images[query]["object"] for hit in answer]
         found = 0
         for rank in range(1, max(len(hits), RANKS) + 1):
             if rank <= len(hits) and hits[rank - 1]:
@@ -95,7 +95,7 @@ def measure(answers, pictures, right):
 
 
 def ask(verified, names, asked, work, options, log):
-    """Each query's answer as picture numbers, best first, and the seconds all queries took."""
+    """Each query's answer as image numbers, best first, and the seconds all queries took."""
     command = ["colmap", "vocab_tree_retriever", "--database_path", str(work / "colmap.db"),
                "--vocab_tree_path", str(work / "tree.bin"),
                "--database_image_list_path", str(work / "searched.txt"),
@@ -122,24 +122,24 @@ def ask(verified, names, asked, work, options, log):
 
 def compare(work, options, log):
     retrieval_set = read_set(options)
-    pictures = retrieval_set["pictures"]
-    names = extract(pictures, work, options, log)
-    searched = [i for i, picture in enumerate(pictures) if picture["searched"]]
-    asked = [i for i, picture in enumerate(pictures) if picture["query"]]
+    images = retrieval_set["pictures"]
+    names = extract(images, work, options, log)
+    searched = [i for i, image in enumerate(images) if image["searched"]]
+    asked = [i for i, image in enumerate(images) if image["query"]]
     (work / "searched.txt").write_text("".join(names[i] + "\n" for i in searched))
     (work / "queries.txt").write_text("".join(names[i] + "\n" for i in asked))
     run(["colmap", "vocab_tree_builder", "--database_path", str(work / "colmap.db"),
          "--vocab_tree_path", str(work / "tree.bin"), "--num_visual_words", str(options.words),
          "--num_iterations", str(options.iterations)], log)
     counts_itself = retrieval_set["counts_itself"]
-    right = {q: sum(pictures[i]["object"] == pictures[q]["object"] and (counts_itself or i != q)
+    right = {q: sum(images[i]["object"] == images[q]["object"] and (counts_itself or i != q)
                     for i in searched) for q in asked}
     results = []
     for protocol, verified in (("words", 0), ("verified", options.verify)):
         answers, seconds = ask(verified, names, asked, work, options, log)
         if not counts_itself:
             answers = {q: [i for i in answer if i != q] for q, answer in answers.items()}
-        means = measure(answers, pictures, right)
+        means = measure(answers, images, right)
         results.append({"descriptor": "colmap", "protocol": protocol, "words": options.words,
                         "accuracy_at": means["accuracy_at"], "map": means["map"],
                         "top1": means["top1"], "mrr": means["mrr"],
@@ -157,7 +157,7 @@ def main():
     parser.add_argument("--distractors", action="append", default=[], type=pathlib.Path)
     parser.add_argument("--words", type=int, default=16384, help="visual words of the tree")
     parser.add_argument("--iterations", type=int, default=11, help="of the tree's k-means")
-    parser.add_argument("--verify", type=int, default=100, help="pictures verified in the second row")
+    parser.add_argument("--verify", type=int, default=100, help="images verified in the second row")
     parser.add_argument("--max-keypoints", type=int, default=0, help="0 = COLMAP's own limit")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--work", type=pathlib.Path,

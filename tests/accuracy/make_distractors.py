@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a folder of distractors for `pliant eval retrieval --distractors`: pictures that show none of
-the objects. Every picture below the given folders gives two halves that do not overlap, or itself
+"""Makes a folder of distractors for `pliant eval retrieval --distractors`: images that show none of
+the objects. Every image below the given folders gives two halves that do not overlap, or itself
 alone when it is small; what shows nearly nothing is left out. The same folders give the same files.
 
     tests/accuracy/make_distractors.py textures/train --out distractors --count 2000
 
-descriptor/simulation/gather_textures.py makes such folders from Debian packages. Never use pictures
+descriptor/simulation/gather_textures.py makes such folders from Debian packages. Never use images
 that objects of the set were made from.
 """
 import argparse
@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 
 SIDE = 640  # of the longer side of a distractor, pixels
-SMALLEST = 300  # a half with a shorter side below this many pixels is no picture of its own
+SMALLEST = 300  # a half with a shorter side below this many pixels is no image of its own
 PLAIN = 25.0  # variance of the Laplacian at SIDE below which nothing could be found in it
 
 
-def pictures(folders):
+def images(folders):
     """All files below the folders, in an order that depends on their contents only."""
     files = []
     for folder in folders:
@@ -65,10 +65,10 @@ def main():
         sys.exit(f"{options.out} or {part} is there already")
     part.mkdir(parents=True)
     made = 0
-    for path in pictures(options.folders):
+    for path in images(options.folders):
         image = cv2.imread(str(path), cv2.IMREAD_COLOR)
         if image is None:
-            print(f"skipped {path}: no picture", file=sys.stderr)
+            print(f"skipped {path}: no image", file=sys.stderr)
             continue
         for half in map(scaled, halves(image)):
             if made == options.count or is_plain(half):

@@ -36,7 +36,7 @@ SETS = (
 
 
 def ask(command, environment):
-    """The JSON that a command prints. Exit status 3: done, but pictures were refused."""
+    """The JSON that a command prints. Exit status 3: done, but images were refused."""
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 3):
         sys.exit(f"{' '.join(command)} ended with {done.returncode}")

@@ -10,7 +10,7 @@
 #include "descriptor/simulation/simulate.h"
 #include "index/evaluation/retrieval_evaluation.h"
 #include "tests/accuracy/baseline.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::testing {
 namespace {
@@ -61,7 +61,7 @@ void CheckAgainst(Baseline& baseline, const Figures& figures) {
 }
 
 // Whatever the vocabulary and the set: looking at the matches makes no answer worse. Far down,
-// where nothing verifies, one picture that six key points confuse with the query may push one other
+// where nothing verifies, one image that six keypoints confuse with the query may push one other
 // out.
 void ExpectVerificationNeverLowers(const Figures& figures, const std::string& descriptor) {
   const RetrievalResult& with = figures.Row(descriptor, "default");
@@ -69,8 +69,8 @@ void ExpectVerificationNeverLowers(const Figures& figures, const std::string& de
   const double answers = static_cast<double>(figures.report.queries) * figures.report.seeds;
   EXPECT_GE(with.mean.map, without.mean.map) << descriptor;
   for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
-    const double one_picture = k < 5 ? 0 : 1 / (answers * static_cast<double>(k + 1));
-    EXPECT_GE(with.mean.accuracy_at[k], without.mean.accuracy_at[k] - one_picture - 1e-9)
+    const double one_image = k < 5 ? 0 : 1 / (answers * static_cast<double>(k + 1));
+    EXPECT_GE(with.mean.accuracy_at[k], without.mean.accuracy_at[k] - one_image - 1e-9)
         << descriptor << ", K = " << k + 1;
   }
 }

@@ -5,7 +5,7 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_file.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::testing {
 namespace {

@@ -15,7 +15,7 @@ std::filesystem::path WeightsPath();    // the committed weights
 std::filesystem::path ModelCardPath();  // and what is said of them
 
 // Every descriptor. The same figures each time on one machine; on another processor rounding may
-// move a few key points.
+// move a few keypoints.
 evaluation::MatchingReport MeasureSmallSet();
 
 }  // namespace pliant::testing

@@ -3,7 +3,7 @@
 // DEAL stage by stage, with achieved GFLOP/s, next to the peak of oneDNN's own product.
 //
 //   bench_deal [--benchmark_filter=...]     all stages
-//   bench_deal --json N T R                 R whole descriptions of N key points with T threads:
+//   bench_deal --json N T R                 R whole descriptions of N keypoints with T threads:
 //                                           one JSON list of seconds (for compare_pytorch.py)
 //
 // FLOPs are the customary ones of the plain network: two a multiply-add, convolutions counted
@@ -28,7 +28,7 @@
 #include "descriptor/deal/network.h"
 #include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
-#include "tests/unit/wavy_picture.h"
+#include "tests/unit/wavy_image.h"
 
 namespace pliant::deal {
 namespace {
@@ -39,7 +39,7 @@ constexpr int kHeight = 480;
 struct Scene {
   DealNetwork network{LoadDealWeights(PLIANT_SOURCE_DIR "/descriptor/model/deal.safetensors")};
   Image image;
-  GreyPicture picture;
+  GreyImage grey;
   FeatureMap map;
   std::vector<Keypoint> keypoints;
   std::vector<float> samples;
@@ -51,8 +51,8 @@ const Scene& SharedScene() {
   static const std::unique_ptr<const Scene> scene = [] {
     auto made = std::make_unique<Scene>();
     Scene& s = *made;
-    s.image = testing::WavyPicture(kWidth, kHeight, 9, 7, 1);
-    s.picture = DealNetwork::ToPicture(s.image);
+    s.image = testing::WavyImage(kWidth, kHeight, 9, 7, 1);
+    s.grey = DealNetwork::ToImage(s.image);
     std::mt19937 random(2);
     s.keypoints.resize(2048);
     for (Keypoint& point : s.keypoints) {
@@ -60,10 +60,10 @@ const Scene& SharedScene() {
       point.y = static_cast<float>(random() % kHeight);
       point.size = 2 + static_cast<float>(random() % 100) / 10;
     }
-    s.map = s.network.backbone().Run(s.picture, 1);
+    s.map = s.network.backbone().Run(s.grey, 1);
     s.samples = s.network.localization().Sample(s.map, s.keypoints, 1);
     s.theta = s.network.localization().ThetaFromSamples(s.samples, 1);
-    s.patches = s.network.Patches(s.picture, s.keypoints, s.theta, 1);
+    s.patches = s.network.Patches(s.grey, s.keypoints, s.theta, 1);
     return made;
   }();
   return *scene;
@@ -160,7 +160,7 @@ void BmProductPeak(benchmark::State& state) {
 void BmBackbone(benchmark::State& state) {
   const Scene& s = SharedScene();
   Stage(state, 2 * Backbone::MultiplyAdds(kHeight, kWidth)).Run([&] {
-    benchmark::DoNotOptimize(s.network.backbone().Run(s.picture, Threads(state)));
+    benchmark::DoNotOptimize(s.network.backbone().Run(s.grey, Threads(state)));
   });
 }
 
@@ -193,7 +193,7 @@ void BmPatchSampling(benchmark::State& state) {  // the fixed grid: without the 
   const Scene& s = SharedScene();
   const auto points = std::span(s.keypoints).first(Count(state));
   Stage(state, 0).Run(
-      [&] { benchmark::DoNotOptimize(s.network.Patches(s.picture, points, {}, Threads(state))); });
+      [&] { benchmark::DoNotOptimize(s.network.Patches(s.grey, points, {}, Threads(state))); });
 }
 
 void BmHardNet(benchmark::State& state) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What decoding in a process of its own costs: the same JPEG decoded inside and by a waiting
 // decoder, to what is described (grey, longer side 1024), and how long it takes to start a decoder.
-// `cpu_ms` is the processor time of a picture, of this process and the decoder together: on a busy
+// `cpu_ms` is the processor time of an image, of this process and the decoder together: on a busy
 // machine it says more than the time that passed.
 //
 //   bench_decoder --benchmark_enable_random_interleaving=true --benchmark_repetitions=9
@@ -15,7 +15,7 @@
 #include <benchmark/benchmark.h>
 
 #include "server/decoder/decoder_pool.h"
-#include "tests/unit/wavy_picture.h"
+#include "tests/unit/wavy_image.h"
 
 namespace pliant::server {
 namespace {
@@ -25,7 +25,7 @@ constexpr const char* kProgram = PLIANT_BINARY_DIR "/bin/pliant-server";
 std::vector<std::uint8_t> Jpeg(const benchmark::State& state) {
   const int width = static_cast<int>(state.range(0));
   const int height = static_cast<int>(state.range(1));
-  return EncodeJpeg(testing::WavyPicture(width, height, 9, 7, 1));
+  return EncodeJpeg(testing::WavyImage(width, height, 9, 7, 1));
 }
 
 double CpuMs(clockid_t clock) {

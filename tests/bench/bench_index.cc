@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The inverted index at 10 000 and 100 000 synthetic pictures of 700 descriptors each: ranking by
-// histogram (median_ms a query), memory (bytes_per_picture), adding one picture, loading from the
-// database. Arguments: pictures, size of the vocabulary. Words and codes are drawn uniformly. For
+// The inverted index at 10 000 and 100 000 synthetic images of 700 descriptors each: ranking by
+// histogram (median_ms a query), memory (bytes_per_image), adding one image, loading from the
+// database. Arguments: images, size of the vocabulary. Words and codes are drawn uniformly. For
 // ranking by nearest neighbours see bench_neighbours.
 #include <algorithm>
 #include <chrono>
@@ -24,8 +24,8 @@
 namespace pliant {
 namespace {
 
-constexpr std::uint32_t kDescriptorsAPicture = 700;
-constexpr std::int64_t kPicturesAnObject = 10;
+constexpr std::uint32_t kDescriptorsAnImage = 700;
+constexpr std::int64_t kImagesAnObject = 10;
 constexpr int kDim = 64;
 constexpr int kCodeBytes = 32;
 
@@ -47,33 +47,33 @@ Vocabulary RandomVocabulary(std::size_t size) {
 }
 
 Bow RandomBow(std::mt19937_64& random, std::size_t vocabulary) {
-  std::vector<std::uint32_t> words(kDescriptorsAPicture);
+  std::vector<std::uint32_t> words(kDescriptorsAnImage);
   for (std::uint32_t& word : words) word = static_cast<std::uint32_t>(random() % vocabulary);
   Bow bow = MakeBow(std::move(words));
-  bow.codes.resize(std::size_t{kDescriptorsAPicture} * kCodeBytes);
+  bow.codes.resize(std::size_t{kDescriptorsAnImage} * kCodeBytes);
   for (std::uint8_t& byte : bow.codes) byte = static_cast<std::uint8_t>(random());
   return bow;
 }
 
-IndexedPicture RandomPicture(std::mt19937_64& random, std::int64_t key, std::size_t vocabulary) {
+IndexedImage RandomImage(std::mt19937_64& random, std::int64_t key, std::size_t vocabulary) {
   std::uint8_t id[16];
   for (std::uint8_t& byte : id) byte = static_cast<std::uint8_t>(random());
-  return {key, 1 + key / kPicturesAnObject, ToHex(id), RandomBow(random, vocabulary)};
+  return {key, 1 + key / kImagesAnObject, ToHex(id), RandomBow(random, vocabulary)};
 }
 
 // Made once for all benchmarks of the same size.
-InvertedIndex& IndexOf(std::int64_t pictures, std::size_t vocabulary) {
+InvertedIndex& IndexOf(std::int64_t images, std::size_t vocabulary) {
   static std::pair<std::int64_t, std::size_t> made;
   static std::unique_ptr<InvertedIndex> index;  // one at a time is in memory
-  if (index && made == std::pair(pictures, vocabulary)) return *index;
+  if (index && made == std::pair(images, vocabulary)) return *index;
   index = std::make_unique<InvertedIndex>(std::make_shared<const Quantizer>(
       std::make_shared<const Vocabulary>(RandomVocabulary(vocabulary))));
-  made = {pictures, vocabulary};
+  made = {images, vocabulary};
   std::mt19937_64 random(1);
-  std::vector<IndexedPicture> chunk;
-  for (std::int64_t key = 1; key <= pictures; ++key) {
-    chunk.push_back(RandomPicture(random, key, vocabulary));
-    if (chunk.size() == 10'000 || key == pictures) index->Append(std::exchange(chunk, {}));
+  std::vector<IndexedImage> chunk;
+  for (std::int64_t key = 1; key <= images; ++key) {
+    chunk.push_back(RandomImage(random, key, vocabulary));
+    if (chunk.size() == 10'000 || key == images) index->Append(std::exchange(chunk, {}));
   }
   return *index;
 }
@@ -104,17 +104,17 @@ void BM_RankHistogram(benchmark::State& state) {
   }
   state.counters["median_ms"] = Median(times);
   state.counters["best_ms"] = *std::min_element(times.begin(), times.end());
-  state.counters["bytes_per_picture"] =
+  state.counters["bytes_per_image"] =
       static_cast<double>(snapshot->memory_bytes()) / static_cast<double>(state.range(0));
 }
 
 void Sizes(benchmark::internal::Benchmark* bench) {
   for (const std::int64_t vocabulary : {10, 4000, 65'536}) {
-    for (const std::int64_t pictures : {10'000, 100'000}) {
-      for (const std::int64_t threads : {1, 2}) bench->Args({pictures, vocabulary, threads});
+    for (const std::int64_t images : {10'000, 100'000}) {
+      for (const std::int64_t threads : {1, 2}) bench->Args({images, vocabulary, threads});
     }
   }
-  bench->ArgNames({"pictures", "words", "threads"})->UseManualTime()->Iterations(30);
+  bench->ArgNames({"images", "words", "threads"})->UseManualTime()->Iterations(30);
   bench->Unit(benchmark::kMillisecond);
 }
 
@@ -125,8 +125,8 @@ void BM_AddOne(benchmark::State& state) {
   std::int64_t key = 1'000'000;
   std::vector<double> times;
   for (auto _ : state) {
-    std::vector<IndexedPicture> one;
-    one.push_back(RandomPicture(random, ++key, vocabulary));
+    std::vector<IndexedImage> one;
+    one.push_back(RandomImage(random, ++key, vocabulary));
     const auto start = std::chrono::steady_clock::now();
     index.Apply(std::move(one), {});
     times.push_back(
@@ -138,7 +138,7 @@ void BM_AddOne(benchmark::State& state) {
   state.counters["worst_ms"] = *std::max_element(times.begin(), times.end());
 }
 
-std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary_size) {
+std::filesystem::path MakeDatabase(std::int64_t images, std::size_t vocabulary_size) {
   const auto path = std::filesystem::temp_directory_path() /
                     ("pliant-bench-" + std::to_string(::getpid()) + ".db");
   for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
@@ -151,12 +151,12 @@ std::filesystem::path MakeDatabase(std::int64_t pictures, std::size_t vocabulary
   MarkVocabularyReady(db, words);
   SetActiveVocabulary(db, collection.key, words, false);
   std::mt19937_64 random(1);
-  PictureRow row;
+  ImageRow row;
   row.record.sha256 = std::string(64, 'a');
-  for (std::int64_t i = 1; i <= pictures; ++i) {
-    const IndexedPicture picture = RandomPicture(random, i, vocabulary_size);
-    row.record.id = picture.id;
-    InsertPictureWords(db, words, InsertPicture(db, collection.key, row), picture.bow);
+  for (std::int64_t i = 1; i <= images; ++i) {
+    const IndexedImage image = RandomImage(random, i, vocabulary_size);
+    row.record.id = image.id;
+    InsertImageWords(db, words, InsertImage(db, collection.key, row), image.bow);
   }
   transaction.commit();
   return path;
@@ -171,21 +171,21 @@ void BM_Load(benchmark::State& state) {
     ranker.Load();
     benchmark::DoNotOptimize(ranker.memory_bytes());
   }
-  state.counters["database_bytes_per_picture"] =
+  state.counters["database_bytes_per_image"] =
       static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(state.range(0));
   for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
 }
 
 BENCHMARK(BM_RankHistogram)->Apply(Sizes);
 BENCHMARK(BM_AddOne)
-    ->ArgNames({"pictures", "words"})
+    ->ArgNames({"images", "words"})
     ->Args({100'000, 1000})
     ->Args({100'000, 65'536})
     ->UseManualTime()
     ->Iterations(500)
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Load)
-    ->ArgNames({"pictures", "words"})
+    ->ArgNames({"images", "words"})
     ->Args({10'000, 1000})
     ->Args({10'000, 65'536})
     ->Iterations(1)

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The rankings at any number of pictures: accuracy, memory, and milliseconds of a query by stage,
+// The rankings at any number of images: accuracy, memory, and milliseconds of a query by stage,
 // for several sizes of the vocabulary.
 //
-//   bench_neighbours --pictures 10000,100000 --words 4000,16000,65536
+//   bench_neighbours --images 10000,100000 --words 4000,16000,65536
 //   bench_neighbours --set CACHE/packages/deal-X.db --distractors CACHE/worn-shirts/deal-X.db
 //
-// Pictures are synthetic, or real ones from databases that `pliant eval retrieval --cache` left.
+// Images are synthetic, or real ones from databases that `pliant eval retrieval --cache` left.
 // Where there are fewer than asked for, distractors are repeated with noise in their codes. Times
 // are processor time, or, with more than one thread, time.
 #include <algorithm>
@@ -31,7 +31,7 @@ namespace {
 struct Options {
   std::filesystem::path set;
   std::vector<std::filesystem::path> distractors;
-  std::vector<std::size_t> pictures = {10'000, 100'000};
+  std::vector<std::size_t> images = {10'000, 100'000};
   std::vector<int> words = {4000, 16'000, 65'536};
   std::vector<float> reach = {NeighbourOptions().reach};
   std::vector<int> cells = {NeighbourOptions().cells};
@@ -69,7 +69,7 @@ struct Figures {
 
 struct Collection {
   RankingSet set;
-  std::vector<LabelledPicture> distractors;
+  std::vector<LabelledImage> distractors;
 };
 
 Collection Load(const Options& options) {
@@ -90,13 +90,13 @@ Collection Load(const Options& options) {
   all.set.queries.resize(std::min(all.set.queries.size(), options.queries));
   for (const auto& database : options.distractors) {
     RankingSet other = ReadSet(database);
-    for (auto* pictures : {&other.gallery, &other.queries}) {
-      for (LabelledPicture& picture : *pictures) {
-        all.distractors.push_back({"", DrawRows(picture.descriptors, options.descriptors, random)});
+    for (auto* images : {&other.gallery, &other.queries}) {
+      for (LabelledImage& image : *images) {
+        all.distractors.push_back({"", DrawRows(image.descriptors, options.descriptors, random)});
       }
     }
   }
-  for (LabelledPicture& query : all.set.queries) {
+  for (LabelledImage& query : all.set.queries) {
     query.descriptors = DrawRows(query.descriptors, options.descriptors, random);
   }
   std::shuffle(all.distractors.begin(), all.distractors.end(), random);
@@ -106,11 +106,11 @@ Collection Load(const Options& options) {
 std::shared_ptr<const Vocabulary> Train(const Collection& all, int words,
                                         std::size_t samples_a_word) {
   Descriptors pool = Descriptors::Float(0, all.set.gallery.front().descriptors.dim);
-  for (const auto* pictures : {&all.set.gallery, &all.distractors}) {
-    for (const LabelledPicture& picture : *pictures) {
-      pool.floats.insert(pool.floats.end(), picture.descriptors.floats.begin(),
-                         picture.descriptors.floats.end());
-      pool.rows += picture.descriptors.rows;
+  for (const auto* images : {&all.set.gallery, &all.distractors}) {
+    for (const LabelledImage& image : *images) {
+      pool.floats.insert(pool.floats.end(), image.descriptors.floats.begin(),
+                         image.descriptors.floats.end());
+      pool.rows += image.descriptors.rows;
     }
   }
   const std::size_t available = pool.rows;
@@ -124,7 +124,7 @@ std::shared_ptr<const Vocabulary> Train(const Collection& all, int words,
   return std::make_shared<const Vocabulary>(TrainVocabulary(samples, "bench", available, options));
 }
 
-bool IsRight(const Collection& all, const LabelledPicture& query, std::int64_t key) {
+bool IsRight(const Collection& all, const LabelledImage& query, std::int64_t key) {
   return key > 0 && static_cast<std::size_t>(key) <= all.set.gallery.size() &&
          all.set.gallery[static_cast<std::size_t>(key) - 1].object == query.object;
 }
@@ -132,11 +132,11 @@ bool IsRight(const Collection& all, const LabelledPicture& query, std::int64_t k
 Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
                       const Quantizer& quantizer, const NeighbourOptions& options) {
   Figures figures;
-  for (const LabelledPicture& picture : all.set.queries) {
+  for (const LabelledImage& image : all.set.queries) {
     Stopwatch watch(options.threads);
-    const auto cells = quantizer.NearestWords(picture.descriptors, options.cells, options.threads);
+    const auto cells = quantizer.NearestWords(image.descriptors, options.cells, options.threads);
     const double assign = watch.Lap();
-    const NeighbourQuery query(quantizer, {picture.descriptors}, options);
+    const NeighbourQuery query(quantizer, {image.descriptors}, options);
     figures.assign += assign;
     figures.tables += watch.Lap() - assign;
     std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
@@ -163,7 +163,7 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
         figures.codes += static_cast<double>(part.segment->codes().List(cell.word).size);
       }
     }
-    figures.right += IsRight(all, picture, first) ? 1U : 0U;
+    figures.right += IsRight(all, image, first) ? 1U : 0U;
   }
   return figures;
 }
@@ -175,14 +175,14 @@ Figures AskHistograms(const Collection& all, const IndexSnapshot& snapshot,
   options.method = RankMethod::kHistogram;
   options.keep = 10;
   options.threads = threads;
-  for (const LabelledPicture& picture : all.set.queries) {
+  for (const LabelledImage& image : all.set.queries) {
     Stopwatch watch(threads);
-    const auto words = quantizer.Assign(picture.descriptors, threads);
+    const auto words = quantizer.Assign(image.descriptors, threads);
     figures.assign += watch.Lap();
     const Ranking ranking = RankByHistogram(snapshot, MakeBow(words), options);
     figures.scan += watch.Lap();
     figures.right +=
-        !ranking.best.empty() && IsRight(all, picture, ranking.best.front().ref.version) ? 1U : 0U;
+        !ranking.best.empty() && IsRight(all, image, ranking.best.front().ref.version) ? 1U : 0U;
   }
   return figures;
 }
@@ -191,10 +191,10 @@ void Print(const std::string& name, std::size_t words, const IndexSnapshot& snap
            const Figures& figures, std::size_t queries) {
   const auto n = static_cast<double>(queries);
   const double bytes =
-      static_cast<double>(snapshot.memory_bytes()) / static_cast<double>(snapshot.pictures);
+      static_cast<double>(snapshot.memory_bytes()) / static_cast<double>(snapshot.images);
   std::printf(
       "| %s | %zu | %zu | %d | %.3f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f |\n",
-      name.c_str(), words, snapshot.pictures, threads, static_cast<double>(figures.right) / n,
+      name.c_str(), words, snapshot.images, threads, static_cast<double>(figures.right) / n,
       figures.assign / n, figures.tables / n, figures.scan / n, figures.sum / n,
       (figures.assign + figures.tables + figures.scan + figures.sum) / n, figures.codes / n / 1e6,
       figures.votes / n / 1e3, bytes / 1e3);
@@ -254,8 +254,8 @@ void Measure(const Collection& all, const Options& options, int words) {
   GrowingIndex index(all.set.gallery, all.distractors, quantizer);
   std::fprintf(stderr, "%d words: training %.1f s, quantizer %.2f s, quantising %.1f s\n", words,
                trained / 1e3, made / 1e3, watch.Lap() / 1e3);
-  for (const std::size_t pictures : options.pictures) {
-    const auto snapshot = index.Grow(pictures);
+  for (const std::size_t images : options.images) {
+    const auto snapshot = index.Grow(images);
     for (const int threads : options.threads) {
       MeasureRankings(all, options, threads, *snapshot, *quantizer);
     }
@@ -267,10 +267,10 @@ void Measure(const Collection& all, const Options& options, int words) {
 
 int main(int argc, char** argv) {
   pliant::bench::Options options;
-  CLI::App app("Measures the rankings at any number of pictures.");
+  CLI::App app("Measures the rankings at any number of images.");
   app.add_option("--set", options.set, "database with queries and a gallery; default: synthetic");
   app.add_option("--distractors", options.distractors, "databases")->delimiter(',');
-  app.add_option("--pictures", options.pictures, "sizes of the collection")->delimiter(',');
+  app.add_option("--images", options.images, "sizes of the collection")->delimiter(',');
   app.add_option("--words", options.words, "sizes of the vocabulary")->delimiter(',');
   app.add_option("--reach", options.reach, "of neighbours")->delimiter(',');
   app.add_option("--cells", options.cells, "of neighbours")->delimiter(',');
@@ -281,9 +281,9 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   const pliant::bench::Collection all = pliant::bench::Load(options);
   std::printf(
-      "| rank | words | pictures | threads | top-1 | assign ms | tables ms | scan ms | sum ms | "
+      "| rank | words | images | threads | top-1 | assign ms | tables ms | scan ms | sum ms | "
       "all ms "
-      "| million codes | thousand votes | kB a picture in memory |\n"
+      "| million codes | thousand votes | kB an image in memory |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const int words : options.words) pliant::bench::Measure(all, options, words);
   return 0;

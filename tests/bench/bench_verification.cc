@@ -19,9 +19,9 @@ namespace {
 
 constexpr int kDim = 128;
 
-// Key points and unit descriptors; the first `shared` are those of `of`, bent and changed a little.
-Features Picture(std::size_t n, std::uint64_t seed, const Features* of, std::size_t shared,
-                 bool binary) {
+// Keypoints and unit descriptors; the first `shared` are those of `of`, bent and changed a little.
+Features MakeImage(std::size_t n, std::uint64_t seed, const Features* of, std::size_t shared,
+                   bool binary) {
   std::mt19937_64 generator(seed);
   std::normal_distribution<float> normal;
   Features f;
@@ -59,8 +59,8 @@ Features Picture(std::size_t n, std::uint64_t seed, const Features* of, std::siz
 void MatchPair(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0));
   const bool binary = state.range(1) != 0;
-  const auto query = Picture(n, 1, nullptr, 0, binary);
-  const auto reference = Picture(n, 2, &query, n / 5, binary);
+  const auto query = MakeImage(n, 1, nullptr, 0, binary);
+  const auto reference = MakeImage(n, 2, &query, n / 5, binary);
   const PackedDescriptors packed(query.descriptors);
   for (auto _ : state) {
     benchmark::DoNotOptimize(MatchDescriptors(packed, reference.descriptors));
@@ -74,8 +74,8 @@ BENCHMARK(MatchPair)
 // In the precision of the database; the reference is laid out anew for every pair, as in a search.
 void MatchSteppedPair(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0));
-  Features query = Picture(n, 1, nullptr, 0, false);
-  Features reference = InStoredPrecision(Picture(n, 2, &query, n / 5, false));
+  Features query = MakeImage(n, 1, nullptr, 0, false);
+  Features reference = InStoredPrecision(MakeImage(n, 2, &query, n / 5, false));
   query = InStoredPrecision(query);
   const auto packed = SteppedDescriptors::Of(query.descriptors);
   for (auto _ : state) {
@@ -91,9 +91,9 @@ BENCHMARK(MatchSteppedPair)
     ->Unit(benchmark::kMillisecond);
 
 void VerifyPair(benchmark::State& state) {
-  const auto query = InStoredPrecision(Picture(1000, 1, nullptr, 0, false));
-  const auto reference =
-      InStoredPrecision(Picture(1000, 2, &query, static_cast<std::size_t>(state.range(0)), false));
+  const auto query = InStoredPrecision(MakeImage(1000, 1, nullptr, 0, false));
+  const auto reference = InStoredPrecision(
+      MakeImage(1000, 2, &query, static_cast<std::size_t>(state.range(0)), false));
   const Verifier verifier(query);
   VerificationResult result;
   for (auto _ : state) result = verifier.Verify(reference);
@@ -106,11 +106,11 @@ BENCHMARK(VerifyPair)->ArgName("shared")->Arg(0)->Arg(50)->Arg(300)->Unit(benchm
 void VerifyHundred(benchmark::State& state) {
   const auto n = static_cast<std::size_t>(state.range(0));
   const bool binary = state.range(1) != 0;
-  const auto query = InStoredPrecision(Picture(n, 1, nullptr, 0, binary));
+  const auto query = InStoredPrecision(MakeImage(n, 1, nullptr, 0, binary));
   std::vector<Features> candidates;
   for (std::uint64_t i = 0; i < 100; ++i) {
     candidates.push_back(
-        InStoredPrecision(Picture(n, 2 + i, &query, i % 10 == 0 ? n / 5 : 0, binary)));
+        InStoredPrecision(MakeImage(n, 2 + i, &query, i % 10 == 0 ? n / 5 : 0, binary)));
   }
   int verified = 0;
   for (auto _ : state) {

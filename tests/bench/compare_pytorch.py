@@ -5,7 +5,7 @@
 
     python3 tests/bench/compare_pytorch.py --bench build/release/bin/bench_deal
 
-One 640 x 480 picture, SIFT detection not counted. Both sides run once before timing starts; then
+One 640 x 480 image, SIFT detection not counted. Both sides run once before timing starts; then
 they alternate, round by round, so that what else the machine does meets both. Needs PyTorch.
 """
 
@@ -31,19 +31,19 @@ WIDTH, HEIGHT = 640, 480
 def scene(count: int) -> tuple[torch.Tensor, torch.Tensor]:
     rng = np.random.RandomState(1)
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
-    picture = 128 + 90 * np.sin(x / 9) * np.cos(y / 7) + rng.randint(0, 30, x.shape)
+    image = 128 + 90 * np.sin(x / 9) * np.cos(y / 7) + rng.randint(0, 30, x.shape)
     points = np.stack([rng.rand(count) * (WIDTH - 1), rng.rand(count) * (HEIGHT - 1),
                        rng.uniform(2, 12, count)], 1)
     as_tensor = lambda a: torch.from_numpy(a.astype(np.float32))  # noqa: E731
-    return as_tensor(picture.clip(0, 255) / 255)[None], as_tensor(points)
+    return as_tensor(image.clip(0, 255) / 255)[None], as_tensor(points)
 
 
 @torch.no_grad()
 def pytorch_seconds(model: torch.nn.Module, radius: float, count: int) -> float:
-    picture, points = scene(count)
+    image, points = scene(count)
     index = torch.zeros(count, dtype=torch.long)
     start = time.perf_counter()
-    model(picture, index, points, radius)
+    model(image, index, points, radius)
     return time.perf_counter() - start
 
 
@@ -65,7 +65,7 @@ def main() -> None:
     radius = float(metadata["radius_per_size"])
     print(f"describe {WIDTH}x{HEIGHT}, {arguments.threads} threads, best (median) of "
           f"{arguments.rounds} alternating rounds")
-    print(f"{'key points':>10} {'PyTorch s':>18} {'Pliant s':>18} {'ratio of best':>14}")
+    print(f"{'keypoints':>10} {'PyTorch s':>18} {'Pliant s':>18} {'ratio of best':>14}")
     for count in arguments.keypoints:
         pytorch_seconds(model, radius, count)
         plain, ours = [], []

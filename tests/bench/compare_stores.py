@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a database on PostgreSQL costs beside one in a file, measured in one run on the same pictures.
+"""What a database on PostgreSQL costs beside one in a file, measured in one run on the same images.
 
     PLIANT_TEST_DATABASE_SLOW=1 bash tests/postgres/on_postgres.sh python3 tests/bench/compare_stores.py --bin build/release/bin --folder JPEGS
 
-Fills a file with --pictures (load_database), copies it to PostgreSQL and back, and asks a server on each in turn: searches, uploads, and
+Fills a file with --images (load_database), copies it to PostgreSQL and back, and asks a server on each in turn: searches, uploads, and
 how soon an upload is found by a second server on PostgreSQL. Prints medians and their differences.
 """
 import argparse
@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 
-from service import Server, pictures_below, request
+from service import Server, images_below, request
 
 
 def timed(command):
@@ -30,7 +30,7 @@ def timed(command):
 
 
 def with_comment(jpeg, text):
-    """The same picture in other bytes."""
+    """The same image in other bytes."""
     comment = text.encode()
     return jpeg[:2] + b"\xff\xfe" + (len(comment) + 2).to_bytes(2, "big") + comment + jpeg[2:]
 
@@ -74,15 +74,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
     parser.add_argument("--folder", type=pathlib.Path, required=True)
-    parser.add_argument("--pictures", type=int, default=20000)
+    parser.add_argument("--images", type=int, default=20000)
     parser.add_argument("--keypoints", type=int, default=500)
     parser.add_argument("--rounds", type=int, default=40)
     options = parser.parse_args()
-    jpegs = [p.read_bytes() for p in pictures_below(parser, options.folder, 20) if p.suffix.lower() != ".png"]
+    jpegs = [p.read_bytes() for p in images_below(parser, options.folder, 20) if p.suffix.lower() != ".png"]
     url = os.environ["PLIANT_TEST_DATABASE"]
     with tempfile.TemporaryDirectory() as home:
         file, back = f"{home}/file.db", f"{home}/back.db"
-        timed([options.bin / "load_database", "--db", file, "--folder", options.folder, "--pictures", str(options.pictures),
+        timed([options.bin / "load_database", "--db", file, "--folder", options.folder, "--images", str(options.images),
                "--keypoints", str(options.keypoints)])
         for source, target, what in ((file, url, "file to PostgreSQL"), (url, back, "PostgreSQL to file")):
             took, said = timed([options.bin / "pliant", "db", "copy", target, "--db", source, "--json", "--compare", "1"])

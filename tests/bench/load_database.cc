@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Fills a database, a file or a URL, with many pictures, and measures it: pictures of folders that
-// are described, and copies of their features, each with some of the key points and noise on their
+// Fills a database, a file or a URL, with many images, and measures it: images of folders that
+// are described, and copies of their features, each with some of the keypoints and noise on their
 // descriptors. Prints how fast they were written, how long loading and ranking take,
 // and how long it takes to fetch candidates.
 //
-//   load_database --db FILE --folder PICTURES --pictures 1000000 [--keypoints 100]
+//   load_database --db FILE --folder IMAGES --images 1000000 [--keypoints 100]
 //                 [--collection NAME] [--descriptor deal]
 #include <algorithm>
 #include <chrono>
@@ -34,7 +34,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr Load kAll = Load::kRecordsAndFeatures;
-constexpr std::uint64_t kMostReal = 5000;  // pictures that are described
+constexpr std::uint64_t kMostReal = 5000;  // images that are described
 constexpr std::uint64_t kTogether = 1000;  // copies in one commit
 
 struct Options {
@@ -42,7 +42,7 @@ struct Options {
   std::string collection = kDefaultCollection;
   std::string descriptor = "rootsift";
   std::filesystem::path folder;
-  std::uint64_t pictures = 100000;
+  std::uint64_t images = 100000;
   std::size_t keypoints = 100;  // of a copy
   int words = 4000;
   unsigned seed = 1;
@@ -119,7 +119,7 @@ class Filler {
       try {
         engine.Add(request);
         ++added;
-      } catch (const Error&) {  // no picture, or too plain
+      } catch (const Error&) {  // no image, or too plain
       }
     }
     if (!engine.GetCollection(options_.collection).vocabulary) {
@@ -128,7 +128,7 @@ class Filler {
       train.words = options_.words;
       engine.TrainVocabulary(train);
     }
-    std::printf("described %llu pictures in %.0f s\n", static_cast<unsigned long long>(added),
+    std::printf("described %llu images in %.0f s\n", static_cast<unsigned long long>(added),
                 SecondsSince(start));
   }
 
@@ -148,41 +148,39 @@ class Filler {
     store->BeginWriting([] {});
     const CollectionState in = store->catalogue().RequireCollection(options_.collection);
     const Quantizer quantizer(store->catalogue().ReadVocabulary(in.vocabulary));
-    std::vector<PictureRef> refs;
+    std::vector<ImageRef> refs;
     for (std::uint64_t i = 0; i < kMostReal; ++i)
       refs.push_back({in.key, "real-" + std::to_string(i)});
     std::vector<Features> real;
-    for (const auto& picture : store->catalogue().LoadPictures(refs, kAll)) {
-      if (picture) real.push_back(DecodeFeatures(picture->features));
+    for (const auto& image : store->catalogue().LoadImages(refs, kAll)) {
+      if (image) real.push_back(DecodeFeatures(image->features));
     }
     real_ = real.size();
-    const std::uint64_t there = store->catalogue().CountPictures(in.key);
+    const std::uint64_t there = store->catalogue().CountImages(in.key);
     const auto start = Clock::now();
     auto told = start;
     std::future<void> writing;
-    for (std::uint64_t first = there; first < options_.pictures; first += kTogether) {
-      const std::uint64_t end = std::min(first + kTogether, options_.pictures);
+    for (std::uint64_t first = there; first < options_.images; first += kTogether) {
+      const std::uint64_t end = std::min(first + kTogether, options_.images);
       auto copies = std::make_unique<std::vector<Prepared>>(end - first);
       ParallelFor(copies->size(), 0, [&](std::size_t i) {
         Prepare(quantizer, real[(first + i) % real.size()], first + i, (*copies)[i]);
       });
       if (writing.valid()) writing.get();
       writing = std::async(std::launch::async,
-                           [&store, vocabulary = in.vocabulary, pictures = std::move(copies)] {
-                             Write(*store, vocabulary, *pictures);
+                           [&store, vocabulary = in.vocabulary, images = std::move(copies)] {
+                             Write(*store, vocabulary, *images);
                            });
       if (SecondsSince(told) < 60) continue;
       told = Clock::now();
-      std::printf("%llu pictures after %.0f s\n", static_cast<unsigned long long>(first),
+      std::printf("%llu images after %.0f s\n", static_cast<unsigned long long>(first),
                   SecondsSince(start));
     }
     if (writing.valid()) writing.get();
     const double seconds = SecondsSince(start);
-    const double added =
-        static_cast<double>(options_.pictures - std::min(there, options_.pictures));
-    std::printf("wrote %.0f copies of %zu pictures in %.0f s: %.0f pictures/s, %llu together\n",
-                added, real.size(), seconds, added / seconds,
-                static_cast<unsigned long long>(kTogether));
+    const double added = static_cast<double>(options_.images - std::min(there, options_.images));
+    std::printf("wrote %.0f copies of %zu images in %.0f s: %.0f images/s, %llu together\n", added,
+                real.size(), seconds, added / seconds, static_cast<unsigned long long>(kTogether));
   }
 
   void Prepare(const Quantizer& quantizer, const Features& original, std::uint64_t number,
@@ -197,9 +195,9 @@ class Filler {
   }
 
   static void Write(Store& store, Key vocabulary, const std::vector<Prepared>& copies) {
-    std::vector<PicturePut> puts;
+    std::vector<ImagePut> puts;
     for (const Prepared& copy : copies) {
-      PicturePut& put = puts.emplace_back(PicturePut{.request = copy.request});
+      ImagePut& put = puts.emplace_back(ImagePut{.request = copy.request});
       const std::string& id = *copy.request.id;
       put.encoded = copy.encoded;
       put.features = copy.features;
@@ -232,7 +230,7 @@ class Filler {
     Engine engine(read);
     const double loaded_s = SecondsSince(start);
     const std::uint64_t all = engine.GetCollection(options_.collection).images;
-    std::printf("loaded %llu pictures in %.1f s\n", static_cast<unsigned long long>(all), loaded_s);
+    std::printf("loaded %llu images in %.1f s\n", static_cast<unsigned long long>(all), loaded_s);
     const std::uint64_t copies = std::max<std::uint64_t>(all - std::min(all, real_), 1);
     const auto store = OpenStore(
         {.database = options_.database, .create = false, .read_only = true, .model_of_new = {}});
@@ -241,12 +239,12 @@ class Filler {
     for (const std::size_t count : {100U, 1000U}) {
       std::vector<double> ms;
       for (int i = 0; i < 10; ++i) {
-        std::vector<PictureRef> refs;
+        std::vector<ImageRef> refs;
         for (std::size_t j = 0; j < count; ++j) {
           refs.push_back({in, "copy-" + std::to_string(real_ + random() % copies)});
         }
         start = Clock::now();
-        store->catalogue().LoadPictures(refs, kAll);
+        store->catalogue().LoadImages(refs, kAll);
         ms.push_back(1e3 * SecondsSince(start));
       }
       std::sort(ms.begin(), ms.end());
@@ -265,20 +263,20 @@ class Filler {
   }
 
   const Options& options_;
-  std::uint64_t real_ = 0;  // pictures that were described; the copies' numbers go on from there
+  std::uint64_t real_ = 0;  // images that were described; the copies' numbers go on from there
 };
 
 }  // namespace
 }  // namespace pliant
 
 int main(int argc, char** argv) {
-  CLI::App app("Fills a database with many pictures, and measures it");
+  CLI::App app("Fills a database with many images, and measures it");
   pliant::Options options;
   app.add_option("--db", options.database)->required();
-  app.add_option("--folder", options.folder, "pictures to describe")->required();
+  app.add_option("--folder", options.folder, "images to describe")->required();
   app.add_option("--collection", options.collection)->capture_default_str();
   app.add_option("--descriptor", options.descriptor)->capture_default_str();
-  app.add_option("--pictures", options.pictures)->capture_default_str();
+  app.add_option("--images", options.images)->capture_default_str();
   app.add_option("--keypoints", options.keypoints, "of a copy, at most")->capture_default_str();
   app.add_option("--words", options.words)->capture_default_str();
   CLI11_PARSE(app, argc, argv);

@@ -44,7 +44,7 @@ Descriptors MakeCentres(std::mt19937_64& random) {
   return centres;
 }
 
-// A picture like `bow`: the same words, but of each code every fourth half byte is another.
+// An image like `bow`: the same words, but of each code every fourth half byte is another.
 Bow WithNoise(const Bow& bow, std::mt19937_64& random) {
   Bow noisy = bow;
   for (std::uint8_t& byte : noisy.codes) {
@@ -55,12 +55,12 @@ Bow WithNoise(const Bow& bow, std::mt19937_64& random) {
   return noisy;
 }
 
-std::vector<IndexedPicture> Quantized(const std::vector<LabelledPicture>& pictures,
-                                      const Quantizer& quantizer) {
-  std::vector<IndexedPicture> indexed;
-  for (const LabelledPicture& picture : pictures) {
-    const std::vector<std::uint32_t> words = quantizer.Assign(picture.descriptors);
-    indexed.push_back({0, 0, "", quantizer.BowOf(picture.descriptors, 0, words)});
+std::vector<IndexedImage> Quantized(const std::vector<LabelledImage>& images,
+                                    const Quantizer& quantizer) {
+  std::vector<IndexedImage> indexed;
+  for (const LabelledImage& image : images) {
+    const std::vector<std::uint32_t> words = quantizer.Assign(image.descriptors);
+    indexed.push_back({0, 0, "", quantizer.BowOf(image.descriptors, 0, words)});
   }
   return indexed;
 }
@@ -71,8 +71,8 @@ RankingSet ReadSet(const std::filesystem::path& database) {
   constexpr int kBusyMs = 10'000;
   SqliteConnection db(database, SqliteConnection::Mode::kReadOnly, kBusyMs);
   Cursor row = db.Prepare(
-      "SELECT c.name, o.name, f.data FROM pictures p JOIN collections c ON c.key = p.collection "
-      "JOIN features f ON f.picture = p.key LEFT JOIN objects o ON o.key = p.object "
+      "SELECT c.name, o.name, f.data FROM images p JOIN collections c ON c.key = p.collection "
+      "JOIN features f ON f.image = p.key LEFT JOIN objects o ON o.key = p.object "
       "WHERE c.name IN ('gallery', 'queries') ORDER BY p.id");
   RankingSet set;
   while (row.Next()) {
@@ -82,7 +82,7 @@ RankingSet ReadSet(const std::filesystem::path& database) {
   return set;
 }
 
-RankingSet MakeSet(std::size_t pictures, std::size_t queries, std::size_t descriptors) {
+RankingSet MakeSet(std::size_t images, std::size_t queries, std::size_t descriptors) {
   std::mt19937_64 random(1);
   const Descriptors centres = MakeCentres(random);
   std::vector<double> weights;
@@ -91,16 +91,16 @@ RankingSet MakeSet(std::size_t pictures, std::size_t queries, std::size_t descri
   }
   std::discrete_distribution<std::size_t> draw(weights.begin(), weights.end());
   RankingSet set;
-  for (std::size_t p = 0; p < pictures; ++p) {
-    LabelledPicture picture{std::to_string(p), Descriptors::Float(descriptors, kDim)};
+  for (std::size_t p = 0; p < images; ++p) {
+    LabelledImage image{std::to_string(p), Descriptors::Float(descriptors, kDim)};
     for (std::size_t i = 0; i < descriptors; ++i) {
       Around(centres.floats.data() + draw(random) * kDim, 0.8F, random,
-             picture.descriptors.floats.data() + i * kDim);
+             image.descriptors.floats.data() + i * kDim);
     }
-    set.gallery.push_back(std::move(picture));
+    set.gallery.push_back(std::move(image));
   }
   for (std::size_t q = 0; q < queries; ++q) {
-    LabelledPicture query = set.gallery[random() % pictures];
+    LabelledImage query = set.gallery[random() % images];
     for (std::size_t i = 0; i < descriptors; ++i) {
       float* values = query.descriptors.floats.data() + i * kDim;
       Around(values, 0.5F, random, values);
@@ -122,33 +122,33 @@ Descriptors DrawRows(const Descriptors& descriptors, std::size_t count, std::mt1
   return SelectRows(descriptors, rows);
 }
 
-GrowingIndex::GrowingIndex(const std::vector<LabelledPicture>& gallery,
-                           const std::vector<LabelledPicture>& distractors,
+GrowingIndex::GrowingIndex(const std::vector<LabelledImage>& gallery,
+                           const std::vector<LabelledImage>& distractors,
                            std::shared_ptr<const Quantizer> quantizer)
     : index_(quantizer), distractors_(Quantized(distractors, *quantizer)) {
   Add(Quantized(gallery, *quantizer));
 }
 
-std::shared_ptr<const IndexSnapshot> GrowingIndex::Grow(std::size_t pictures) {
-  while (static_cast<std::size_t>(key_) < pictures && !distractors_.empty()) {
-    std::vector<IndexedPicture> chunk;
-    while (chunk.size() < IndexSegment::kMaxPictures && key_ + chunk.size() < pictures) {
+std::shared_ptr<const IndexSnapshot> GrowingIndex::Grow(std::size_t images) {
+  while (static_cast<std::size_t>(key_) < images && !distractors_.empty()) {
+    std::vector<IndexedImage> chunk;
+    while (chunk.size() < IndexSegment::kMaxImages && key_ + chunk.size() < images) {
       const std::size_t next = drawn_++;
-      IndexedPicture picture = distractors_[next % distractors_.size()];
-      if (next >= distractors_.size()) picture.bow = WithNoise(picture.bow, random_);
-      chunk.push_back(std::move(picture));
+      IndexedImage image = distractors_[next % distractors_.size()];
+      if (next >= distractors_.size()) image.bow = WithNoise(image.bow, random_);
+      chunk.push_back(std::move(image));
     }
     Add(std::move(chunk));
   }
   return index_.snapshot();
 }
 
-void GrowingIndex::Add(std::vector<IndexedPicture> pictures) {
-  for (IndexedPicture& picture : pictures) {
-    picture.key = ++key_;
-    picture.id = std::to_string(key_);
+void GrowingIndex::Add(std::vector<IndexedImage> images) {
+  for (IndexedImage& image : images) {
+    image.key = ++key_;
+    image.id = std::to_string(key_);
   }
-  index_.Append(std::move(pictures));
+  index_.Append(std::move(images));
 }
 
 }  // namespace pliant::bench

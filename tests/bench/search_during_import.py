@@ -3,10 +3,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long a search takes while nothing else happens, and while a folder is imported.
 
-    search_during_import.py --bin build/release/bin --pictures DIR [--stored N] [--searches N]
+    search_during_import.py --bin build/release/bin --images DIR [--stored N] [--searches N]
                             [--descriptor NAME]
 
-DIR holds pictures, with folders or without. The first N are indexed, the others are imported while
+DIR holds images, with folders or without. The first N are indexed, the others are imported while
 searches go on. Prints the median and the 95th percentile of both, and their ratio. Searches are
 asked in turns (idle, then during the import), so compare the ratio, not the times, on a busy machine.
 """
@@ -35,20 +35,20 @@ def report(name, times):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
-    parser.add_argument("--pictures", type=pathlib.Path, required=True)
+    parser.add_argument("--images", type=pathlib.Path, required=True)
     parser.add_argument("--stored", type=int, default=40)
     parser.add_argument("--imported", type=int, default=60)
     parser.add_argument("--searches", type=int, default=30)
     parser.add_argument("--descriptor", default="deal")
     options = parser.parse_args()
-    pictures = service.pictures_below(parser, options.pictures, options.stored + options.imported)
+    images = service.images_below(parser, options.images, options.stored + options.imported)
     with tempfile.TemporaryDirectory() as name:
-        measure(options, pictures, pathlib.Path(name))
+        measure(options, images, pathlib.Path(name))
 
 
-def measure(options, pictures, folder):
-    service.copy_numbered(pictures[: options.stored], folder / "stored")
-    service.copy_numbered(pictures[options.stored : options.stored + options.imported],
+def measure(options, images, folder):
+    service.copy_numbered(images[: options.stored], folder / "stored")
+    service.copy_numbered(images[options.stored : options.stored + options.imported],
                           folder / "new")
     subprocess.run([options.bin / "pliant", "index", folder / "stored", "--db", folder / "x.db",
                     "--descriptor", options.descriptor], check=True, stdout=subprocess.DEVNULL)
@@ -72,7 +72,7 @@ def measure(options, pictures, folder):
                 break
             during.append(search(len(during)))
         seconds = time.monotonic() - started
-    print(f"imported {state['done']:.0f} pictures ({state['state']}) in {seconds:.0f} s")
+    print(f"imported {state['done']:.0f} images ({state['state']}) in {seconds:.0f} s")
     idle_p50, idle_p95 = report("idle", idle)
     import_p50, import_p95 = report("during import", during)
     print(f"ratio: p50 {import_p50 / idle_p50:.2f}, p95 {import_p95 / idle_p95:.2f}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the measurements of a running server share: pictures, a server, requests."""
+"""What the measurements of a running server share: images, a server, requests."""
 
 import json
 import re
@@ -11,19 +11,19 @@ import urllib.request
 KINDS = {".jpg", ".jpeg", ".png"}
 
 
-def pictures_below(parser, folder, wanted):
-    """All pictures below the folder, sorted; fewer than `wanted` are an error of the parser's."""
-    pictures = sorted(p for p in folder.rglob("*") if p.suffix.lower() in KINDS)
-    if len(pictures) < wanted:
-        parser.error(f"{folder} has {len(pictures)} pictures, {wanted} are wanted")
-    return pictures
+def images_below(parser, folder, wanted):
+    """All images below the folder, sorted; fewer than `wanted` are an error of the parser's."""
+    images = sorted(p for p in folder.rglob("*") if p.suffix.lower() in KINDS)
+    if len(images) < wanted:
+        parser.error(f"{folder} has {len(images)} images, {wanted} are wanted")
+    return images
 
 
-def copy_numbered(pictures, folder):
+def copy_numbered(images, folder):
     """Into a new folder, under names that cannot collide."""
     folder.mkdir()
-    for i, picture in enumerate(pictures):
-        shutil.copy(picture, folder / f"{i}{picture.suffix.lower()}")
+    for i, image in enumerate(images):
+        shutil.copy(image, folder / f"{i}{image.suffix.lower()}")
 
 
 def request(address, method="GET", body=None, content_type=None):
@@ -51,6 +51,6 @@ class Server:
         self.process.terminate()
         self.process.wait()
 
-    def search(self, picture):
-        """`picture`: the bytes of a file."""
-        return request(self.collection + "/search", "POST", picture, "application/octet-stream")
+    def search(self, image):
+        """`image`: the bytes of a file."""
+        return request(self.collection + "/search", "POST", image, "application/octet-stream")

@@ -9,7 +9,7 @@ import "./cases/phone.mjs";
 import "./cases/region.mjs";
 import "./cases/add.mjs";
 import "./cases/browse.mjs";
-import "./cases/picture.mjs";
+import "./cases/image.mjs";
 import "./cases/edit.mjs";
 import "./cases/collection.mjs";
 import "./cases/docs.mjs";

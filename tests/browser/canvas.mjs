@@ -17,7 +17,7 @@ export function canvasShares(page, selector) {
 }
 
 // Correlation of the detail (grey values less their surroundings, so that shading does not count) of
-// two canvases where both are opaque: 1 = the same picture, about 0 = unrelated. `shift` moves one of
+// two canvases where both are opaque: 1 = the same image, about 0 = unrelated. `shift` moves one of
 // them to the side by so many hundredths of its width: what chance alone gives.
 export function correlation(page, one, other, shift = 0) {
   return page.evaluate(([a, b, offset]) => {

@@ -12,7 +12,7 @@ import { after } from "node:test";
 import { chromium } from "playwright-core";
 
 // A connection of its own for each request: Node keeps them, and only finds by writing that the server has ended one
-// that was idle for long, as while a picture was made here.
+// that was idle for long, as while an image was made here.
 const fetchOnKeptConnections = globalThis.fetch;
 globalThis.fetch = (url, options = {}) =>
   fetchOnKeptConnections(url, { ...options, headers: { ...options.headers, Connection: "close" } });
@@ -142,7 +142,7 @@ export async function closePage(page) {
 }
 
 // Of the whole page; on a telephone of the screen: what goes beyond it would take the touch screen away, from the
-// picture and from all that is checked after it (Chromium's Page.captureScreenshot with captureBeyondViewport).
+// image and from all that is checked after it (Chromium's Page.captureScreenshot with captureBeyondViewport).
 export async function shoot(page, name) {
   const touched = await isTouched(page);
   await page.screenshot({ path: join(out, `${name}.png`), fullPage: !touched, animations: "disabled" });

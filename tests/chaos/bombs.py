@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a folder of hostile pictures, those of tests/chaos/hostile.
+"""Makes a folder of hostile images, those of tests/chaos/hostile.
 
     tests/chaos/bombs.py FOLDER
 """

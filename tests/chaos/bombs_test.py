@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sends every hostile picture of `hostile` to a running server, to be added and as thumbnail of what was added, and
+"""Sends every hostile image of `hostile` to a running server, to be added and as thumbnail of what was added, and
 prints what each cost.
 
     tests/chaos/bombs_test.py --bin build/release/bin [--only NAME]
 
-Fails when an answer is none of those that are documented, when a picture takes more processor time or
+Fails when an answer is none of those that are documented, when an image takes more processor time or
 memory than the limits below, when a good client beside has to wait, or when the server is gone.
 """
 import argparse
@@ -87,7 +87,7 @@ class Server:
 
 class Peak(threading.Thread):
     """The most memory that all processes had together. The sum of their own peaks would be too much: the server
-    describes a picture when the decoder is done with it."""
+    describes an image when the decoder is done with it."""
 
     def __init__(self, server):
         super().__init__(daemon=True)
@@ -108,7 +108,7 @@ class Peak(threading.Thread):
 
 
 class GoodClient(threading.Thread):
-    """Replaces a small picture again and again, and keeps the longest wait."""
+    """Replaces a small image again and again, and keeps the longest wait."""
 
     def __init__(self, server):
         super().__init__(daemon=True)
@@ -117,10 +117,10 @@ class GoodClient(threading.Thread):
     def run(self):
         count = 0
         while not self.stopped:
-            count += 1  # other bytes, so that the picture is decoded and described again
-            picture = png.small_png(png.chunk(b"tEXt", b"Count\0%d" % count))
+            count += 1  # other bytes, so that the image is decoded and described again
+            image = png.small_png(png.chunk(b"tEXt", b"Count\0%d" % count))
             begin = time.monotonic()
-            status, _ = self.server.ask("PUT", IMAGES + "/good", picture)
+            status, _ = self.server.ask("PUT", IMAGES + "/good", image)
             self.longest_s = max(self.longest_s, time.monotonic() - begin)
             if status not in (200, 201):
                 self.failures.append(status)
@@ -150,16 +150,16 @@ def attack(server, name, data):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--bin", required=True, type=pathlib.Path, metavar="DIR")
-    parser.add_argument("--only", help="pictures whose names hold this text")
-    parser.add_argument("--cpu", type=float, default=2, help="most seconds of processor time for a picture and its thumbnail")
+    parser.add_argument("--only", help="images whose names hold this text")
+    parser.add_argument("--cpu", type=float, default=2, help="most seconds of processor time for an image and its thumbnail")
     parser.add_argument("--wait", type=float, default=2, help="most seconds that a good client waits")
-    parser.add_argument("--memory", type=float, default=300, help="most MB above the size before the picture came")
+    parser.add_argument("--memory", type=float, default=300, help="most MB above the size before the image came")
     options = parser.parse_args()
     wrong, slowest = [], 0.0
     with tempfile.TemporaryDirectory() as folder:
         server = Server(options.bin.resolve(), pathlib.Path(folder))
         server.ask("PUT", IMAGES + "/good", png.small_png())
-        print("| picture | bytes | status | code | CPU s | MB | longest wait of another s |\n|---|---|---|---|---|---|---|")
+        print("| image | bytes | status | code | CPU s | MB | longest wait of another s |\n|---|---|---|---|---|---|---|")
         for name, make in BOMBS.items():
             if options.only and options.only not in name:
                 continue
@@ -190,7 +190,7 @@ def main():
         server.process.terminate()
         if server.process.wait(60) != 0:
             wrong.append(f"the server ended with {server.process.returncode}")
-    print("\n".join(wrong) or f"{len(BOMBS)} pictures, nothing wrong; longest wait of a good client {slowest:.2f} s")
+    print("\n".join(wrong) or f"{len(BOMBS)} images, nothing wrong; longest wait of a good client {slowest:.2f} s")
     sys.exit(bool(wrong))
 
 

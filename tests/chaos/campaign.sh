@@ -9,9 +9,9 @@ set -uo pipefail
 bin=$(realpath "$1")
 here=$(dirname "$(realpath "${BASH_SOURCE[0]}")")
 if [ "${2:-}" = short ]; then
-  kills=40 minutes=1 deal_minutes=1 pictures=600 fuzz_s=10 faults=
+  kills=40 minutes=1 deal_minutes=1 images=600 fuzz_s=10 faults=
 else
-  kills=1000 minutes=60 deal_minutes=15 pictures=50000 fuzz_s=300 faults=exhaustive
+  kills=1000 minutes=60 deal_minutes=15 images=50000 fuzz_s=300 faults=exhaustive
 fi
 failed=()
 
@@ -20,12 +20,12 @@ part() { # NAME COMMAND...
   "${@:2}" || failed+=("$1")
 }
 
-part "Hostile pictures" python3 "$here/bombs_test.py" --bin "$bin"
+part "Hostile images" python3 "$here/bombs_test.py" --bin "$bin"
 part "Power loss, failing calls" env TMPDIR=/dev/shm PLIANT_CHAOS=$faults "$bin/faults_test" --gtest_brief=1
 part "kill -9" python3 "$here/kill_test.py" --bin "$bin" --kills $kills
-part "Two servers, many clients" python3 "$here/soak.py" --bin "$bin" --minutes $minutes --pictures $pictures
-part "The same with DEAL" python3 "$here/soak.py" --bin "$bin" --minutes $deal_minutes --pictures 500 --descriptor deal
-if [ -x "$here/../../build/fuzz/bin/fuzz_picture" ]; then
+part "Two servers, many clients" python3 "$here/soak.py" --bin "$bin" --minutes $minutes --images $images
+part "The same with DEAL" python3 "$here/soak.py" --bin "$bin" --minutes $deal_minutes --images 500 --descriptor deal
+if [ -x "$here/../../build/fuzz/bin/fuzz_image" ]; then
   part "Fuzzing" python3 "$here/../fuzz/run.py" $fuzz_s
 else
   printf '\n## Fuzzing\n\nleft out: build the preset `fuzz` first\n'

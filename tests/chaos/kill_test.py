@@ -53,7 +53,7 @@ def play(number, options, folder, report, lives):
     finally:
         round_.tidy()
     print(f"round {number} ({round_.setup}): {report.figures.kills - kills} kills in {time.monotonic() - begin:.0f} s, "
-          f"{len(round_.model.live())} pictures at the end", flush=True)
+          f"{len(round_.model.live())} images at the end", flush=True)
     if report.wrong:
         print(f"WRONG in round {number}, life {round_.model.life}, kill {report.figures.kills}, seed {options.seed}; "
               f"the folder is {place}")

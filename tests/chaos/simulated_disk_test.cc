@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #include "tests/chaos/faults/campaign.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::chaos {
 namespace {

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two servers on one database, many clients, imports and `pliant index` beside them, for as long as it takes to see what grows.
 
-    tests/chaos/soak.py --bin build/release/bin --minutes 60 --clients 32 --pictures 50000
+    tests/chaos/soak.py --bin build/release/bin --minutes 60 --clients 32 --images 50000
 
 Clients search, add, replace, remove and read; what they add they remove again, and so do the imports, so that the collection stays as large
 as it was. Prints, for each server, memory and open files with their slopes over the second two thirds of the time, how long searches take, and what was
@@ -21,13 +21,13 @@ import tempfile
 import threading
 import time
 
-from service.pictures import sha256, texture, write_folder
+from service.images import sha256, texture, write_folder
 from service.server import Connection, Server, Wrong
 
 IMAGES = "/v1/collections/default/images"
 SEARCH = "/v1/collections/default/search?limit=5"
 MOST_GROWTH = 1.1  # of the memory between its second and its last third
-MOST_GROWTH_MB = 32  # beside that: a server of few pictures is small
+MOST_GROWTH_MB = 32  # beside that: a server of few images is small
 MOST_MORE_FILES = 8
 BUSY = {429, 503}
 
@@ -190,7 +190,7 @@ def judge_growth(number, samples):
 
 
 def judge_end(clients, addresses):
-    """Every picture that was acknowledged is there, through either server."""
+    """Every image that was acknowledged is there, through either server."""
     wrong = []
     for client in clients:
         for address in addresses:
@@ -204,27 +204,27 @@ def judge_end(clients, addresses):
 
 
 def fill(options, folder, database):
-    """Indexes the pictures that are searched for; their names."""
+    """Indexes the images that are searched for; their names."""
     begin = time.monotonic()
-    names = [f"p{i}" for i in range(options.pictures)]
+    names = [f"p{i}" for i in range(options.images)]
     if options.filled and options.filled.exists():
         shutil.copyfile(options.filled, database)
         return names
-    shelf = folder / "pictures"
+    shelf = folder / "images"
     shelf.mkdir()
     for name in names:
         (shelf / f"{name}.png").write_bytes(texture(name))
     made = time.monotonic()
     subprocess.run([options.bin / "pliant", "index", shelf, "--db", database, "--object-from", "stem", *options.describe], check=True,
                    stdout=subprocess.DEVNULL)
-    print(f"{options.pictures} pictures indexed in {time.monotonic() - made:.0f} s (made in {made - begin:.0f} s)", flush=True)
+    print(f"{options.images} images indexed in {time.monotonic() - made:.0f} s (made in {made - begin:.0f} s)", flush=True)
     if options.filled:
         shutil.copyfile(database, options.filled)
     return names
 
 
 def ids_of(address, names):
-    """Pictures were given ids of their own: {name: id}."""
+    """Images were given ids of their own: {name: id}."""
     connection, ids, cursor = Connection(address), {}, ""
     while cursor is not None:
         page = connection.get(f"{IMAGES}?limit=500" + (f"&cursor={cursor}" if cursor else ""))
@@ -233,7 +233,7 @@ def ids_of(address, names):
     connection.close()
     missing = [name for name in names if name not in ids]
     if missing:
-        raise Wrong(f"{len(missing)} pictures are not listed, {missing[:3]} among them")
+        raise Wrong(f"{len(missing)} images are not listed, {missing[:3]} among them")
     return ids
 
 
@@ -255,14 +255,14 @@ def main():
     parser.add_argument("--bin", required=True, type=lambda text: pathlib.Path(text).resolve(), metavar="DIR")
     parser.add_argument("--minutes", type=float, default=60)
     parser.add_argument("--clients", type=int, default=32)
-    parser.add_argument("--pictures", type=int, default=50_000, help="that are there and searched for")
+    parser.add_argument("--images", type=int, default=50_000, help="that are there and searched for")
     parser.add_argument("--filled", type=pathlib.Path, metavar="FILE", help="keeps the filled database, and begins with it the next time")
     parser.add_argument("--descriptor", default="rootsift", help="default: %(default)s, the fastest: what is tested is all else")
     options = parser.parse_args()
     options.describe = ["--descriptor", options.descriptor]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        database, shelf = folder / "pictures.db", folder / "imports"
+        database, shelf = folder / "images.db", folder / "imports"
         shelf.mkdir()
         names = fill(options, folder, database)
         command = [options.bin / "pliant-server", "--db", database, "--listen", "127.0.0.1:0", "--import-dir", shelf, "--log-level", "warn", *options.describe]

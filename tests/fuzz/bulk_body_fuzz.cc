@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Bodies of many pictures: lines of JSON, TAR archives. The first byte says which: even, a TAR.
+// Bodies of many images: lines of JSON, TAR archives. The first byte says which: even, a TAR.
 #include <optional>
 
 #include "index/files/text.h"
@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       const bool inside = bytes.empty() || item.decoded ||
                           (bytes.data() >= input.data() &&
                            bytes.data() + bytes.size() <= input.data() + input.size());
-      Require(inside, "a picture is part of the body");
+      Require(inside, "an image is part of the body");
       Require(pliant::IsValidUtf8(item.request.object), "an object is text");
     };
     (void)Answers(look);

@@ -26,7 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::vector<std::uint8_t> blob = pliant::fuzz::WithChecksum({data, size});
   Features features;
   if (!Accepts([&] { features = pliant::DecodeFeatures(blob); })) return 0;
-  Require(features.keypoints.size() == features.descriptors.rows, "a key point has a descriptor");
+  Require(features.keypoints.size() == features.descriptors.rows, "a keypoint has a descriptor");
   std::vector<std::uint8_t> again;
   Require(Accepts([&] { again = pliant::EncodeFeatures(features); }),
           "features that are read can be written");

@@ -2,11 +2,11 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """Writes the corpora's own files, seed_*, into tests/fuzz/corpus: small valid inputs of every kind, and the
-small ones of the hostile pictures. Files with other names, which fuzzing found, stay.
+small ones of the hostile images. Files with other names, which fuzzing found, stay.
 
     /usr/bin/python3 tests/fuzz/make_corpus.py
 
-Needs python3-opencv, whose encoders write some of the pictures.
+Needs python3-opencv, whose encoders write some of the images.
 """
 import pathlib
 import sys
@@ -14,14 +14,14 @@ import sys
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "chaos"))
 
-from seeds import blobs, http, pictures, texts  # noqa: E402  pylint: disable=wrong-import-position
+from seeds import blobs, http, images, texts  # noqa: E402  pylint: disable=wrong-import-position
 
 MOST_BYTES = 12_000  # of a file
 
 
 def main():
     total = 0
-    for room in (blobs, http, pictures, texts):
+    for room in (blobs, http, images, texts):
         for target, files in room.SEEDS.items():
             folder = HERE / "corpus" / target
             folder.mkdir(parents=True, exist_ok=True)

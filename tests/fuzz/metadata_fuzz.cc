@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Metadata of pictures: any JSON object, rewritten in one form.
+// Metadata of images: any JSON object, rewritten in one form.
 #include "index/files/names.h"
 #include "index/files/text.h"
 #include "index/json/json.h"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// UTF-8, and the names of pictures, objects, collections and files.
+// UTF-8, and the names of images, objects, collections and files.
 #include <algorithm>
 
 #include <nlohmann/json.hpp>

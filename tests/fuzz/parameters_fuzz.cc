@@ -26,7 +26,7 @@ const pliant::server::Route& TestRoute() {
       .parameters = {Parameter("whole", "").Integer(-5, 1000), Parameter("number", "").Number(0, 1),
                      Parameter("region", "").Numbers(4), Parameter("rank", "").Choice({"a", "b"}),
                      Parameter("on", "").Boolean(), Parameter("filter", "").Json(),
-                     Parameter("items", "").JsonList(), Parameter("second", "").Picture(),
+                     Parameter("items", "").JsonList(), Parameter("second", "").Image(),
                      Parameter("cursor", ""), Parameter("object", "")},
       .handler = [](const Request&, const Parameters&) { return pliant::server::Response(); }};
   return kRoute;
@@ -76,10 +76,10 @@ void CheckValues(const Parameters& parameters) {
   Require(!filter || filter->starts_with('{'), "an object is one");
   const auto items = parameters.JsonList("items");
   Require(!items || items->is_array(), "a list is one");
-  const pliant::server::PictureText* second = parameters.Picture("second");
-  Require((second != nullptr) == parameters.has("second"), "a picture is there or not");
+  const pliant::server::ImageText* second = parameters.Image("second");
+  Require((second != nullptr) == parameters.has("second"), "an image is there or not");
   Require(second == nullptr || second->base64.has_value() != second->url.has_value(),
-          "a picture is base64 or an address");
+          "an image is base64 or an address");
   const auto object = parameters.Text("object");
   Require(!object || pliant::IsValidUtf8(*object), "text is UTF-8");
   Answers([&] {
@@ -101,7 +101,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Require(filename.find('/') == std::string::npos && pliant::IsValidUtf8(filename),
             "the name of a file is no path");
   });
-  Answers([&] { Require(!pliant::server::ImagesOf(request).empty(), "a form has pictures"); });
+  Answers([&] { Require(!pliant::server::ImagesOf(request).empty(), "a form has images"); });
   const bool unchanged = !pliant::server::NamedByIfNoneMatch(request, "\"0123\"").empty();
   Require(!unchanged || request.headers.contains("If-None-Match"), "who does not ask is answered");
   return 0;

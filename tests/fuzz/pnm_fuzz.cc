@@ -10,11 +10,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!pliant::fuzz::Accepts([&] { image = pliant::simulation::DecodePnm({data, size}); })) {
     return 0;
   }
-  Require(image.width > 0 && image.height > 0, "a picture has a size");
+  Require(image.width > 0 && image.height > 0, "an image has a size");
   Require(image.pixels.size() == static_cast<std::size_t>(image.width) *
                                      static_cast<std::size_t>(image.height) *
                                      static_cast<std::size_t>(image.channels),
-          "a picture has all its pixels");
+          "an image has all its pixels");
   Require(image.pixels.size() < size, "pixels are bytes of the file");
   return 0;
 }

@@ -30,8 +30,8 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 MOST_FILES = 50  # of a corpus in the repository
 MOST_BYTES = 4096  # of a file that is added to it
-SHARED = {"picture_structure": "picture"}  # targets that have the corpus of another
-# An allocation that large breaks a limit: the largest is for 4 MiB (picture_fuzz.cc).
+SHARED = {"image_structure": "image"}  # targets that have the corpus of another
+# An allocation that large breaks a limit: the largest is for 4 MiB (image_fuzz.cc).
 MOST_FINDS = 10  # of a target, then it is left
 SLOW_S = 5  # of processor time; libFuzzer calls an input slow after 10 seconds by the clock
 SLICE = 300  # seconds; what a campaign that is killed loses at most

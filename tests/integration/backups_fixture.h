@@ -38,10 +38,10 @@ class BackupsTest : public ServerTest {
     client_->set_read_timeout(60);
   }
 
-  // Makes one of `pictures` pictures, and gives its bytes.
-  std::string MakeBackup(const std::string& name, int pictures = 2) {
-    for (int i = 0; i < pictures; ++i) {
-      const auto answer = Upload(*client_, TestPicture(static_cast<std::uint64_t>(i), 0, 640, 480),
+  // Makes one of `images` images, and gives its bytes.
+  std::string MakeBackup(const std::string& name, int images = 2) {
+    for (int i = 0; i < images; ++i) {
+      const auto answer = Upload(*client_, TestImage(static_cast<std::uint64_t>(i), 0, 640, 480),
                                  "o" + std::to_string(i));
       EXPECT_LT(answer->status, 300) << answer->body;
     }

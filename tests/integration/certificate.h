@@ -8,7 +8,7 @@
 namespace pliant::testing {
 
 // A certificate that vouches for itself, and its key, as PEM files. `names`: "IP:127.0.0.1",
-// "DNS:pictures.test", with commas between.
+// "DNS:images.test", with commas between.
 void WriteCertificate(const std::filesystem::path& certificate, const std::filesystem::path& key,
                       bool rsa = false, const char* names = "IP:127.0.0.1");
 

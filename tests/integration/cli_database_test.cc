@@ -40,7 +40,7 @@ TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
   EXPECT_EQ(empty.status, 0);
   EXPECT_EQ(empty.json()["indexed"], 0);
   EXPECT_TRUE(empty.json()["vocabulary"].is_null());
-  EXPECT_THAT(empty.err, HasSubstr("no pictures"));
+  EXPECT_THAT(empty.err, HasSubstr("no images"));
   EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
             "no_vocabulary");
   WriteObjects(1);
@@ -140,7 +140,7 @@ TEST_F(CliTest, NoNameAPagePastTheEndAndARegionOutsideAreSaid) {
   };
   EXPECT_THAT(with("--offset", "50").out, HasSubstr("--offset is past the last of 2 hits"));
   EXPECT_THAT(with("--region", "5000,0,10,10").err,
-              HasSubstr("lies outside of the query picture, which has 160 x 120 pixels"));
+              HasSubstr("lies outside of the query image, which has 160 x 120 pixels"));
 }
 
 TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {
@@ -224,7 +224,7 @@ TEST_F(CliTest, LookingAfterADatabase) {
   EXPECT_EQ(RunProgram({"db", "rm", "--db", db_}).status, 2);
   EXPECT_EQ(RunProgram({"db", "stats", "--db", db_, "--json"}).json()["images"], 3);
 
-  // A byte in the middle of some picture's features.
+  // A byte in the middle of some image's features.
   std::vector<std::uint8_t> bytes = ReadBytes(copy);
   const std::string magic = "PLFT";
   const auto at = std::search(bytes.begin(), bytes.end(), magic.begin(), magic.end());

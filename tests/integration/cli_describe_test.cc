@@ -48,7 +48,7 @@ TEST_F(CliTest, ResultsGoToStandardOutput) {
     EXPECT_EQ(shell(describe + "named.npz").status, 0);
     const ProgramResult piped = shell(describe + "- > piped.npz");
     EXPECT_EQ(piped.status, 0) << piped.err;
-    EXPECT_THAT(piped.err, HasSubstr("key points"));
+    EXPECT_THAT(piped.err, HasSubstr("keypoints"));
     EXPECT_EQ(ReadBytes(folder_ / "piped.npz"), ReadBytes(folder_ / "named.npz"));
     EXPECT_FALSE(std::filesystem::exists(folder_ / "-"));
   }
@@ -106,7 +106,7 @@ TEST_F(CliTest, DescribeTakesAFolder) {
   std::filesystem::create_directory(folder_ / "empty");
   const ProgramResult none = describe("empty", "none.npz");
   EXPECT_EQ(none.status, 1);
-  EXPECT_EQ(none.json()["error"]["code"], "no_pictures");
+  EXPECT_EQ(none.json()["error"]["code"], "no_images");
   EXPECT_FALSE(std::filesystem::exists(folder_ / "none.npz"));
   const ProgramResult full = describe("objects", "all.npz", {.max_file_bytes = before.size() / 2});
   EXPECT_EQ(full.status, 1);
@@ -119,7 +119,7 @@ TEST_F(CliTest, DescribeChecksTheNameBeforeTheWork) {
   std::filesystem::create_directory(folder_ / "no.npz");
   for (const auto& wrong : {folder_ / "none" / "x.npz", folder_ / "no.npz"}) {
     const ProgramResult result =
-        RunProgram({"describe", "/no such picture", "--out", wrong.string(), "--json"});
+        RunProgram({"describe", "/no such image", "--out", wrong.string(), "--json"});
     EXPECT_EQ(result.status, 1);
     EXPECT_EQ(result.json()["error"]["code"], "write_failed");
   }

@@ -48,7 +48,7 @@ class CliMatching : public ::testing::Test {
   }
   static std::string At(const std::string& name) { return (Scenes() / name).string(); }
 
-  // Key points on the object are many enough in these small pictures.
+  // Keypoints on the object are many enough in these small images.
   static ProgramResult Eval(std::vector<std::string> more) {
     std::vector<std::string> arguments = {"eval", "matching"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -111,7 +111,7 @@ TEST_F(CliMatching, WrongUseIsNamed) {
   EXPECT_EQ(RunProgram({"eval"}).status, 2);
 }
 
-TEST_F(CliMatching, MatchJudgesPicturesOfAScene) {
+TEST_F(CliMatching, MatchJudgesImagesOfAScene) {
   const std::string a = At("pairs/scene_000000/view_00.png");
   const std::string b = At("pairs/scene_000000/view_01.png");
   const std::string drawing = (out_ / "matches.png").string();
@@ -166,7 +166,7 @@ TEST_F(CliMatching, PpmIsReadAsPngIs) {
 }
 
 // Standard input is there once, and drawing needs it, too; "-" as a drawing is standard output.
-TEST_F(CliMatching, PicturesAndDrawingsGoThroughPipes) {
+TEST_F(CliMatching, ImagesAndDrawingsGoThroughPipes) {
   const std::string a = (out_ / "a.png").string(), b = (out_ / "b.png").string();
   testing::WriteBytes(a, testing::RandomPng(5));
   testing::WriteBytes(b, testing::OtherViewPng(5));
@@ -182,19 +182,19 @@ TEST_F(CliMatching, PicturesAndDrawingsGoThroughPipes) {
   EXPECT_EQ(shell("a.png - --draw second.png < b.png").status, 0);
   const ProgramResult piped = shell("a.png - --draw - < b.png > piped.png");
   EXPECT_EQ(piped.status, 0) << piped.err;
-  EXPECT_THAT(piped.err, HasSubstr("mutual matches")) << "where it is not part of the picture";
+  EXPECT_THAT(piped.err, HasSubstr("mutual matches")) << "where it is not part of the image";
   for (const char* name : {"first.png", "second.png", "piped.png"})
     EXPECT_EQ(testing::ReadBytes(out_ / name), testing::ReadBytes(out_ / "named.png")) << name;
 
   const ProgramResult both = shell("- - < a.png");
   EXPECT_EQ(both.status, 2);
-  EXPECT_THAT(both.err, HasSubstr("only one of both pictures can be standard input"));
+  EXPECT_THAT(both.err, HasSubstr("only one of both images can be standard input"));
   const ProgramResult twice = shell("a.png b.png --draw - --json");
   EXPECT_EQ(twice.status, 2);
   EXPECT_THAT(twice.err, HasSubstr("--draw - and --json would both write to standard output"));
 }
 
-TEST_F(CliMatching, APictureIsNotOverwrittenByTheDrawing) {
+TEST_F(CliMatching, AnImageIsNotOverwrittenByTheDrawing) {
   const std::string a = (out_ / "a.png").string(), b = (out_ / "b.png").string();
   testing::WriteBytes(a, testing::RandomPng(5));
   testing::WriteBytes(b, testing::OtherViewPng(5));

@@ -22,7 +22,7 @@ constexpr std::uint64_t kSeed = 20240607;
 
 class SurvivalTest : public ::testing::Test {
  protected:
-  void WritePictures(const std::string& name, std::uint64_t first, int count) {
+  void WriteImages(const std::string& name, std::uint64_t first, int count) {
     for (int i = 0; i < count; ++i) {
       WriteBytes(folder_ / name / (std::to_string(i) + ".png"),
                  RandomPng(first + static_cast<std::uint64_t>(i)));
@@ -33,11 +33,11 @@ class SurvivalTest : public ::testing::Test {
         "index", (folder_ / name).string(), "--db", db_,     "--descriptor", "rootsift", "--jobs",
         "2",     "--object-from",           "stem", "--json"};
   }
-  // Pictures that are committed, whoever writes; 0 while there is no database.
+  // Images that are committed, whoever writes; 0 while there is no database.
   std::int64_t Committed() const {
     if (!std::filesystem::exists(db_)) return 0;
     SQLite::Database db(db_, SQLite::OPEN_READWRITE, 5000);
-    return db.execAndGet("SELECT count(*) FROM pictures").getInt64();
+    return db.execAndGet("SELECT count(*) FROM images").getInt64();
   }
   void ExpectSound() {
     const ProgramResult check = RunProgram({"db", "check", "--db", db_, "--json"});
@@ -56,8 +56,8 @@ class SurvivalTest : public ::testing::Test {
 };
 
 TEST_F(SurvivalTest, KilledAtAnyMomentNothingCommittedIsLost) {
-  constexpr int kPictures = 60;
-  WritePictures("p", 100, kPictures);
+  constexpr int kImages = 60;
+  WriteImages("p", 100, kImages);
   std::mt19937_64 random(kSeed);
   std::int64_t before = 0;
   bool killed_midway = false;
@@ -70,22 +70,22 @@ TEST_F(SurvivalTest, KilledAtAnyMomentNothingCommittedIsLost) {
     program.Wait();
     const std::int64_t now = Committed();
     EXPECT_GE(now, before);
-    killed_midway = killed_midway || (ran && now > before && now < kPictures);
+    killed_midway = killed_midway || (ran && now > before && now < kImages);
     before = now;
     if (std::filesystem::exists(db_)) ExpectSound();
   }
   const ProgramResult resumed = RunProgram(IndexArguments("p"));
   ASSERT_EQ(resumed.status, 0) << resumed.err;
   EXPECT_EQ(resumed.json()["unchanged"], before);
-  EXPECT_EQ(resumed.json()["indexed"], kPictures - before);
+  EXPECT_EQ(resumed.json()["indexed"], kImages - before);
   EXPECT_FALSE(resumed.json()["vocabulary"].is_null());
   ExpectSound();
   RecordProperty("killed_midway", killed_midway ? 1 : 0);
 }
 
-TEST_F(SurvivalTest, KilledAtAnyMomentEveryPictureHasItsOriginalsFile) {
-  constexpr int kPictures = 40;
-  WritePictures("p", 1000, kPictures);
+TEST_F(SurvivalTest, KilledAtAnyMomentEveryImageHasItsOriginalsFile) {
+  constexpr int kImages = 40;
+  WriteImages("p", 1000, kImages);
   const std::filesystem::path originals = folder_ / "originals";
   std::vector<std::string> arguments = IndexArguments("p");
   arguments.insert(arguments.end(), {"--originals-dir", originals.string()});
@@ -104,7 +104,7 @@ TEST_F(SurvivalTest, KilledAtAnyMomentEveryPictureHasItsOriginalsFile) {
     program.Signal(SIGKILL);
     program.Wait();
     if (!std::filesystem::exists(db_)) continue;
-    ExpectSound();                            // every picture's file is there, with its hash
+    ExpectSound();                            // every image's file is there, with its hash
     if (round % 4 == 3 && Committed() > 0) {  // and removing goes on where it was cut off
       Program remover({"db", "rm", "--db", db_, "--object", "0", "--object", "1"});
       std::this_thread::sleep_for(milliseconds(random() % 30));
@@ -123,17 +123,17 @@ TEST_F(SurvivalTest, KilledAtAnyMomentEveryPictureHasItsOriginalsFile) {
   }
   const ProgramResult swept = RunProgram({"db", "check", "--sweep", "--db", db_, "--json"});
   EXPECT_EQ(swept.status, 0) << swept.out;
-  EXPECT_EQ(Committed(), kPictures);
-  EXPECT_EQ(files(), kPictures + 1) << "the pictures and the owner's name";
+  EXPECT_EQ(Committed(), kImages);
+  EXPECT_EQ(files(), kImages + 1) << "the images and the owner's name";
   const Json stats = RunProgram({"db", "stats", "--db", db_, "--json"}).json();
-  EXPECT_EQ(stats["originals"]["files"], kPictures);
+  EXPECT_EQ(stats["originals"]["files"], kImages);
   EXPECT_EQ(stats["originals"]["owned"], true);
 }
 
 TEST_F(SurvivalTest, CtrlCKeepsWhatWasIndexedAndSaysHowToResume) {
   for (const int signal : {SIGINT, SIGTERM}) {
     db_ = (folder_ / ("s" + std::to_string(signal) + ".db")).string();
-    WritePictures("p", 300, 80);
+    WriteImages("p", 300, 80);
     Program program(IndexArguments("p"));
     for (int i = 0; i < 2000 && Committed() < 3; ++i) std::this_thread::sleep_for(milliseconds(5));
     program.Signal(signal);
@@ -152,8 +152,8 @@ TEST_F(SurvivalTest, CtrlCKeepsWhatWasIndexedAndSaysHowToResume) {
 }
 
 TEST_F(SurvivalTest, TwoProcessesAtOnceOnANewDatabase) {
-  WritePictures("a", 500, 25);
-  WritePictures("b", 600, 25);
+  WriteImages("a", 500, 25);
+  WriteImages("b", 600, 25);
   Program first(IndexArguments("a"));
   Program second(IndexArguments("b"));
   const ProgramResult a = first.Wait();
@@ -173,7 +173,7 @@ TEST_F(SurvivalTest, TwoProcessesAtOnceOnANewDatabase) {
 }
 
 TEST_F(SurvivalTest, QueriesGoOnBesideAWriter) {
-  WritePictures("a", 500, 5);
+  WriteImages("a", 500, 5);
   ASSERT_EQ(RunProgram(IndexArguments("a")).status, 0);
   SQLite::Database writer(db_, SQLite::OPEN_READWRITE);
   writer.exec("BEGIN IMMEDIATE");
@@ -186,7 +186,7 @@ TEST_F(SurvivalTest, QueriesGoOnBesideAWriter) {
 }
 
 TEST_F(SurvivalTest, AFullDiskIsSaidAndHealed) {
-  WritePictures("p", 700, 30);
+  WriteImages("p", 700, 30);
   ProgramLimits limits;
   for (const std::uint64_t kib : {20, 100, 400, 1500}) {
     limits.max_file_bytes = kib * 1024;
@@ -204,9 +204,9 @@ TEST_F(SurvivalTest, AFullDiskIsSaidAndHealed) {
 }
 
 TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
-  WritePictures("p", 800, 5);
+  WriteImages("p", 800, 5);
   ASSERT_EQ(RunProgram(IndexArguments("p")).status, 0);
-  WritePictures("more", 900, 1);
+  WriteImages("more", 900, 1);
   WriteBytes(folder_ / "q.png", OtherViewPng(803));
   const std::filesystem::path pliant = folder_ / "pliant";  // where anybody may run it
   std::filesystem::copy_file(PliantPath(), pliant);
@@ -229,7 +229,7 @@ TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
 }
 
 TEST_F(SurvivalTest, WithTooFewOpenFilesItSaysSo) {
-  WritePictures("p", 2000, 8);
+  WriteImages("p", 2000, 8);
   int refused = 0;
   bool done = false;
   for (std::uint64_t files = 4; files <= 60 && !done; ++files) {

@@ -170,7 +170,7 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_THAT(text.out, HasSubstr("view.png"));
 }
 
-TEST_F(CliTest, IndexingAgainIsNoWorkAndNewPicturesJoin) {
+TEST_F(CliTest, IndexingAgainIsNoWorkAndNewImagesJoin) {
   WriteObjects(4);
   ASSERT_EQ(Index().status, 0);
   Json json = Index().json();
@@ -188,13 +188,13 @@ TEST_F(CliTest, BadFilesAreSkippedWithReasons) {
   WriteObjects(3);
   const std::vector<std::uint8_t> png = RandomPng(50);
   WriteText(folder_ / "objects" / "empty.jpg", "");
-  WriteText(folder_ / "objects" / "text.png", "this is no picture");
+  WriteText(folder_ / "objects" / "text.png", "this is no image");
   WriteText(folder_ / "objects" / "notes.txt", "ignored");
   WriteBytes(folder_ / "objects" / "cut.png", {png.begin(), png.begin() + 300});
   WriteBytes(folder_ / "objects" / "plain.png",
              EncodePng({64, 64, 1, std::vector<std::uint8_t>(4096, 9)}));
   WriteBytes(folder_ / "objects" / ".hidden.png", RandomPng(51));
-  WriteBytes(folder_ / "objects" / "o1" / "picture-without-extension", RandomPng(52));
+  WriteBytes(folder_ / "objects" / "o1" / "image-without-extension", RandomPng(52));
   WriteText(folder_ / "objects" / "animation.gif", "GIF89a");
   const ProgramResult result = Index();
   EXPECT_EQ(result.status, 3) << result.err;
@@ -274,12 +274,12 @@ TEST_F(CliTest, AVocabularyThatWasOutgrownIsReplaced) {
   EXPECT_EQ(chosen["id"], first["id"]);
 }
 
-TEST_F(CliTest, PicturesComeFromStandardInput) {
+TEST_F(CliTest, ImagesComeFromStandardInput) {
   WriteBytes(folder_ / "q.png", RandomPng(1));
-  const auto described = [&](const std::string& redirection, const std::string& picture) {
-    const auto out = folder_ / (picture == "-" ? "piped.npz" : "named.npz");
+  const auto described = [&](const std::string& redirection, const std::string& image) {
+    const auto out = folder_ / (image == "-" ? "piped.npz" : "named.npz");
     const ProgramResult result =
-        Program({"-c", PliantPath().string() + " describe " + picture +
+        Program({"-c", PliantPath().string() + " describe " + image +
                            " --descriptor rootsift --out " + out.string() + redirection},
                 {}, "/bin/sh")
             .Wait();
@@ -297,9 +297,9 @@ TEST_F(CliTest, PicturesComeFromStandardInput) {
   EXPECT_THAT(empty.err, StartsWith("pliant: standard input: "));
 }
 
-TEST_F(CliTest, ErrorsOfPicturesNameThem) {
+TEST_F(CliTest, ErrorsOfImagesNameThem) {
   WriteBytes(folder_ / "good.png", RandomPng(1));
-  WriteText(folder_ / "bad.jpg", "no picture");
+  WriteText(folder_ / "bad.jpg", "no image");
   const std::string good = (folder_ / "good.png").string();
   const std::string bad = (folder_ / "bad.jpg").string();
   for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{

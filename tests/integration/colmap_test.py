@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `pliant match --colmap` writes, COLMAP reconstructs: the cameras that took the pictures of two
+"""What `pliant match --colmap` writes, COLMAP reconstructs: the cameras that took the images of two
 textured walls are found where they were.
 
     colmap_test.py --bin DIR
@@ -53,7 +53,7 @@ def render(number, textures):
     """Two walls that meet in the axis y, each 2 x 2.4, from camera `number`."""
     rotation, centre = camera(number)
     intrinsic = np.array([[FOCAL, 0, WIDTH / 2 - 0.5], [0, FOCAL, HEIGHT / 2 - 0.5], [0, 0, 1]])
-    picture = np.full((HEIGHT, WIDTH), 90, np.uint8)
+    image = np.full((HEIGHT, WIDTH), 90, np.uint8)
     for side, wall in zip((-1, 1), textures):
         # Pixel (u, v) of the texture lies at along * u / 512 + (0, 2.4 v / 512 - 1.2, 0).
         along = np.array([2.0 * side, 0.0, -0.9])
@@ -64,8 +64,8 @@ def render(number, textures):
         size = (WIDTH, HEIGHT)
         mask = cv2.warpPerspective(inside, homography, size)
         seen = cv2.warpPerspective(wall, homography, size, flags=cv2.INTER_AREA)
-        picture[mask > 127] = seen[mask > 127]
-    return picture
+        image[mask > 127] = seen[mask > 127]
+    return image
 
 
 def run(command, expected=0):
@@ -103,7 +103,7 @@ def check_rows(database, views, pliant):
     require(np.allclose(parameters, [1.2 * WIDTH, WIDTH / 2, HEIGHT / 2, 0]), f"camera {parameters}")
     told = json.loads(run([pliant, "match", views / "0.png", views / "1.png", "--json"]).stdout)
     for number in (0, 1):
-        require(np.allclose(points[number + 1], np.array(told["positions"][number]) + 0.5, atol=1e-3), "key points")
+        require(np.allclose(points[number + 1], np.array(told["positions"][number]) + 0.5, atol=1e-3), "keypoints")
     require(np.array_equal(matches[1, 2], np.array(told["matches"], np.float64)[:, :2].astype(np.uint32)), "matches")
 
 
@@ -159,7 +159,7 @@ def reconstruct(work, database, views):
     text.mkdir()
     run(["colmap", "model_converter", "--input_path", models / "0", "--output_path", text, "--output_type", "TXT"])
     centres = centres_of(text)
-    require(len(centres) == VIEWS, f"of {VIEWS} pictures COLMAP places {sorted(centres)}")
+    require(len(centres) == VIEWS, f"of {VIEWS} images COLMAP places {sorted(centres)}")
     worst = worst_distance(np.array([centres[f"{i}.png"] for i in range(VIEWS)]),
                            np.array([camera(i)[1] for i in range(VIEWS)]))
     print(f"cameras lie within {100 * worst:.1f} % of where they were")
@@ -175,14 +175,14 @@ def check_wrong_use(work, views, pliant, database):
     one = work / "one"
     one.mkdir()
     shutil.copy(views / "0.png", one)
-    refused([one, "--colmap", work / "x.db"], 2, "too_few_pictures")
+    refused([one, "--colmap", work / "x.db"], 2, "too_few_images")
     (one / "broken.png").write_bytes((views / "1.png").read_bytes()[:500])
-    refused([one, "--colmap", work / "x.db"], 2, "too_few_pictures")
+    refused([one, "--colmap", work / "x.db"], 2, "too_few_images")
     cv2.imwrite(str(one / "other.png"), cv2.imread(str(views / "2.png"))[:300])
     refused([one, "--colmap", work / "x.db", "--one-camera"], 2, "sizes_vary")
     done = run([pliant, "match", one, "--colmap", work / "x.db", "--json"], 3)
     require(json.loads(done.stdout)["skipped"][0]["file"] == "broken.png", done.stdout)
-    require(len(rows_of(work / "x.db")[3]) == 2, "a camera a picture")
+    require(len(rows_of(work / "x.db")[3]) == 2, "a camera an image")
     pairs = work / "pairs.txt"
     for text in ("", "0.png", "0.png 0.png", "0.png 9.png", "0.png 1.png 2.png"):
         pairs.write_text(f"# two a line\n{text}\n")
@@ -192,7 +192,7 @@ def check_wrong_use(work, views, pliant, database):
     run([pliant, "match", views, "--colmap", work / "y.db", "--pairs", pairs, "--verify", "--descriptor", "rootsift"])
     require(sorted(rows_of(work / "y.db")[2]) == [(1, 2), (3, 4)], "the pairs named")
     run([pliant, "match", views / "0.png", views / "1.png", "--colmap", work / "z.db", "--descriptor", "orb"])
-    require([name for _, name in rows_of(work / "z.db")[0]] == ["0.png", "1.png"], "two pictures")
+    require([name for _, name in rows_of(work / "z.db")[0]] == ["0.png", "1.png"], "two images")
     run([pliant, "match", views / "0.png", "--colmap", work / "w.db", "--draw", "w.png"], 2)
     run([pliant, "match", views], 2)
     left = [path.name for path in work.iterdir() if ".new-" in path.name or path.name == "w.db"]
@@ -200,12 +200,12 @@ def check_wrong_use(work, views, pliant, database):
 
 
 def check_turned(work, views, pliant):
-    """Key points lie in the pixels as they are stored, whatever EXIF says: COLMAP does not turn pictures."""
-    picture = cv2.imread(str(views / "0.png"))
+    """Keypoints lie in the pixels as they are stored, whatever EXIF says: COLMAP does not turn images."""
+    image = cv2.imread(str(views / "0.png"))
     folder = work / "turned"
     for orientation in (1, 6, 8):
         (folder / str(orientation)).mkdir(parents=True)
-        data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
+        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
         exif = (b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0" + bytes([orientation]) + bytes(7))
         segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
         for name in ("a.jpg", "b.jpg"):
@@ -216,7 +216,7 @@ def check_turned(work, views, pliant):
     sets = {name: points[number] for number, name in images}
     for name in ("6/a.jpg", "8/a.jpg"):
         distances = np.linalg.norm(sets[name][:, None] - sets["1/a.jpg"][None], axis=2).min(1)
-        require((distances < 1.5).mean() > 0.8, f"{name}: {(distances < 1.5).mean():.2f} of the key points are in place")
+        require((distances < 1.5).mean() > 0.8, f"{name}: {(distances < 1.5).mean():.2f} of the keypoints are in place")
 
 
 def main():

@@ -20,7 +20,7 @@ fi
 cmake --build "$work/build"
 env PLIANT_MODEL="$work/prefix/share/pliant/deal.safetensors" \
   "$work/build/consumer" "$source_dir/tests/data/golden_163x117.png" "$work/one.db" | tee "$work/said"
-grep -qE '^[1-9][0-9]* descriptors, 1 picture, version [0-9.]+$' "$work/said"
+grep -qE '^[1-9][0-9]* descriptors, 1 image, version [0-9.]+$' "$work/said"
 "$work/prefix/bin/pliant" --version
 for program in pliant pliant-server; do
   grep -q "^\.TH " "$work/prefix/share/man/man1/$program.1"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Decoders that a picture has taken over: this program is one when it is started as one, and the
+// Decoders that an image has taken over: this program is one when it is started as one, and the
 // memory it is given says how it lies.
 #include <algorithm>
 #include <cstdint>
@@ -67,7 +67,7 @@ void Say(const void* what, std::size_t bytes) {
   if (write(kDecoderSocket, what, bytes) != static_cast<ssize_t>(bytes)) _exit(1);
 }
 
-// As RunDecoder, but that it does not look at the picture.
+// As RunDecoder, but that it does not look at the image.
 int RunLiar(const Lie& lie) {
   DecoderGreeting greeting;
   greeting.ready = 1;

@@ -15,12 +15,12 @@
 
 #include "server/decoder/sandbox.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant::server {
 namespace {
 
-using testing::CornerPicture;
+using testing::CornerImage;
 using testing::EncodeAs;
 using testing::ExpectError;
 using testing::FileBytes;
@@ -54,7 +54,7 @@ class DecoderPoolTest : public ::testing::Test {
   std::unique_ptr<DecoderPool> pool_;
 };
 
-// What became of a file, in one line; of a picture all that callers see of it.
+// What became of a file, in one line; of an image all that callers see of it.
 std::string Outcome(const ImageDecoder& decode, const FileBytes& file,
                     const DecodeOptions& options) {
   try {
@@ -79,7 +79,7 @@ TEST_F(DecoderPoolTest, GivesWhatDecodingInsideGives) {
     return pool.Decode(bytes, options);
   };
   for (const char* extension : {".jpg", ".png", ".webp", ".bmp", ".tiff"}) {
-    const FileBytes file = EncodeAs(CornerPicture(1501, 997), extension);
+    const FileBytes file = EncodeAs(CornerImage(1501, 997), extension);
     for (const int max_side_px : {0, 97, 1024}) {
       for (const bool colour : {false, true}) {
         SCOPED_TRACE(extension + std::to_string(max_side_px));
@@ -102,7 +102,7 @@ TEST_F(DecoderPoolTest, DoesWithEveryFoundFileWhatDecodingInsideDoes) {
   };
   std::size_t files = 0;
   for (const auto& entry :
-       std::filesystem::directory_iterator(PLIANT_SOURCE_DIR "/tests/fuzz/corpus/picture")) {
+       std::filesystem::directory_iterator(PLIANT_SOURCE_DIR "/tests/fuzz/corpus/image")) {
     std::ifstream stream(entry.path(), std::ios::binary);
     const FileBytes file((std::istreambuf_iterator<char>(stream)), {});
     for (const int side : {0, 48}) {
@@ -124,20 +124,20 @@ TEST_F(DecoderPoolTest, AFileThatIsTooLongIsRefused) {
   const DecodeOptions options{.max_bytes = 100};
   DecoderPool& pool = Pool();
   ExpectError(ErrorCode::kTooLarge, "image_too_large",
-              [&] { pool.Decode(EncodeAs(CornerPicture(), ".bmp"), options); });
+              [&] { pool.Decode(EncodeAs(CornerImage(), ".bmp"), options); });
 }
 
 TEST_F(DecoderPoolTest, OneThatIsKilledMidwayIsReplaced) {
   DecoderPool& pool = Pool();
-  const FileBytes file = EncodeAs(CornerPicture(), ".png");
-  const pid_t id = Stop();  // it takes the picture and does nothing with it
+  const FileBytes file = EncodeAs(CornerImage(), ".png");
+  const pid_t id = Stop();  // it takes the image and does nothing with it
   std::thread killer([&] {
     while (!pool.WaitingIds().empty()) std::this_thread::yield();
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     kill(id, SIGKILL);
   });
-  EXPECT_EQ(pool.Decode(file, {}).image.width, CornerPicture().cols)
-      << "no picture has a decoder killed: another one decodes it";
+  EXPECT_EQ(pool.Decode(file, {}).image.width, CornerImage().cols)
+      << "no image has a decoder killed: another one decodes it";
   killer.join();
   EXPECT_THAT(Causes(), ElementsAre(Cause::kKilled));
   EXPECT_EQ(kill(id, 0), -1) << "it is waited for";
@@ -152,18 +152,18 @@ TEST_F(DecoderPoolTest, ACrashIsNamed) {
     kill(id, SIGCONT);
   });
   ExpectError(ErrorCode::kUnprocessable, "image_corrupt",
-              [&] { pool.Decode(EncodeAs(CornerPicture(), ".png"), {}); });
+              [&] { pool.Decode(EncodeAs(CornerImage(), ".png"), {}); });
   killer.join();
   EXPECT_THAT(Causes(), ElementsAre(Cause::kCrashed));
 }
 
-TEST_F(DecoderPoolTest, OneThatDiedWhileItWaitedCostsNoPicture) {
+TEST_F(DecoderPoolTest, OneThatDiedWhileItWaitedCostsNoImage) {
   DecoderPool& pool = Pool();
   const pid_t id = pool.WaitingIds().at(0);
   kill(id, SIGKILL);
   siginfo_t ended{};
   ASSERT_EQ(waitid(P_PID, static_cast<id_t>(id), &ended, WEXITED | WNOWAIT), 0);
-  EXPECT_EQ(pool.Decode(EncodeAs(CornerPicture(), ".png"), {}).image.width, CornerPicture().cols);
+  EXPECT_EQ(pool.Decode(EncodeAs(CornerImage(), ".png"), {}).image.width, CornerImage().cols);
   EXPECT_THAT(Causes(), ElementsAre(Cause::kKilled));
 }
 
@@ -173,7 +173,7 @@ TEST_F(DecoderPoolTest, AnEndlessOneIsEndedAtTheDeadline) {
   DecoderPool& pool = Pool(options);
   const pid_t id = Stop();
   // More than the socket holds: it must not wait for ever for room, either.
-  const FileBytes file = EncodeAs(CornerPicture(1200, 900), ".bmp");
+  const FileBytes file = EncodeAs(CornerImage(1200, 900), ".bmp");
   ExpectError(ErrorCode::kTooLarge, "image_too_large", [&] { pool.Decode(file, {}); });
   EXPECT_EQ(kill(id, 0), -1) << "it is gone";
   EXPECT_THAT(Causes(), ElementsAre(Cause::kTimeout));
@@ -186,11 +186,11 @@ TEST_F(DecoderPoolTest, HasNoMoreMemoryThanAllowed) {
   DecoderOptions options;
   options.memory_bytes = 48 << 20;
   DecoderPool& pool = Pool(options);
-  const FileBytes file = EncodeAs(CornerPicture(6000, 5000), ".png");  // 90 MB of pixels
+  const FileBytes file = EncodeAs(CornerImage(6000, 5000), ".png");  // 90 MB of pixels
   DecodeOptions generous;
   generous.max_decode_bytes = std::int64_t{4} << 30;
   ExpectError(ErrorCode::kTooLarge, "image_too_large", [&] { pool.Decode(file, generous); });
-  EXPECT_EQ(pool.Decode(EncodeAs(CornerPicture(), ".png"), {}).image.width, CornerPicture().cols);
+  EXPECT_EQ(pool.Decode(EncodeAs(CornerImage(), ".png"), {}).image.width, CornerImage().cols);
   EXPECT_THAT(Causes(), IsEmpty()) << "it said so itself";
 }
 
@@ -199,7 +199,7 @@ TEST_F(DecoderPoolTest, AWornOneIsReplaced) {
   options.worn_after = std::chrono::milliseconds(1);  // its start takes more
   DecoderPool& pool = Pool(options);
   const pid_t id = pool.WaitingIds().at(0);
-  const FileBytes file = EncodeAs(CornerPicture(), ".png");
+  const FileBytes file = EncodeAs(CornerImage(), ".png");
   EXPECT_NO_THROW(pool.Decode(file, {}));
   EXPECT_EQ(pool.size(), 0U);
   EXPECT_EQ(kill(id, 0), -1);
@@ -209,7 +209,7 @@ TEST_F(DecoderPoolTest, AWornOneIsReplaced) {
 
 TEST_F(DecoderPoolTest, StartsAsManyAsDecodeAtOnce) {
   DecoderPool& pool = Pool();
-  const FileBytes file = EncodeAs(CornerPicture(), ".png");
+  const FileBytes file = EncodeAs(CornerImage(), ".png");
   const pid_t id = Stop();
   std::thread first([&] { EXPECT_NO_THROW(pool.Decode(file, {})); });
   while (!pool.WaitingIds().empty()) std::this_thread::yield();
@@ -221,9 +221,9 @@ TEST_F(DecoderPoolTest, StartsAsManyAsDecodeAtOnce) {
   EXPECT_EQ(pool.WaitingIds().size(), 2U) << "no third one";
 }
 
-TEST_F(DecoderPoolTest, ManyPicturesAtOnce) {
+TEST_F(DecoderPoolTest, ManyImagesAtOnce) {
   DecoderPool& pool = Pool();
-  const FileBytes file = EncodeAs(CornerPicture(640, 480), ".jpg");
+  const FileBytes file = EncodeAs(CornerImage(640, 480), ".jpg");
   const std::string expected = Outcome(DecodeImage, file, {});
   std::vector<std::thread> threads;
   for (int i = 0; i < 4; ++i) {
@@ -242,7 +242,7 @@ TEST_F(DecoderPoolTest, ManyPicturesAtOnce) {
 TEST_F(DecoderPoolTest, DoesNotHearTheSignalsOfATerminal) {
   DecoderPool& pool = Pool();
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) kill(pool.WaitingIds().at(0), signal);
-  EXPECT_NO_THROW(pool.Decode(EncodeAs(CornerPicture(), ".png"), {}));
+  EXPECT_NO_THROW(pool.Decode(EncodeAs(CornerImage(), ".png"), {}));
   EXPECT_THAT(Causes(), IsEmpty());
 }
 

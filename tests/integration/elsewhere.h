@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Somebody else's server, which keeps pictures and behaves as it likes: it answers with what a test
+// Somebody else's server, which keeps images and behaves as it likes: it answers with what a test
 // has written, byte by byte.
 #pragma once
 

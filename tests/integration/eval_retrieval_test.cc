@@ -58,7 +58,7 @@ TEST_F(EvalRetrievalTest, JsonHasTheAgreedForm) {
     EXPECT_TRUE(row["ns_score"].is_null());
     EXPECT_GT(row["seconds_per_query"].get<double>(), 0);
     EXPECT_GT(row["milliseconds"]["detect"].get<double>(), 0);
-    EXPECT_GT(row["bytes_per_picture"]["stored"].get<double>(), 0);
+    EXPECT_GT(row["bytes_per_image"]["stored"].get<double>(), 0);
   }
   EXPECT_EQ(json["results"][1]["top1"], 1);
   EXPECT_EQ(json["results"][1]["map"], 1);
@@ -70,7 +70,7 @@ TEST_F(EvalRetrievalTest, TableAndCsv) {
   const ProgramResult result = Eval({"--protocol", "paper,default,unverified", "--seeds", "1",
                                      "--csv", Path("t.csv"), "--descriptor", "orb"});
   ASSERT_EQ(result.status, 0) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("5 queries, 5 pictures of 5 objects"));
+  EXPECT_THAT(result.out, HasSubstr("5 queries, 5 images of 5 objects"));
   EXPECT_THAT(result.out, HasSubstr("mAP"));
   EXPECT_THAT(result.out, HasSubstr("unverified"));
   const auto csv = ReadBytes(folder_ / "t.csv");
@@ -191,8 +191,8 @@ TEST_F(EvalRetrievalTest, ListsWhatWouldBeMeasured) {
   EXPECT_EQ(json["pictures"][1]["searched"], true);
 }
 
-TEST_F(EvalRetrievalTest, SkippedPicturesAreNamed) {
-  WriteText(folder_ / "set/o1/broken.jpg", "no picture");
+TEST_F(EvalRetrievalTest, SkippedImagesAreNamed) {
+  WriteText(folder_ / "set/o1/broken.jpg", "no image");
   const ProgramResult result = Eval({"--json", "--seeds", "1", "--protocol", "unverified"});
   EXPECT_EQ(result.status, 3);
   EXPECT_THAT(result.err, HasSubstr("broken.jpg"));

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A server that may fetch pictures from one other, which has good ones and others.
+// A server that may fetch images from one other, which has good ones and others.
 #pragma once
 
 #include <cstdlib>
@@ -30,15 +30,15 @@ class FetchTest : public ServerTest {
   static std::string AnswerTo(const std::string& head) {
     const std::size_t begin = head.find(' ') + 1;
     const std::string path = head.substr(begin, head.find_first_of(" ?", begin) - begin);
-    if (path == "/broken.png") return Elsewhere::Ok(TestPicture(1).substr(0, 500));
+    if (path == "/broken.png") return Elsewhere::Ok(TestImage(1).substr(0, 500));
     if (path == "/gone.png") return "HTTP/1.1 404 No\r\nContent-Length: 0\r\n\r\n";
     if (path == "/page.html") return Elsewhere::Ok("<html>");
     if (path == "/empty.png") return Elsewhere::Ok("");
     if (path == "/large.png") return Elsewhere::Ok(std::string((1 << 20) + 1, 'x'));
     if (path == "/moved.png") return Elsewhere::Redirect("/1.png");
     if (path == "/away.png") return Elsewhere::Redirect("http://169.254.169.254/latest/meta-data");
-    return Elsewhere::Ok(TestPicture(static_cast<std::uint64_t>(std::atoi(path.c_str() + 1)),
-                                     path.find("view") == std::string::npos ? 0 : 2),
+    return Elsewhere::Ok(TestImage(static_cast<std::uint64_t>(std::atoi(path.c_str() + 1)),
+                                   path.find("view") == std::string::npos ? 0 : 2),
                          "Content-Type: text/html\r\n");  // nobody looks at it
   }
 

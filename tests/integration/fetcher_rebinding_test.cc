@@ -112,7 +112,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr const char* kPicture = "the bytes of a picture";
+constexpr const char* kImage = "the bytes of an image";
 
 class RebindingTest : public ::testing::Test {
  protected:
@@ -146,9 +146,9 @@ class RebindingTest : public ::testing::Test {
     options.timeout = std::chrono::milliseconds(20'000);
     return Fetcher(options);
   }
-  void ExpectPicture(Fetcher& fetcher, const std::string& url) {
-    const server::FetchedPicture picture = fetcher.Fetch(url);
-    EXPECT_EQ(std::string(picture.bytes->begin(), picture.bytes->end()), kPicture);
+  void ExpectImage(Fetcher& fetcher, const std::string& url) {
+    const server::FetchedImage image = fetcher.Fetch(url);
+    EXPECT_EQ(std::string(image.bytes->begin(), image.bytes->end()), kImage);
   }
   static void ExpectRefused(Fetcher& fetcher, const std::string& url) {
     try {
@@ -162,7 +162,7 @@ class RebindingTest : public ::testing::Test {
   }
 
   Elsewhere other_{[](const std::string& head) {
-    return head.find("GET /away") == 0 ? Elsewhere::Redirect("/a.png") : Elsewhere::Ok(kPicture);
+    return head.find("GET /away") == 0 ? Elsewhere::Redirect("/a.png") : Elsewhere::Ok(kImage);
   }};
 };
 
@@ -170,7 +170,7 @@ class RebindingTest : public ::testing::Test {
 TEST_F(RebindingTest, APublicAddressIsConnectedTo) {
   Answer("shop.test", {{kPublic}});
   Fetcher fetcher = MakeFetcher();
-  ExpectPicture(fetcher, Url("shop.test"));
+  ExpectImage(fetcher, Url("shop.test"));
   EXPECT_THAT(ConnectedTo(), ElementsAre(kPublic));
   EXPECT_THAT(other_.heads().at(0), HasSubstr("Host: shop.test:"));
 }
@@ -183,9 +183,9 @@ TEST_F(RebindingTest, PublicTheFirstTimePrivateTheSecond) {
     const int connections = other_.connections();
     Answer("shop.test", {{kPublic}, {inside}, {kPublic}});
     Fetcher fetcher = MakeFetcher();
-    ExpectPicture(fetcher, Url("shop.test"));
+    ExpectImage(fetcher, Url("shop.test"));
     ExpectRefused(fetcher, Url("shop.test"));
-    ExpectPicture(fetcher, Url("shop.test"));
+    ExpectImage(fetcher, Url("shop.test"));
     EXPECT_EQ(other_.connections(), connections + 2);
     EXPECT_EQ(Lookups(), lookups + 3) << "what is connected to is what was looked at";
   }
@@ -204,7 +204,7 @@ TEST_F(RebindingTest, PublicAtFirstPrivateWhereItIsRedirectedTo) {
 TEST_F(RebindingTest, PrivateAddressesAmongOthersAreNotTried) {
   Fetcher fetcher = MakeFetcher();
   Answer("mixed.test", {{"127.0.0.1", "::1", "10.0.0.1", kPublic}});
-  ExpectPicture(fetcher, Url("mixed.test"));
+  ExpectImage(fetcher, Url("mixed.test"));
   EXPECT_THAT(ConnectedTo(), ElementsAre(kPublic));
   Answer("mixed.test", {{kUnreachable, "127.0.0.1", "::1"}});
   ExpectRefused(fetcher, Url("mixed.test"));

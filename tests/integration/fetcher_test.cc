@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Fetching pictures from a server that means no good, without a server of Pliant's around it.
+// Fetching images from a server that means no good, without a server of Pliant's around it.
 #include "server/fetch/fetcher.h"
 
 #include <chrono>
@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kPicture = "the bytes of a picture";
+constexpr const char* kImage = "the bytes of an image";
 
 std::string PathOf(const std::string& head) {
   const std::size_t begin = head.find(' ') + 1;
@@ -43,14 +43,13 @@ class FetcherTest : public ::testing::Test {
     if (path.starts_with("/to/")) return Elsewhere::Redirect(path.substr(4));
     if (path.starts_with("/again/")) {
       const int left = std::stoi(path.substr(7));
-      return Elsewhere::Redirect(left > 1 ? "/again/" + std::to_string(left - 1)
-                                          : "../picture.png");
+      return Elsewhere::Redirect(left > 1 ? "/again/" + std::to_string(left - 1) : "../image.png");
     }
     if (path.starts_with("/status/")) {
       return "HTTP/1.1 " + path.substr(8) + " Odd\r\nContent-Length: 4\r\n\r\nbody";
     }
     const auto special = special_.find(path);
-    return special == special_.end() ? Elsewhere::Ok(kPicture) : special->second;
+    return special == special_.end() ? Elsewhere::Ok(kImage) : special->second;
   }
 
   FetchOptions Options() const {
@@ -65,8 +64,8 @@ class FetcherTest : public ::testing::Test {
 
   std::string Fetched(const FetchOptions& options, const std::string& url) {
     Fetcher fetcher(options);
-    const server::FetchedPicture picture = fetcher.Fetch(url);
-    return {picture.bytes->begin(), picture.bytes->end()};
+    const server::FetchedImage image = fetcher.Fetch(url);
+    return {image.bytes->begin(), image.bytes->end()};
   }
 
   static Problem ProblemOf(Fetcher& fetcher, const std::string& url,
@@ -102,13 +101,13 @@ TEST_F(FetcherTest, FetchesAndSaysLittleOfItself) {
   setenv("http_proxy", "http://127.0.0.1:9", 1);
   setenv("HTTPS_PROXY", "http://127.0.0.1:9", 1);
   Fetcher fetcher(Options());
-  const auto picture = fetcher.Fetch(other_.url("/a/picture.png?token=secret#part"));
+  const auto image = fetcher.Fetch(other_.url("/a/image.png?token=secret#part"));
   unsetenv("http_proxy");
   unsetenv("HTTPS_PROXY");
-  EXPECT_EQ(std::string(picture.bytes->begin(), picture.bytes->end()), kPicture);
-  EXPECT_EQ(picture.source, other_.url("/a/picture.png"));
+  EXPECT_EQ(std::string(image.bytes->begin(), image.bytes->end()), kImage);
+  EXPECT_EQ(image.source, other_.url("/a/image.png"));
   const std::string head = other_.heads().at(0);
-  EXPECT_THAT(head, HasSubstr("GET /a/picture.png?token=secret HTTP/1.1\r\n"));
+  EXPECT_THAT(head, HasSubstr("GET /a/image.png?token=secret HTTP/1.1\r\n"));
   EXPECT_THAT(head, HasSubstr("Host: " + other_.host() + "\r\n"));
   EXPECT_THAT(head, HasSubstr("User-Agent: Pliant/test\r\n"));
   EXPECT_THAT(head, HasSubstr("Accept-Encoding: identity\r\n"));
@@ -149,7 +148,7 @@ TEST_F(FetcherTest, AddressesAreCheckedWhateverTheNameIs) {
   }
   EXPECT_EQ(other_.connections(), 0);
   options.allow_private = true;
-  EXPECT_EQ(Fetched(options, "http://rebound.test:" + port + "/"), kPicture);
+  EXPECT_EQ(Fetched(options, "http://rebound.test:" + port + "/"), kImage);
   // Where clouds keep their secrets, and what is no host's, stays closed.
   options.resolve = {"cloud.test:" + port + ":169.254.169.254", "any.test:" + port + ":0.0.0.0",
                      "many.test:" + port + ":224.0.0.1", "local.test:" + port + ":[fe80::1]",
@@ -169,7 +168,7 @@ TEST_F(FetcherTest, WhatAnInterimAnswerNamesIsNoRedirection) {
 }
 
 TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
-  EXPECT_EQ(Fetched(Options(), other_.url("/again/3")), kPicture);
+  EXPECT_EQ(Fetched(Options(), other_.url("/again/3")), kImage);
   ExpectProblem(Options(), other_.url("/again/4"), "fetch_failed", "more than 3 times");
   Elsewhere secret([](const std::string&) { return Elsewhere::Ok("secret"); });
   ExpectProblem(Options(), other_.url("/to/" + secret.url("/")), "fetch_host_not_allowed",
@@ -189,12 +188,12 @@ TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
                 "no public address");
   EXPECT_EQ(secret.connections(), 0);
   for (const std::string where : {"file:///etc/passwd", "ftp://127.0.0.1/", "//u:p@127.0.0.1/"}) {
-    ExpectProblem(Options(), other_.url("/to/" + where), "fetch_failed", "no address of a picture");
+    ExpectProblem(Options(), other_.url("/to/" + where), "fetch_failed", "no address of an image");
   }
   ExpectProblem(Options(), other_.url("/status/302"), "fetch_failed", "answered 302");
 }
 
-TEST_F(FetcherTest, OnlyWholePicturesOfAStatedSize) {
+TEST_F(FetcherTest, OnlyWholeImagesOfAStatedSize) {
   const std::string large(1001, 'x');
   special_["/most"] = Elsewhere::Ok(large.substr(1));
   special_["/said"] = Elsewhere::Ok(large);
@@ -274,13 +273,13 @@ TEST_F(FetcherTest, EndsWhenItIsToldTo) {
   }
 }
 
-TEST_F(FetcherTest, NoMorePicturesAtOnceThanItMay) {
+TEST_F(FetcherTest, NoMoreImagesAtOnceThanItMay) {
   FetchOptions options = Options();
   options.most_at_once = 2;
   options.timeout = std::chrono::milliseconds(1'000);
   Fetcher fetcher(options);
-  std::optional<server::FetchedPicture> first = fetcher.Fetch(other_.url("/"));
-  const server::FetchedPicture second = fetcher.Fetch(other_.url("/"));
+  std::optional<server::FetchedImage> first = fetcher.Fetch(other_.url("/"));
+  const server::FetchedImage second = fetcher.Fetch(other_.url("/"));
   const Problem busy = ProblemOf(fetcher, other_.url("/"));
   EXPECT_EQ(busy.code, "busy");
   EXPECT_EQ(busy.retry_after_s, 2);
@@ -300,18 +299,18 @@ TEST_F(FetcherTest, NoMorePicturesAtOnceThanItMay) {
     return Problem();
   }();
   EXPECT_EQ(stopped.code, "stopping");
-  EXPECT_EQ(std::string(second.bytes->begin(), second.bytes->end()), kPicture);
+  EXPECT_EQ(std::string(second.bytes->begin(), second.bytes->end()), kImage);
 }
 
 TEST_F(FetcherTest, CertificatesAreVerified) {
   const TemporaryFolder folder;
   const std::string certificate = (folder / "cert.pem").string();
-  WriteCertificate(certificate, folder / "key.pem", false, "DNS:pictures.test");
+  WriteCertificate(certificate, folder / "key.pem", false, "DNS:images.test");
   httplib::SSLServer tls(certificate.c_str(), (folder / "key.pem").c_str());
   std::string port;  // before anybody asks
-  tls.Get("/picture", [&](const httplib::Request& request, httplib::Response& answer) {
-    EXPECT_EQ(request.get_header_value("Host"), "pictures.test:" + port);
-    answer.set_content(kPicture, "image/png");
+  tls.Get("/image", [&](const httplib::Request& request, httplib::Response& answer) {
+    EXPECT_EQ(request.get_header_value("Host"), "images.test:" + port);
+    answer.set_content(kImage, "image/png");
   });
   tls.Get("/down", [&](const httplib::Request&, httplib::Response& answer) {
     answer.set_redirect(other_.url("/"));
@@ -320,14 +319,14 @@ TEST_F(FetcherTest, CertificatesAreVerified) {
   std::thread serving([&] { tls.listen_after_bind(); });
   FetchOptions options = Options();
   options.hosts = {"*.test:" + port, other_.host()};
-  options.resolve = {"pictures.test:" + port + ":127.0.0.1", "wrong.test:" + port + ":127.0.0.1"};
-  const std::string url = "https://pictures.test:" + port + "/picture";
+  options.resolve = {"images.test:" + port + ":127.0.0.1", "wrong.test:" + port + ":127.0.0.1"};
+  const std::string url = "https://images.test:" + port + "/image";
   ExpectProblem(options, url, "fetch_failed", "no certificate that is trusted");
   options.ca_file = certificate;
-  EXPECT_EQ(Fetched(options, url), kPicture);
-  ExpectProblem(options, "https://wrong.test:" + port + "/picture", "fetch_failed",
+  EXPECT_EQ(Fetched(options, url), kImage);
+  ExpectProblem(options, "https://wrong.test:" + port + "/image", "fetch_failed",
                 "no certificate that is trusted");
-  ExpectProblem(options, "https://pictures.test:" + port + "/down", "fetch_failed",
+  ExpectProblem(options, "https://images.test:" + port + "/down", "fetch_failed",
                 "from https to http");
   EXPECT_EQ(other_.connections(), 0);
   tls.stop();

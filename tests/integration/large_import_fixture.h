@@ -66,11 +66,11 @@ class LargeImportTest : public ServerTest {
     EXPECT_TRUE(Files().empty()) << Files().front();
   }
 
-  // Pictures from number `first` on, and so much besides that it is no usual body.
+  // Images from number `first` on, and so much besides that it is no usual body.
   static std::string Archive(std::uint64_t first, std::uint64_t count, std::size_t padding) {
     std::string archive;
     for (std::uint64_t i = first; i < first + count; ++i) {
-      archive += TarEntry("shelf/o" + std::to_string(i) + ".png", TestPicture(i));
+      archive += TarEntry("shelf/o" + std::to_string(i) + ".png", TestImage(i));
       archive += TarEntry("shelf/.note" + std::to_string(i), std::string(padding / count, 'x'));
     }
     return archive + std::string(1024, '\0');

@@ -37,10 +37,10 @@ class OpenApiTest : public ::testing::Test {
         std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--max-import-mb",
                                  "1", "--backup-dir", (folder_->path() / "backups").string(),
                                  "--import-dir", folder_->path().string()});
-    Save("mug.png", TestPicture(1));
-    Save("cup.png", TestPicture(2));
+    Save("mug.png", TestImage(1));
+    Save("cup.png", TestImage(2));
     std::filesystem::create_directories(folder_->path() / "shelf");
-    Save("shelf/plate.png", TestPicture(3));
+    Save("shelf/plate.png", TestImage(3));
     auto client = server_->Client();
     document_ = Json::parse(client.Get("/v1/openapi.json")->body);
     PrepareState();
@@ -70,7 +70,7 @@ class OpenApiTest : public ::testing::Test {
                              R"({"live": "default", "old": "default", "before": "toys"})",
                              "application/json"));
     const auto mug =
-        client.Put("/v1/collections/default/images/mug-1?object=mug", TestPicture(1), "image/png");
+        client.Put("/v1/collections/default/images/mug-1?object=mug", TestImage(1), "image/png");
     ASSERT_LT(mug->status, 300) << mug->body;
     client.Post("/v1/backups", R"({"name": "first.db"})", "application/json");
     while (client.Get("/v1/backups/first.db")->status != 200) {

@@ -66,7 +66,7 @@ class FuzzTest : public OpenApiTest {
   Sent Good(const Operation& operation) const {
     Sent sent{operation.method, Filled(operation.path), "", ""};
     if (operation.Takes("image/*")) {
-      sent.body = picture_;
+      sent.body = image_;
       sent.type = "image/png";
     } else if (operation.Takes("application/json")) {
       sent.body = "{}";
@@ -78,17 +78,17 @@ class FuzzTest : public OpenApiTest {
     return sent;
   }
 
-  // The same with a body that is soon refused as no picture.
+  // The same with a body that is soon refused as no image.
   Sent Cheap(const Operation& operation) const {
     Sent sent = Good(operation);
-    if (sent.type == "image/png") sent.body = "no picture";
+    if (sent.type == "image/png") sent.body = "no image";
     return sent;
   }
 
   static std::string FormWith(const std::vector<std::pair<std::string, std::string>>& fields) {
     std::string form =
         "--B\r\nContent-Disposition: form-data; name=\"image\"; filename=\"a.png\"\r\n\r\n" +
-        picture_ + "\r\n";
+        image_ + "\r\n";
     for (const auto& [name, value] : fields) {
       form +=
           "--B\r\nContent-Disposition: form-data; name=\"" + name + "\"\r\n\r\n" + value + "\r\n";
@@ -212,7 +212,7 @@ class FuzzTest : public OpenApiTest {
     Try(operation, sent, "mixed: " + sent.path);
   }
 
-  inline static const std::string picture_ = TestPicture(1, 0, 160, 120);
+  inline static const std::string image_ = TestImage(1, 0, 160, 120);
   httplib::Client client_ = server_->Client();
   int requests_ = 0;
   std::map<int, int> statuses_;

@@ -77,13 +77,12 @@ class PhotographsOfPrints : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
-    std::filesystem::create_directories(folder_ / "pictures");
+    std::filesystem::create_directories(folder_ / "images");
     for (const char* name : {"sudoku.png", "cards.png", "graf1.png", "box.png", "fruits.jpg",
                              "baboon.jpg", "board.jpg", "starry_night.jpg"}) {
-      std::filesystem::copy_file(kPhotographs / name, folder_ / "pictures" / name);
+      std::filesystem::copy_file(kPhotographs / name, folder_ / "images" / name);
     }
-    const ProgramResult indexed =
-        RunProgram({"index", (folder_ / "pictures").string(), "--db", db_});
+    const ProgramResult indexed = RunProgram({"index", (folder_ / "images").string(), "--db", db_});
     ASSERT_EQ(indexed.status, 0) << indexed.err;
   }
 
@@ -104,14 +103,14 @@ TEST(Photographs, AnotherViewFindsItsObjectFirst) {
   ASSERT_NO_FATAL_FAILURE(ExpectPhotographs());
   const TemporaryFolder folder;
   const auto take = [&](const char* name) {
-    std::filesystem::create_directories(folder / "pictures");
-    std::filesystem::copy_file(kPhotographs / name, folder / "pictures" / name);
+    std::filesystem::create_directories(folder / "images");
+    std::filesystem::copy_file(kPhotographs / name, folder / "images" / name);
   };
   for (const Views& views : kObjects) take(views.indexed);
   for (const char* other : kOthers) take(other);
   const std::string db = (folder / "x.db").string();
   const ProgramResult indexed =
-      RunProgram({"index", (folder / "pictures").string(), "--db", db, "--json"});
+      RunProgram({"index", (folder / "images").string(), "--db", db, "--json"});
   ASSERT_EQ(indexed.status, 0) << indexed.err;
   EXPECT_EQ(indexed.json()["indexed"], std::size(kObjects) + std::size(kOthers));
   for (const Views& views : kObjects) {
@@ -143,7 +142,7 @@ TEST_F(PhotographsOfPrints, ACloserLookFindsSmallPrints) {
   EXPECT_EQ(at_once["looked_closer"], false) << "what is found at once is not described twice";
 }
 
-// A photograph of 3600 pixels has a print of 120: a thirtieth of it, of which the whole picture
+// A photograph of 3600 pixels has a print of 120: a thirtieth of it, of which the whole image
 // shows 34 pixels, or 51 to a closer look; the part shows them all.
 TEST_F(PhotographsOfPrints, APartIsSeenInItsOwnPixels) {
   for (const char* print : {"sudoku.png", "cards.png"}) {
@@ -157,7 +156,7 @@ TEST_F(PhotographsOfPrints, APartIsSeenInItsOwnPixels) {
     ASSERT_FALSE(part["hits"].empty());
     EXPECT_EQ(part["hits"][0]["object"], std::filesystem::path(print).stem().string());
     for (const auto& corner : part["hits"][0]["polygon"]) {
-      EXPECT_NEAR(corner[0].get<double>(), 1560, 75) << "in pixels of the whole picture";
+      EXPECT_NEAR(corner[0].get<double>(), 1560, 75) << "in pixels of the whole image";
       EXPECT_NEAR(corner[1].get<double>(), 1160, 75);
     }
   }

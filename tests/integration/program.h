@@ -11,7 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::testing {
 

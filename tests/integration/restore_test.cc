@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 class RestoreTest : public CliTest {
  protected:
-  // A database of `count` pictures, and its backup.
+  // A database of `count` images, and its backup.
   void MakeBackup(int count) {
     WriteObjects(count);
     ASSERT_EQ(Index().status, 0);
@@ -115,7 +115,7 @@ TEST_F(RestoreTest, ABackupWithALogIsReadWithIt) {
   backup_ = (folder_ / "crashed.db").string();  // a copy of a database in use: some is in the log
   {
     SQLite::Database open(db_, SQLite::OPEN_READONLY);
-    EXPECT_EQ(open.execAndGet("SELECT count(*) FROM pictures").getInt(), 2);
+    EXPECT_EQ(open.execAndGet("SELECT count(*) FROM images").getInt(), 2);
     WriteObjects(4);
     ASSERT_EQ(Index().status, 0);
     ASSERT_GT(fs::file_size(db_ + "-wal"), 0U);
@@ -152,7 +152,7 @@ TEST_F(RestoreTest, WhatCannotBeRestoredChangesNothing) {
             "0123456789012345678901234567890123456789012345678901234567890");
   EXPECT_EQ(Code(Restore({"--replace"})), "not_a_database");
   std::vector<std::uint8_t> bytes = ReadBytes(good);
-  const std::string magic = "PLFT";  // some picture's features
+  const std::string magic = "PLFT";  // some image's features
   const auto at = std::search(bytes.begin(), bytes.end(), magic.begin(), magic.end());
   ASSERT_NE(at, bytes.end());
   at[40] ^= 1;
@@ -183,7 +183,7 @@ TEST_F(RestoreTest, NotUnderARunningServer) {
   ServerProcess server(db_);
   EXPECT_EQ(Code(Restore({"--replace"})), "database_in_use");
   const auto added =
-      server.Client().Post("/v1/collections/default/images", TestPicture(7), "image/png");
+      server.Client().Post("/v1/collections/default/images", TestImage(7), "image/png");
   ASSERT_TRUE(added);
   EXPECT_EQ(added->status, 201);
   EXPECT_EQ(server.Stop(), 0);
@@ -209,11 +209,11 @@ TEST_F(RestoreTest, AServerDoesNotStartOnADamagedDatabaseAndWritesNothing) {
     ServerProcess server(db_, {"--auto-train=false"});
     auto client = server.Client();
     for (std::uint64_t seed = 100; seed < 130; ++seed) {
-      client.Post("/v1/collections/default/images", TestPicture(seed), "image/png");
+      client.Post("/v1/collections/default/images", TestImage(seed), "image/png");
     }
     SQLite::Database(db_, SQLite::OPEN_READWRITE).exec("PRAGMA wal_checkpoint(TRUNCATE)");
     client.Delete("/v1/collections/default/objects/o1");
-    client.Post("/v1/collections/default/images", TestPicture(7), "image/png");
+    client.Post("/v1/collections/default/images", TestImage(7), "image/png");
     server.Signal(SIGKILL);
     server.Wait();
   }

@@ -18,8 +18,8 @@ class AliasesTest : public ServerTest {
     for (const char* name : {"spring", "summer"}) {
       ASSERT_EQ(client.Put(std::string("/v1/collections/") + name)->status, 201);
     }
-    ASSERT_EQ(Upload(client, TestPicture(1), "coat", "spring")->status, 201);
-    ASSERT_EQ(Upload(client, TestPicture(2), "shirt", "summer")->status, 201);
+    ASSERT_EQ(Upload(client, TestImage(1), "coat", "spring")->status, 201);
+    ASSERT_EQ(Upload(client, TestImage(2), "shirt", "summer")->status, 201);
   }
   httplib::Result Alias(const std::string& name, const std::string& collection) {
     return server_->Client().Put("/v1/aliases/" + name, Json{{"collection", collection}}.dump(),
@@ -34,14 +34,14 @@ TEST_F(AliasesTest, ShopSwitchesToItsNewCollection) {
   EXPECT_EQ(made->status, 201);
   EXPECT_EQ(made->get_header_value("Location"), "/v1/aliases/live");
   EXPECT_EQ(Get("/v1/collections/live/objects")["objects"][0]["object"], "coat");
-  const Json picture = Get("/v1/collections/live/images")["images"][0];
-  EXPECT_EQ(picture["collection"], "spring") << "a picture says where it is";
+  const Json image = Get("/v1/collections/live/images")["images"][0];
+  EXPECT_EQ(image["collection"], "spring") << "an image says where it is";
 
   const auto moved = Alias("live", "summer");
   EXPECT_EQ(moved->status, 200);
   EXPECT_EQ(Json::parse(moved->body)["collection"], "summer");
   EXPECT_EQ(Get("/v1/collections/live/objects")["objects"][0]["object"], "shirt");
-  EXPECT_EQ(Upload(client, TestPicture(3), "hat", "live")->status, 201);
+  EXPECT_EQ(Upload(client, TestImage(3), "hat", "live")->status, 201);
   EXPECT_EQ(Get("/v1/collections/summer")["images"], 2);
   EXPECT_EQ(Get("/v1/collections/summer")["aliases"], Json::array({"live"}));
 

@@ -56,10 +56,10 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   auto reader = With(server, read);
   auto writer = With(server, write);
   auto owner = With(server, admin);
-  const std::string picture = TestPicture(1);
+  const std::string image = TestImage(1);
   EXPECT_EQ(reader.Get("/v1/collections")->status, 200);
-  EXPECT_EQ(CodeOf(reader.Post(kImages, picture, "image/png")), "forbidden");
-  EXPECT_EQ(writer.Post(kImages, picture, "image/png")->status, 201);
+  EXPECT_EQ(CodeOf(reader.Post(kImages, image, "image/png")), "forbidden");
+  EXPECT_EQ(writer.Post(kImages, image, "image/png")->status, 201);
   const std::string some = std::string(kImages) + "?filter=%7B%22n%22%3A1%7D";
   EXPECT_EQ(CodeOf(reader.Delete(some)), "forbidden");
   EXPECT_EQ(writer.Delete(some)->status, 200);
@@ -68,8 +68,8 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   EXPECT_EQ(writer.Post(import, "{}", "application/x-ndjson")->status, 202);
   EXPECT_EQ(reader.Get("/v1/collections/default/export")->status, 200);
   EXPECT_EQ(reader.Get(std::string(kImages) + "?sort=-created&count=true")->status, 200);
-  const httplib::MultipartFormDataItems both = {{"image", picture, "a.png", "image/png"},
-                                                {"image", picture, "b.png", "image/png"}};
+  const httplib::MultipartFormDataItems both = {{"image", image, "a.png", "image/png"},
+                                                {"image", image, "b.png", "image/png"}};
   EXPECT_EQ(reader.Post("/v1/compare", both)->status, 200);
   EXPECT_EQ(writer.Get(kImages)->status, 200);
   EXPECT_EQ(CodeOf(writer.Put("/v1/collections/toys")), "forbidden");

@@ -17,7 +17,7 @@ TEST_F(ServerErrorsTest, BodiesOfUploads) {
   const auto field = [](const std::string& name, const std::string& value) {
     return "--B\r\nContent-Disposition: form-data; name=\"" + name + "\"\r\n\r\n" + value + "\r\n";
   };
-  const std::string& p = picture_;
+  const std::string& p = image_;
   const std::string deep = std::string(100, '[') + std::string(100, ']');
   ExpectProblems({
       {"POST", images, "", "", 400, "missing_parameter", "image"},
@@ -28,8 +28,8 @@ TEST_F(ServerErrorsTest, BodiesOfUploads) {
       {"POST", kVocabularies, p, kPng, 415, "unsupported_content_type"},
       {"POST", images, "hello", kPng, 415, "image_type_unknown"},
       {"POST", images, p.substr(0, p.size() / 2), kPng, 422, "image_truncated"},
-      {"POST", images, TestPicture(1, 0, 12, 12), kPng, 422, "image_too_small"},
-      {"POST", images, TestPicture(1, 0, 2000, 1500), kPng, 413, "image_too_large"},
+      {"POST", images, TestImage(1, 0, 12, 12), kPng, 422, "image_too_small"},
+      {"POST", images, TestImage(1, 0, 2000, 1500), kPng, 413, "image_too_large"},
       {"POST", images, std::string(1'200'000, 'x'), kPng, 413, "body_too_large"},
       {"POST", images, field("object", "x") + "--B--\r\n", form, 400, "missing_parameter", "image"},
       {"POST", images, field("image", p) + field("image", p) + "--B--\r\n", form, 400,
@@ -54,7 +54,7 @@ TEST_F(ServerErrorsTest, BodiesOfUploads) {
 TEST_F(ServerErrorsTest, Parameters) {
   const std::string images = kImages;
   const std::string search = kSearch;
-  const std::string& p = picture_;
+  const std::string& p = image_;
   ExpectProblems({
       {"GET", images + "?limit=0", "", "", 400, "invalid_parameter", "limit"},
       {"GET", images + "?limit=501", "", "", 400, "invalid_parameter", "limit"},
@@ -92,7 +92,7 @@ TEST_F(ServerErrorsTest, Parameters) {
   });
 }
 
-TEST_F(ServerErrorsTest, APictureInAnotherFieldIsToldWhereItBelongs) {
+TEST_F(ServerErrorsTest, AnImageInAnotherFieldIsToldWhereItBelongs) {
   const auto answer = server_->Client().Post(
       kImages, httplib::MultipartFormDataItems{
                    {"file", std::string(70'000, 'x'), "photo.jpg", "image/jpeg"}});

@@ -133,7 +133,7 @@ TEST_F(ServerErrorsTest, RequestsMayFollowOneAnother) {
   const std::string put = "PUT " + std::string(kImages) +
                           "/one?object=o HTTP/1.1\r\nHost: localhost\r\nContent-Type: image/png\r\n"
                           "Content-Length: " +
-                          std::to_string(picture_.size()) + "\r\n\r\n" + picture_;
+                          std::to_string(image_.size()) + "\r\n\r\n" + image_;
   const std::string answers =
       server_->Talk(get + "\r\n" + put + get +
                     "GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -151,12 +151,12 @@ TEST_F(ServerErrorsTest, ChunkedBodiesAndContinueWork) {
                            "Content-Type: image/png\r\n";
   std::ostringstream chunked;
   chunked << head << "Transfer-Encoding: chunked\r\n\r\n"
-          << std::hex << picture_.size() << "\r\n"
-          << picture_ << "\r\n0\r\n\r\n";
+          << std::hex << image_.size() << "\r\n"
+          << image_ << "\r\n0\r\n\r\n";
   EXPECT_THAT(server_->Talk(chunked.str()), ::testing::StartsWith("HTTP/1.1 200 "));
   const std::string expecting =
-      head + "Expect: 100-continue\r\nContent-Length: " + std::to_string(picture_.size()) +
-      "\r\n\r\n" + picture_;
+      head + "Expect: 100-continue\r\nContent-Length: " + std::to_string(image_.size()) +
+      "\r\n\r\n" + image_;
   const std::string answer = server_->Talk(expecting);
   EXPECT_THAT(answer, ::testing::StartsWith("HTTP/1.1 100 "));
   EXPECT_THAT(answer, ::testing::HasSubstr("HTTP/1.1 200 "));

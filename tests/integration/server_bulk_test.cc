@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many pictures at once: imports of folders that survive kill -9, backups that can be restored, and
-// databases that say how their pictures are described.
+// Many images at once: imports of folders that survive kill -9, backups that can be restored, and
+// databases that say how their images are described.
 #include <csignal>
 #include <fstream>
 #include <thread>
@@ -51,12 +51,12 @@ class BulkTest : public ::testing::Test {
 };
 
 TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
-  Save("shelf/mug/1.png", TestPicture(1));
-  Save("shelf/mug/2.png", TestPicture(1, 1));
-  Save("shelf/cup/1.png", TestPicture(2));
-  Save("shelf/cup/broken.png", "no picture");
-  Save("shelf/twin/1.png", TestPicture(2));
-  Save("secret/1.png", TestPicture(9));
+  Save("shelf/mug/1.png", TestImage(1));
+  Save("shelf/mug/2.png", TestImage(1, 1));
+  Save("shelf/cup/1.png", TestImage(2));
+  Save("shelf/cup/broken.png", "no image");
+  Save("shelf/twin/1.png", TestImage(2));
+  Save("secret/1.png", TestImage(9));
   std::filesystem::create_symlink(folder_ / "secret/1.png", folder_ / "shelf/cup/link.png");
   const ServerProcess server(database(), {"--import-dir", (folder_ / "shelf").string()});
   auto client = server.Client();
@@ -77,15 +77,15 @@ TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
       << "the same bytes in two folders are reported, whichever came first";
   EXPECT_EQ(Images(client), 3);
   // The vocabulary comes by itself.
-  const auto found = client.Post(kSearch, TestPicture(1, 2), "image/png");
+  const auto found = client.Post(kSearch, TestImage(1, 2), "image/png");
   ASSERT_EQ(found->status, 200) << found->body;
   EXPECT_EQ(Json::parse(found->body)["hits"][0]["object"], "mug");
 }
 
 TEST_F(BulkTest, ImportsGoOnAfterKill) {
-  constexpr int kPictures = 60;
-  for (int i = 0; i < kPictures; ++i) {
-    Save("shelf/" + std::to_string(i) + ".png", TestPicture(i, 0, 480, 360));
+  constexpr int kImages = 60;
+  for (int i = 0; i < kImages; ++i) {
+    Save("shelf/" + std::to_string(i) + ".png", TestImage(i, 0, 480, 360));
   }
   const std::vector<std::string> flags = {"--import-dir", (folder_ / "shelf").string(),
                                           "--auto-train", "false"};
@@ -102,11 +102,11 @@ TEST_F(BulkTest, ImportsGoOnAfterKill) {
   }
   ServerProcess server(database(), flags);
   auto client = server.Client();
-  EXPECT_LT(Images(client), kPictures) << "it was not killed midway: nothing was tested";
+  EXPECT_LT(Images(client), kImages) << "it was not killed midway: nothing was tested";
   const Json job = AwaitJob(client, id);
   EXPECT_EQ(job["state"], "done") << job;
   EXPECT_EQ(job["attempts"], 2);
-  EXPECT_EQ(Images(client), kPictures);
+  EXPECT_EQ(Images(client), kImages);
   // An import that is cancelled keeps what it has, and says so.
   const auto again = client.Post(kImports, R"({"folder": "."})", "application/json");
   const std::string other = Json::parse(again->body)["id"];
@@ -126,14 +126,14 @@ TEST_F(BulkTest, ABackupMadeUnderLoadCanBeRestored) {
     for (int i = 0; i < 4; ++i) {
       client.Put(std::string(kCollection) + "/images/p" + std::to_string(i) + "?object=o" +
                      std::to_string(i),
-                 TestPicture(i), "image/png");
+                 TestImage(i), "image/png");
     }
-    ASSERT_EQ(client.Post(kSearch, TestPicture(1, 1), "image/png")->status, 200);
+    ASSERT_EQ(client.Post(kSearch, TestImage(1, 1), "image/png")->status, 200);
     std::atomic<bool> stop{false};
     std::thread uploads([&] {
       auto other = server.Client();
       for (int i = 100; !stop; ++i) {
-        other.Put(std::string(kCollection) + "/images/p" + std::to_string(i), TestPicture(i),
+        other.Put(std::string(kCollection) + "/images/p" + std::to_string(i), TestImage(i),
                   "image/png");
       }
     });
@@ -162,14 +162,14 @@ TEST_F(BulkTest, ABackupMadeUnderLoadCanBeRestored) {
   const ServerProcess server(database(), flags);
   auto client = server.Client();
   EXPECT_EQ(client.Get(std::string(kCollection) + "/images/p1")->status, 200);
-  const auto found = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  const auto found = client.Post(kSearch, TestImage(1, 1), "image/png");
   ASSERT_EQ(found->status, 200) << found->body;
   EXPECT_EQ(Json::parse(found->body)["hits"][0]["object"], "o1");
 }
 
-TEST_F(BulkTest, PicturesAreDescribedAsTheDatabaseWasMade) {
-  Save("p/a.png", TestPicture(1));
-  Save("p/b.png", TestPicture(2));
+TEST_F(BulkTest, ImagesAreDescribedAsTheDatabaseWasMade) {
+  Save("p/a.png", TestImage(1));
+  Save("p/b.png", TestImage(2));
   const std::vector<std::string> index = {
       "index", (folder_ / "p").string(), "--db", DatabaseOf(database()), "--descriptor", "rootsift",
       "--json"};
@@ -178,17 +178,17 @@ TEST_F(BulkTest, PicturesAreDescribedAsTheDatabaseWasMade) {
     return RunProgram(more);
   };
   ASSERT_EQ(with({"--max-keypoints", "50"}).status, 0);
-  Save("p/c.png", TestPicture(3));
+  Save("p/c.png", TestImage(3));
   const ProgramResult mismatch = with({"--max-keypoints", "70"});
   EXPECT_EQ(mismatch.status, 1);
   EXPECT_EQ(mismatch.json()["error"]["code"], "extraction_mismatch") << mismatch.out;
   EXPECT_EQ(with({}).json()["indexed"], 1) << "not told, it follows";
   ServerProcess server(database());
   auto client = server.Client();
-  const auto added = client.Post(std::string(kCollection) + "/images", TestPicture(4), "image/png");
+  const auto added = client.Post(std::string(kCollection) + "/images", TestImage(4), "image/png");
   ASSERT_EQ(added->status, 201) << added->body;
   EXPECT_LE(Json::parse(added->body)["keypoints"], 100);  // 50 at each of two sizes
-  const auto found = client.Post(kSearch, TestPicture(2, 1), "image/png");
+  const auto found = client.Post(kSearch, TestImage(2, 1), "image/png");
   EXPECT_LE(Json::parse(found->body)["keypoints"], 100);
   EXPECT_EQ(server.Stop(), 0);
   const ProgramResult refused = Program({"--db", DatabaseOf(database()), "--listen", "127.0.0.1:0",

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// PATCH: pictures and objects changed in place by JSON merge patches.
+// PATCH: images and objects changed in place by JSON merge patches.
 #include <csignal>
 #include <string>
 #include <thread>
@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 constexpr const char* kPatchType = "application/merge-patch+json";
 constexpr const char* kObjects = "/v1/collections/default/objects";
 
-std::string Picture(const std::string& id) { return std::string(kImages) + "/" + id; }
+std::string MakeImage(const std::string& id) { return std::string(kImages) + "/" + id; }
 std::string Object(const std::string& name) { return std::string(kObjects) + "/" + name; }
 
 class ChangesTest : public ServerTest {
@@ -28,8 +28,8 @@ class ChangesTest : public ServerTest {
     client_ = std::make_unique<httplib::Client>(server_->Client());
     for (const auto& [id, object] : {std::pair{"a", "mug"}, {"b", "mug"}, {"c", "cup"}}) {
       const auto answer = client_->Put(
-          Picture(id) + "?object=" + object + R"(&metadata={"shelf":4,"colour":"red"})",
-          TestPicture(static_cast<std::uint64_t>(id[0])), "image/png");
+          MakeImage(id) + "?object=" + object + R"(&metadata={"shelf":4,"colour":"red"})",
+          TestImage(static_cast<std::uint64_t>(id[0])), "image/png");
       ASSERT_TRUE(answer && answer->status == 201) << (answer ? answer->body : "no answer");
     }
   }
@@ -58,28 +58,29 @@ class ChangesTest : public ServerTest {
   std::unique_ptr<httplib::Client> client_;
 };
 
-TEST_F(ChangesTest, APictureIsChangedAsAMergePatchSays) {
-  Json before = Read(Picture("a"));
-  Json now = Changed(Picture("a"), R"({"metadata": {"shelf": 5, "colour": null, "x": {"y": 1}}})");
+TEST_F(ChangesTest, AnImageIsChangedAsAMergePatchSays) {
+  Json before = Read(MakeImage("a"));
+  Json now =
+      Changed(MakeImage("a"), R"({"metadata": {"shelf": 5, "colour": null, "x": {"y": 1}}})");
   EXPECT_GT(now["updated_at"], before["updated_at"]);
   before["updated_at"] = now["updated_at"];
   before["metadata"] = {{"shelf", 5}, {"x", {{"y", 1}}}};
   EXPECT_EQ(now, before) << "nothing else changes";
-  now = Changed(Picture("a"), R"({"object": "bowl", "source": "bowl.png", "metadata": null})");
+  now = Changed(MakeImage("a"), R"({"object": "bowl", "source": "bowl.png", "metadata": null})");
   EXPECT_EQ(now["object"], "bowl");
   EXPECT_EQ(now["source"], "bowl.png");
   EXPECT_EQ(now["metadata"], Json::object());
-  EXPECT_EQ(now, Read(Picture("a")));
+  EXPECT_EQ(now, Read(MakeImage("a")));
   EXPECT_EQ(Read(Object("mug"))["images"], 1);
-  EXPECT_EQ(Changed(Picture("a"), R"({"object": null})")["object"], "");
-  EXPECT_EQ(client_->Get(Object("bowl"))->status, 404) << "no picture is left of it";
-  EXPECT_EQ(Changed(Picture("a"), "{}"), Read(Picture("a"))) << "no change is no fault";
-  EXPECT_EQ(Patch(Picture("a"), R"({"object":"x"})", "application/json")->status, 200);
+  EXPECT_EQ(Changed(MakeImage("a"), R"({"object": null})")["object"], "");
+  EXPECT_EQ(client_->Get(Object("bowl"))->status, 404) << "no image is left of it";
+  EXPECT_EQ(Changed(MakeImage("a"), "{}"), Read(MakeImage("a"))) << "no change is no fault";
+  EXPECT_EQ(Patch(MakeImage("a"), R"({"object":"x"})", "application/json")->status, 200);
 }
 
 TEST_F(ChangesTest, WhatIsWrongIsNamedAndChangesNothing) {
-  const Json before = Read(Picture("a"));
-  const std::string a = Picture("a");
+  const Json before = Read(MakeImage("a"));
+  const std::string a = MakeImage("a");
   ExpectProblem(Patch(a, R"({"object": 5})"), 400, "invalid_parameter", "object");
   ExpectProblem(Patch(a, R"({"object": ["x"]})"), 400, "invalid_parameter", "object");
   ExpectProblem(Patch(a, R"({"object": "a\u0000b"})"), 400, "invalid_parameter", "object");
@@ -94,7 +95,7 @@ TEST_F(ChangesTest, WhatIsWrongIsNamedAndChangesNothing) {
   ExpectProblem(Patch(a + "?object=x", "{}"), 400, "unknown_parameter", "object");
   ExpectProblem(Patch(a, R"({"metadata": {"x": ")" + std::string(70'000, 'x') + R"("}})"), 400,
                 "invalid_parameter", "metadata");
-  ExpectProblem(Patch(Picture("nobody"), R"({"object": "x"})"), 404, "image_not_found");
+  ExpectProblem(Patch(MakeImage("nobody"), R"({"object": "x"})"), 404, "image_not_found");
   ExpectProblem(Patch("/v1/collections/none/images/a", "{}"), 404, "collection_not_found");
   EXPECT_EQ(Read(a), before);
   const std::string mug = Object("mug");
@@ -111,29 +112,29 @@ TEST_F(ChangesTest, WhatIsWrongIsNamedAndChangesNothing) {
 }
 
 TEST_F(ChangesTest, IfMatchIsHonoured) {
-  const auto read = client_->Get(Picture("a"));
+  const auto read = client_->Get(MakeImage("a"));
   const std::string etag = read->get_header_value("ETag");
   ASSERT_THAT(etag, ::testing::MatchesRegex("\"[0-9a-f]{32}\"")) << "strong";
-  ExpectProblem(Patch(Picture("a"), R"({"object": "x"})", kPatchType, "\"other\""), 412,
+  ExpectProblem(Patch(MakeImage("a"), R"({"object": "x"})", kPatchType, "\"other\""), 412,
                 "precondition_failed");
-  ExpectProblem(Patch(Picture("a"), R"({"object": "x"})", kPatchType, "W/" + etag), 412,
+  ExpectProblem(Patch(MakeImage("a"), R"({"object": "x"})", kPatchType, "W/" + etag), 412,
                 "precondition_failed");
-  EXPECT_EQ(Read(Picture("a"))["object"], "mug");
-  const auto changed = Patch(Picture("a"), R"({"object": "x"})", kPatchType, "\"no\", " + etag);
+  EXPECT_EQ(Read(MakeImage("a"))["object"], "mug");
+  const auto changed = Patch(MakeImage("a"), R"({"object": "x"})", kPatchType, "\"no\", " + etag);
   EXPECT_EQ(changed->status, 200) << changed->body;
   EXPECT_EQ(changed->get_header_value("ETag"),
-            client_->Get(Picture("a"))->get_header_value("ETag"));
-  ExpectProblem(Patch(Picture("a"), R"({"object": "y"})", kPatchType, etag), 412,
+            client_->Get(MakeImage("a"))->get_header_value("ETag"));
+  ExpectProblem(Patch(MakeImage("a"), R"({"object": "y"})", kPatchType, etag), 412,
                 "precondition_failed");
-  EXPECT_EQ(Patch(Picture("a"), R"({"object": "mug"})", kPatchType, "*")->status, 200);
+  EXPECT_EQ(Patch(MakeImage("a"), R"({"object": "mug"})", kPatchType, "*")->status, 200);
   const httplib::Headers other = {{"If-Match", "\"other\""}};
-  ExpectProblem(client_->Delete(Picture("a"), other), 412, "precondition_failed");
-  ExpectProblem(client_->Put(Picture("a"), other, TestPicture(9), "image/png"), 412,
+  ExpectProblem(client_->Delete(MakeImage("a"), other), 412, "precondition_failed");
+  ExpectProblem(client_->Put(MakeImage("a"), other, TestImage(9), "image/png"), 412,
                 "precondition_failed");
-  EXPECT_EQ(Read(Picture("a"))["object"], "mug") << "it is there, and the picture it was";
+  EXPECT_EQ(Read(MakeImage("a"))["object"], "mug") << "it is there, and the image it was";
 
   const std::string object = client_->Get(Object("mug"))->get_header_value("ETag");
-  client_->Delete(Picture("b"));
+  client_->Delete(MakeImage("b"));
   ExpectProblem(Patch(Object("mug"), R"({"object": "x"})", kPatchType, object), 412,
                 "precondition_failed");
   const std::string now = client_->Get(Object("mug"))->get_header_value("ETag");
@@ -146,23 +147,23 @@ TEST_F(ChangesTest, AnObjectIsRenamedOrJoinsAnother) {
   EXPECT_EQ(Changed(Object("mug"), R"({"object": "tea mug"})"),
             (Json{{"object", "tea mug"}, {"images", 2}, {"image_id", "a"}}));
   EXPECT_EQ(client_->Get(Object("mug"))->status, 404);
-  EXPECT_EQ(Read(Picture("b"))["object"], "tea mug");
+  EXPECT_EQ(Read(MakeImage("b"))["object"], "tea mug");
   const auto taken = Patch(Object("cup"), R"({"object": "tea mug"})");
   ExpectProblem(taken, 409, "object_exists");
-  EXPECT_THAT(taken->body, HasSubstr("of 2 pictures"));
+  EXPECT_THAT(taken->body, HasSubstr("of 2 images"));
   EXPECT_EQ(Changed(Object("cup") + "?merge=true", R"({"object": "tea mug"})")["images"], 3);
   EXPECT_EQ(client_->Get(Object("cup"))->status, 404);
-  EXPECT_EQ(Read(Picture("c"))["object"], "tea mug");
+  EXPECT_EQ(Read(MakeImage("c"))["object"], "tea mug");
 }
 
-TEST_F(ChangesTest, TheSameBytesByAnotherNameSayWhichPictureToChange) {
-  const auto refused = Upload(*client_, TestPicture('a'), "bowl");
+TEST_F(ChangesTest, TheSameBytesByAnotherNameSayWhichImageToChange) {
+  const auto refused = Upload(*client_, TestImage('a'), "bowl");
   ExpectProblem(refused, 409, "same_bytes");
   const Json problem = Json::parse(refused->body);
   EXPECT_EQ(problem["image_id"], "a");
   EXPECT_EQ(problem["object"], "mug");
-  Changed(Picture(problem["image_id"]), R"({"object": "bowl"})");
-  EXPECT_EQ(Upload(*client_, TestPicture('a'), "bowl")->status, 200);
+  Changed(MakeImage(problem["image_id"]), R"({"object": "bowl"})");
+  EXPECT_EQ(Upload(*client_, TestImage('a'), "bowl")->status, 200);
 }
 
 TEST_F(ChangesTest, AKillLosesNothingThatWasAnsweredAndOtherServersSeeIt) {
@@ -172,19 +173,19 @@ TEST_F(ChangesTest, AKillLosesNothingThatWasAnsweredAndOtherServersSeeIt) {
   }
   const ServerProcess other(folder_.path() / "test.db", {"--auto-train", "false"});
   auto client = other.Client();
-  EXPECT_EQ(SearchFor(client, TestPicture('a'))["hits"][0]["object"], "mug");
+  EXPECT_EQ(SearchFor(client, TestImage('a'))["hits"][0]["object"], "mug");
   Changed(Object("mug"), R"({"object": "tea mug"})");
-  EXPECT_EQ(SearchFor(client, TestPicture('a'))["hits"][0]["object"], "tea mug");
-  Changed(Picture("a"), R"({"object": "cup", "metadata": {"shelf": 9}})");
-  const Json hit = SearchFor(client, TestPicture('a'))["hits"][0];
+  EXPECT_EQ(SearchFor(client, TestImage('a'))["hits"][0]["object"], "tea mug");
+  Changed(MakeImage("a"), R"({"object": "cup", "metadata": {"shelf": 9}})");
+  const Json hit = SearchFor(client, TestImage('a'))["hits"][0];
   EXPECT_EQ(hit["object"], "cup");
   EXPECT_EQ(hit["metadata"]["shelf"], 9);
   server_->Signal(SIGKILL);
   server_->Wait();
   Start({"--auto-train", "false"});
   client_ = std::make_unique<httplib::Client>(server_->Client());
-  EXPECT_EQ(Read(Picture("a"))["object"], "cup");
-  EXPECT_EQ(SearchFor(*client_, TestPicture('a'))["hits"][0]["object"], "cup");
+  EXPECT_EQ(Read(MakeImage("a"))["object"], "cup");
+  EXPECT_EQ(SearchFor(*client_, TestImage('a'))["hits"][0]["object"], "cup");
 }
 
 TEST_F(ChangesTest, ChangesAndDeletionsAtOnceLeaveNoHalves) {
@@ -194,7 +195,7 @@ TEST_F(ChangesTest, ChangesAndDeletionsAtOnceLeaveNoHalves) {
       auto client = server_->Client();
       for (int i = 0; i < 20; ++i) {
         const auto answer = client.Patch(
-            Picture("a"), R"({"object": "o)" + std::to_string((i + t) % 3) + "\"}", kPatchType);
+            MakeImage("a"), R"({"object": "o)" + std::to_string((i + t) % 3) + "\"}", kPatchType);
         ASSERT_TRUE(answer);
         EXPECT_TRUE(answer->status == 200 || answer->status == 404) << answer->body;
       }
@@ -203,8 +204,8 @@ TEST_F(ChangesTest, ChangesAndDeletionsAtOnceLeaveNoHalves) {
   threads.emplace_back([this] {
     auto client = server_->Client();
     for (int i = 0; i < 10; ++i) {
-      client.Delete(Picture("a"));
-      client.Put(Picture("a"), TestPicture('a'), "image/png");
+      client.Delete(MakeImage("a"));
+      client.Put(MakeImage("a"), TestImage('a'), "image/png");
     }
   });
   threads.clear();
@@ -220,8 +221,9 @@ TEST_F(ChangesTest, AnAllowedOriginMayPatch) {
   ASSERT_EQ(server_->Stop(), 0);
   Start({"--cors-origins", "https://shop.example"});
   auto client = server_->Client();
-  const auto preflight = client.Options(Picture("a"), {{"Origin", "https://shop.example"},
-                                                       {"Access-Control-Request-Method", "PATCH"}});
+  const auto preflight = client.Options(
+      MakeImage("a"),
+      {{"Origin", "https://shop.example"}, {"Access-Control-Request-Method", "PATCH"}});
   ASSERT_TRUE(preflight);
   EXPECT_EQ(preflight->status, 204);
   EXPECT_THAT(preflight->get_header_value("Access-Control-Allow-Methods"), HasSubstr("PATCH"));
@@ -231,7 +233,7 @@ TEST_F(ChangesTest, AnAllowedOriginMayPatch) {
   for (const char* header : {"Content-Range", "Idempotency-Replayed"}) {
     EXPECT_THAT(preflight->get_header_value("Access-Control-Expose-Headers"), HasSubstr(header));
   }
-  const auto elsewhere = client.Patch(Picture("a"), {{"Origin", "https://other.example"}},
+  const auto elsewhere = client.Patch(MakeImage("a"), {{"Origin", "https://other.example"}},
                                       R"({"object": "x"})", kPatchType);
   ExpectProblem(elsewhere, 403, "cross_site");
 }

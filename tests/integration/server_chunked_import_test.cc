@@ -88,7 +88,7 @@ TEST_F(ChunkedImportTest, ManyMegabytesInChunksOfAnySize) {
 
 TEST_F(ChunkedImportTest, SmallOnesAndLinesAsBefore) {
   StartSmall();
-  std::string line = Json{{"image", Base64Of(TestPicture(1))}, {"object", "line"}}.dump();
+  std::string line = Json{{"image", Base64Of(TestImage(1))}, {"object", "line"}}.dump();
   const auto answer = client_->Post(
       kImport,
       [&](std::size_t, httplib::DataSink& sink) {

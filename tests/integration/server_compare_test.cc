@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Two pictures compared, whichever way each of them comes: a file, base64, an address on the web.
+// Two images compared, whichever way each of them comes: a file, base64, an address on the web.
 #include <string>
 #include <vector>
 
@@ -13,11 +13,11 @@ namespace {
 
 constexpr const char* kCompare = "/v1/compare";
 
-httplib::MultipartFormData File(const std::string& picture) {
-  return {"image", picture, "a.png", "image/png"};
+httplib::MultipartFormData File(const std::string& image) {
+  return {"image", image, "a.png", "image/png"};
 }
 
-Json Base64Picture(const std::string& picture) { return {{"image", Base64Of(picture)}}; }
+Json Base64Image(const std::string& image) { return {{"image", Base64Of(image)}}; }
 
 class CompareTest : public FetchTest {
  protected:
@@ -49,7 +49,7 @@ class CompareTest : public FetchTest {
 
 TEST_F(CompareTest, TwoFiles) {
   StartFetching();
-  auto answer = Send({File(TestPicture(1, 0)), File(TestPicture(1, 1))}, "?explain=true");
+  auto answer = Send({File(TestImage(1, 0)), File(TestImage(1, 1))}, "?explain=true");
   ASSERT_EQ(answer->status, 200) << answer->body;
   const Json same = Json::parse(answer->body);
   EXPECT_EQ(same["verdict"], "found");
@@ -57,25 +57,25 @@ TEST_F(CompareTest, TwoFiles) {
   EXPECT_GE(same["polygon"].size(), 3U);
   EXPECT_EQ(same["explain"]["pairs"].size(), same["inliers"]);
   EXPECT_GE(same["matches"], same["inliers"]);
-  const Json other = Compared({File(TestPicture(1, 0)), File(TestPicture(2, 0))});
+  const Json other = Compared({File(TestImage(1, 0)), File(TestImage(2, 0))});
   EXPECT_EQ(other["verdict"], "not_found");
   EXPECT_LT(other["probability"], 0.5);
   EXPECT_FALSE(other.contains("explain"));
 }
 
 // A file, base64 and an address for either of the two: the answer is always the same.
-TEST_F(CompareTest, EitherPictureComesInAnyWay) {
+TEST_F(CompareTest, EitherImageComesInAnyWay) {
   StartFetching();
-  const std::string first = TestPicture(1, 0);
-  const std::string second = TestPicture(1, 2);
+  const std::string first = TestImage(1, 0);
+  const std::string second = TestImage(1, 2);
   const Json expected = Compared({File(first), File(second)});
   ASSERT_EQ(expected["verdict"], "found");
   ASSERT_NE(expected["first"], expected["second"]) << "or their order would not be seen";
-  const std::vector<Json> firsts = {Base64Picture(first),
+  const std::vector<Json> firsts = {Base64Image(first),
                                     At("/1.png"),
                                     At("/moved.png"),
                                     {{"image", "data:image/png;base64," + Base64Of(first)}}};
-  const std::vector<Json> seconds = {Base64Picture(second), At("/1view.png")};
+  const std::vector<Json> seconds = {Base64Image(second), At("/1view.png")};
   for (const Json& one : firsts) {
     for (const Json& two : seconds) {
       const Json body = {{"first", one}, {"second", two}};
@@ -95,35 +95,35 @@ TEST_F(CompareTest, EitherPictureComesInAnyWay) {
   EXPECT_EQ(Lasting(Json::parse(query->body)), expected) << "in the query, like any parameter";
 }
 
-TEST_F(CompareTest, WhatIsNotTwoPicturesIsRefused) {
+TEST_F(CompareTest, WhatIsNotTwoImagesIsRefused) {
   StartFetching();
-  const std::string picture = TestPicture(1);
-  RefusedForm({File(picture)}, 400, "missing_parameter", "image");
+  const std::string image = TestImage(1);
+  RefusedForm({File(image)}, 400, "missing_parameter", "image");
   RefusedForm({{"explain", "true", "", ""}}, 400, "missing_parameter", "image");
   RefusedForm({{"second", At("/1.png").dump(), "", ""}}, 400, "missing_parameter", "image");
-  RefusedForm({File(picture), File(picture), File(picture)}, 400, "duplicate_parameter", "image");
-  RefusedForm({File(picture), File(picture), {"first", At("/1.png").dump(), "", ""}}, 400,
+  RefusedForm({File(image), File(image), File(image)}, 400, "duplicate_parameter", "image");
+  RefusedForm({File(image), File(image), {"first", At("/1.png").dump(), "", ""}}, 400,
               "duplicate_parameter", "image");
-  RefusedForm({File(picture),
+  RefusedForm({File(image),
                {"second", At("/1.png").dump(), "", ""},
                {"second", At("/2.png").dump(), "", ""}},
               400, "duplicate_parameter", "second");
-  RefusedForm({File(picture), {"second", "{", "", ""}}, 400, "invalid_json", "second");
-  RefusedForm({File(picture), {"second", "[]", "", ""}}, 400, "invalid_json", "second");
-  RefusedForm({File(picture), {"second", "\xff", "", ""}}, 400, "invalid_parameter", "second");
-  RefusedForm({File(picture), {"image_url", other_.url("/1.png"), "", ""}}, 400,
-              "unknown_parameter", "image_url");
-  RefusedForm({File(picture), {"second", std::string(70'000, 'x'), "", ""}}, 413, "body_too_large",
+  RefusedForm({File(image), {"second", "{", "", ""}}, 400, "invalid_json", "second");
+  RefusedForm({File(image), {"second", "[]", "", ""}}, 400, "invalid_json", "second");
+  RefusedForm({File(image), {"second", "\xff", "", ""}}, 400, "invalid_parameter", "second");
+  RefusedForm({File(image), {"image_url", other_.url("/1.png"), "", ""}}, 400, "unknown_parameter",
+              "image_url");
+  RefusedForm({File(image), {"second", std::string(70'000, 'x'), "", ""}}, 413, "body_too_large",
               "");
-  RefusedForm({File(picture), File("no picture")}, 415, "image_type_unknown", "");
-  RefusedForm({File(picture), File(picture.substr(0, 500))}, 422, "image_truncated", "");
-  EXPECT_EQ(client_->Post(kCompare, picture, "image/png")->status, 415) << "it is one picture";
+  RefusedForm({File(image), File("no image")}, 415, "image_type_unknown", "");
+  RefusedForm({File(image), File(image.substr(0, 500))}, 422, "image_truncated", "");
+  EXPECT_EQ(client_->Post(kCompare, image, "image/png")->status, 415) << "it is one image";
   EXPECT_EQ(other_.connections(), 0) << "nothing is fetched before all is there";
 }
 
-TEST_F(CompareTest, WrongPicturesInJsonAreRefusedByTheirName) {
+TEST_F(CompareTest, WrongImagesInJsonAreRefusedByTheirName) {
   StartFetching({"--fetch-private", "true", "--max-body-mb", "1"});
-  const Json good = Base64Picture(TestPicture(1));
+  const Json good = Base64Image(TestImage(1));
   const auto refused = [&](const Json& second, int status, const std::string& code,
                            const std::string& words = "") {
     Refused(kCompare, {{"first", good}, {"second", second}}, status, code, "second", words);
@@ -136,8 +136,8 @@ TEST_F(CompareTest, WrongPicturesInJsonAreRefusedByTheirName) {
   for (const Json& wrong : std::vector<Json>{7, "text", true, Json::array({good})}) {
     refused(wrong, 400, "invalid_parameter", "must be an object");
   }
-  refused(Json::object(), 400, "invalid_parameter", "needs a picture");
-  refused({{"image", nullptr}}, 400, "invalid_parameter", "needs a picture");
+  refused(Json::object(), 400, "invalid_parameter", "needs an image");
+  refused({{"image", nullptr}}, 400, "invalid_parameter", "needs an image");
   refused({{"image", 7}}, 400, "invalid_parameter", "second.image must be text");
   refused({{"image_url", {"x"}}}, 400, "invalid_parameter", "second.image_url must be text");
   refused({{"image", "*"}}, 400, "invalid_parameter", "base64");
@@ -159,18 +159,18 @@ TEST_F(CompareTest, WrongPicturesInJsonAreRefusedByTheirName) {
 TEST_F(CompareTest, NothingIsFetchedUnlessTheOperatorAllowsIt) {
   Start();
   client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
-  Refused(kCompare, {{"first", Base64Picture(TestPicture(1))}, {"second", At("/1.png")}}, 409,
+  Refused(kCompare, {{"first", Base64Image(TestImage(1))}, {"second", At("/1.png")}}, 409,
           "fetch_off", "second");
-  RefusedForm({File(TestPicture(1)), {"second", At("/1.png").dump(), "", ""}}, 409, "fetch_off",
+  RefusedForm({File(TestImage(1)), {"second", At("/1.png").dump(), "", ""}}, 409, "fetch_off",
               "second");
   StartFetching({});
-  Refused(kCompare, {{"first", At("/1.png")}, {"second", Base64Picture(TestPicture(1))}}, 422,
+  Refused(kCompare, {{"first", At("/1.png")}, {"second", Base64Image(TestImage(1))}}, 422,
           "fetch_host_not_allowed", "first", "no public address");
   EXPECT_EQ(other_.connections(), 0);
 }
 
-// Where one picture may be on its way, two of one request may be: or none would ever be answered.
-TEST_F(CompareTest, BothPicturesTakeOnePlace) {
+// Where one image may be on its way, two of one request may be: or none would ever be answered.
+TEST_F(CompareTest, BothImagesTakeOnePlace) {
   StartFetching({"--fetch-private", "true", "--http-threads", "4"});
   const Json body = {{"first", At("/1.png")}, {"second", At("/1view.png")}};
   for (int i = 0; i < 3; ++i) EXPECT_EQ(Ask(kCompare, body, 200)["verdict"], "found");

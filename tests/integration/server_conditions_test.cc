@@ -30,14 +30,14 @@ class ConditionsTest : public ServerTest {
   void SetUp() override {
     Start({"--auto-train", "false"});
     auto client = server_->Client();
-    ASSERT_EQ(client.Put(std::string(kImage) + "?object=mug", picture_, "image/png")->status, 201);
+    ASSERT_EQ(client.Put(std::string(kImage) + "?object=mug", image_, "image/png")->status, 201);
   }
   std::string EtagOf(const std::string& path) {
     return server_->Client().Get(path)->get_header_value("ETag");
   }
   static std::string Of(const char* what) { return std::string(kImage) + what; }
 
-  const std::string picture_ = TestPicture(1);
+  const std::string image_ = TestImage(1);
 };
 
 TEST_F(ConditionsTest, TextIsCompressedAsTheClientLikesIt) {
@@ -90,9 +90,9 @@ TEST_F(ConditionsTest, TextIsCompressedAsTheClientLikesIt) {
   for (const std::string& other :
        {Of("/content"), Of("/thumbnail"), std::string("/livez"), std::string(kImage)}) {
     const auto answer = client.Get(other, {{"Accept-Encoding", "br, gzip"}});
-    EXPECT_FALSE(answer->has_header("Content-Encoding")) << other << ": a picture, or short";
+    EXPECT_FALSE(answer->has_header("Content-Encoding")) << other << ": an image, or short";
   }
-  EXPECT_EQ(client.Get(Of("/content"), {{"Accept-Encoding", "br"}})->body, picture_);
+  EXPECT_EQ(client.Get(Of("/content"), {{"Accept-Encoding", "br"}})->body, image_);
   EXPECT_EQ(client.Get(Of("/features"), {{"Accept-Encoding", "gzip"}})
                 ->get_header_value("Content-Encoding"),
             "gzip");
@@ -101,7 +101,7 @@ TEST_F(ConditionsTest, TextIsCompressedAsTheClientLikesIt) {
 // Long answers are compressed on some cores at most, and wait for nobody.
 TEST_F(ConditionsTest, CompressingLongAnswersDoesNotKeepOthersWaiting) {
   auto client = server_->Client();
-  const std::string large = TestPicture(3, 0, 1600, 1200);
+  const std::string large = TestImage(3, 0, 1600, 1200);
   ASSERT_EQ(client.Put("/v1/collections/default/images/large", large, "image/png")->status, 201);
   const std::string plain =
       client
@@ -171,10 +171,10 @@ TEST_F(ConditionsTest, WhatTheClientHasIsNotSentAgain) {
   }
 }
 
-TEST_F(ConditionsTest, PartsOfAPictureCanBeAskedFor) {
+TEST_F(ConditionsTest, PartsOfAnImageCanBeAskedFor) {
   auto client = server_->Client();
   const std::string path = Of("/content");
-  const std::size_t bytes = picture_.size();
+  const std::size_t bytes = image_.size();
   const std::string total = std::to_string(bytes);
   const std::string etag = EtagOf(path);
   EXPECT_EQ(client.Get(path)->get_header_value("Accept-Ranges"), "bytes");
@@ -195,7 +195,7 @@ TEST_F(ConditionsTest, PartsOfAPictureCanBeAskedFor) {
   for (const auto& [range, from, to] : parts) {
     const auto part = get(range);
     ASSERT_EQ(part->status, 206) << range;
-    EXPECT_EQ(part->body, picture_.substr(from, to - from + 1)) << range;
+    EXPECT_EQ(part->body, image_.substr(from, to - from + 1)) << range;
     EXPECT_EQ(part->get_header_value("Content-Range"),
               "bytes " + std::to_string(from) + "-" + std::to_string(to) + "/" + total);
     EXPECT_EQ(part->get_header_value("ETag"), etag);
@@ -212,7 +212,7 @@ TEST_F(ConditionsTest, PartsOfAPictureCanBeAskedFor) {
     EXPECT_EQ(CodeOf(outside), "range_not_satisfiable");
     EXPECT_EQ(outside->get_header_value("Content-Range"), "bytes */" + total);
   }
-  EXPECT_EQ(get("bytes=0-1,3-4")->body, picture_) << "several at once are not cut";
+  EXPECT_EQ(get("bytes=0-1,3-4")->body, image_) << "several at once are not cut";
   EXPECT_EQ(get("bytes=0-9", {{"If-Range", etag}})->status, 206);
   for (const std::string& other :
        {std::string("\"x\""), "W/" + etag, std::string("Sun, 06 Nov 1994 08:49:37 GMT")}) {
@@ -229,35 +229,34 @@ TEST_F(ConditionsTest, OnlyWhatTheClientHasSeenIsReplacedOrRemoved) {
   const std::string before = EtagOf(kImage);
   const std::string object = "/v1/collections/default/objects/mug";
   const std::string object_before = EtagOf(object);
-  const auto put = [&](const std::string& path, const std::string& picture,
-                       const Headers& headers) {
-    return client.Put(path.c_str(), headers, picture, "image/png");
+  const auto put = [&](const std::string& path, const std::string& image, const Headers& headers) {
+    return client.Put(path.c_str(), headers, image, "image/png");
   };
-  const std::string other = TestPicture(2);
+  const std::string other = TestImage(2);
   const std::string with_object = std::string(kImage) + "?object=mug";
   EXPECT_EQ(CodeOf(put(with_object, other, {{"If-Match", "\"x\""}})), "precondition_failed");
-  EXPECT_EQ(CodeOf(put(with_object, picture_, {{"If-Match", "\"x\""}})), "precondition_failed")
+  EXPECT_EQ(CodeOf(put(with_object, image_, {{"If-Match", "\"x\""}})), "precondition_failed")
       << "also where nothing would have changed";
   EXPECT_EQ(CodeOf(put(with_object, other, {{"If-None-Match", "*"}})), "precondition_failed");
-  EXPECT_EQ(client.Get(Of("/content"))->body, picture_) << "nothing was changed";
+  EXPECT_EQ(client.Get(Of("/content"))->body, image_) << "nothing was changed";
   const auto replaced = put(with_object, other, {{"If-Match", before}});
   ASSERT_EQ(replaced->status, 200) << replaced->body;
   const std::string after = EtagOf(kImage);
   EXPECT_EQ(replaced->get_header_value("ETag"), after);
   EXPECT_NE(after, before);
-  EXPECT_EQ(CodeOf(put(with_object, picture_, {{"If-Match", before}})), "precondition_failed");
+  EXPECT_EQ(CodeOf(put(with_object, image_, {{"If-Match", before}})), "precondition_failed");
 
   const std::string fresh = "/v1/collections/default/images/new-1";
-  EXPECT_EQ(CodeOf(put(fresh, picture_, {{"If-Match", "*"}})), "precondition_failed");
+  EXPECT_EQ(CodeOf(put(fresh, image_, {{"If-Match", "*"}})), "precondition_failed");
   EXPECT_EQ(client.Get(fresh)->status, 404);
-  EXPECT_EQ(put(fresh, picture_, {{"If-None-Match", "*"}})->status, 201);
-  EXPECT_EQ(CodeOf(put(fresh, picture_, {{"If-None-Match", "*"}})), "precondition_failed");
+  EXPECT_EQ(put(fresh, image_, {{"If-None-Match", "*"}})->status, 201);
+  EXPECT_EQ(CodeOf(put(fresh, image_, {{"If-None-Match", "*"}})), "precondition_failed");
 
   EXPECT_EQ(CodeOf(client.Delete(kImage, {{"If-Match", before}})), "precondition_failed");
   EXPECT_EQ(CodeOf(client.Delete(object, {{"If-Match", "\"x\""}})), "precondition_failed");
   EXPECT_EQ(client.Get(kImage)->status, 200);
   EXPECT_EQ(client.Delete(object, {{"If-Match", object_before}})->status, 200)
-      << "it shows one picture still, of the same id";
+      << "it shows one image still, of the same id";
   EXPECT_EQ(CodeOf(client.Delete(kImage, {{"If-Match", after}})), "image_not_found");
   EXPECT_EQ(client.Delete(fresh, {{"If-Match", EtagOf(fresh)}})->status, 204);
   EXPECT_EQ(CodeOf(client.Delete(fresh, {{"If-Match", "*"}})), "image_not_found");
@@ -277,7 +276,7 @@ TEST_F(ConditionsTest, OfManyChangesOfOneStateOneHappens) {
       auto client = server_->Client();
       const auto answer =
           i % 2 == 0 ? client.Delete(kImage, {{"If-Match", etag}})
-                     : client.Put(kImage, {{"If-Match", etag}}, TestPicture(10 + i), "image/png");
+                     : client.Put(kImage, {{"If-Match", etag}}, TestImage(10 + i), "image/png");
       ASSERT_TRUE(answer);
       if (answer->status < 300) {
         ++done;

@@ -72,13 +72,13 @@ class ServerDecoderTest : public ServerTest {
   }
 };
 
-// What a server says of pictures and searches, without times.
+// What a server says of images and searches, without times.
 std::vector<std::string> AnswersOf(httplib::Client& client) {
   std::vector<std::string> answers;
   for (int i = 1; i <= 3; ++i) {
     const std::string path = std::string(kImages) + "/p" + std::to_string(i);
-    const auto put = client.Put(path + "?object=o" + std::to_string(i),
-                                TestPicture(i, 0, 1500, 900), "image/png");
+    const auto put =
+        client.Put(path + "?object=o" + std::to_string(i), TestImage(i, 0, 1500, 900), "image/png");
     EXPECT_EQ(put->status, 201) << put->body;
     answers.push_back(client.Get(path + "/features")->body);
     answers.push_back(client.Get(path + "/thumbnail")->body);
@@ -87,16 +87,16 @@ std::vector<std::string> AnswersOf(httplib::Client& client) {
   EXPECT_TRUE(Soon([&] {
     return Json::parse(client.Get("/v1/collections/default")->body)["vocabulary"].is_object();
   }));
-  Json found = SearchFor(client, TestPicture(2, 1, 1500, 900));
+  Json found = SearchFor(client, TestImage(2, 1, 1500, 900));
   for (const char* timed : {"took_ms", "timings"}) found.erase(timed);
   answers.push_back(found.dump());
   const auto located = client.Post("/v1/collections/default/objects/o2/locate",
-                                   TestPicture(2, 1, 1500, 900), "image/png");
+                                   TestImage(2, 1, 1500, 900), "image/png");
   EXPECT_EQ(located->status, 200) << located->body;
   Json place = Json::parse(located->body);
   for (const char* timed : {"took_ms", "timings"}) place.erase(timed);
   answers.push_back(place.dump());
-  const auto broken = client.Post(kSearch, TestPicture(2).substr(0, 5000), "image/png");
+  const auto broken = client.Post(kSearch, TestImage(2).substr(0, 5000), "image/png");
   answers.push_back(Json::parse(broken->body)["detail"]);
   return answers;
 }
@@ -123,13 +123,13 @@ TEST_F(ServerDecoderTest, GoesOnWhenOneTakesTooLong) {
   Start({"--decode-timeout", "1"});
   auto client = server_->Client();
   kill(OnlyDecoder(), SIGSTOP);
-  const auto refused = client.Post(kImages, TestPicture(1), "image/png");
+  const auto refused = client.Post(kImages, TestImage(1), "image/png");
   ASSERT_TRUE(refused);
   EXPECT_EQ(refused->status, 413) << refused->body;
   EXPECT_EQ(Json::parse(refused->body)["code"], "image_too_large");
   EXPECT_EQ(Metric(client, R"(pliant_decoders_ended_total{cause="timeout"})"), 1);
-  EXPECT_THAT(server_->Log(), HasSubstr("a decoder ended while it decoded a picture of"));
-  EXPECT_EQ(client.Post(kImages, TestPicture(1), "image/png")->status, 201);
+  EXPECT_THAT(server_->Log(), HasSubstr("a decoder ended while it decoded an image of"));
+  EXPECT_EQ(client.Post(kImages, TestImage(1), "image/png")->status, 201);
 }
 
 TEST_F(ServerDecoderTest, GoesOnWhenOneCrashes) {
@@ -144,16 +144,16 @@ TEST_F(ServerDecoderTest, GoesOnWhenOneCrashes) {
   }
   kill(id, SIGSEGV);  // comes when it goes on
   std::thread later([&] {
-    std::this_thread::sleep_for(std::chrono::seconds(3));  // the picture is at the decoder by then
+    std::this_thread::sleep_for(std::chrono::seconds(3));  // the image is at the decoder by then
     kill(id, SIGCONT);
   });
-  const auto refused = client.Post(kImages, TestPicture(1), "image/png");
+  const auto refused = client.Post(kImages, TestImage(1), "image/png");
   later.join();
   ASSERT_TRUE(refused);
   EXPECT_EQ(refused->status, 422) << refused->body;
   EXPECT_EQ(Json::parse(refused->body)["code"], "image_corrupt");
   EXPECT_EQ(Metric(client, R"(pliant_decoders_ended_total{cause="crashed"})"), 1);
-  EXPECT_EQ(client.Post(kImages, TestPicture(1), "image/png")->status, 201);
+  EXPECT_EQ(client.Post(kImages, TestImage(1), "image/png")->status, 201);
 }
 
 TEST_F(ServerDecoderTest, MayDoNothingElse) {
@@ -195,15 +195,15 @@ TEST(PrintConfig, SaysHowDecodersAreHeld) {
     arguments.insert(arguments.end(), flags.begin(), flags.end());
     return Program(arguments, {}, ServerPath()).Wait().out;
   };
-  EXPECT_THAT(said({}), HasSubstr(kSanitized ? "# Pictures are decoded in processes of their own"
+  EXPECT_THAT(said({}), HasSubstr(kSanitized ? "# Images are decoded in processes of their own"
                                              : "system calls are, too."));
   EXPECT_THAT(said({}), HasSubstr("\ndecoder = \"process\"\n"));
-  EXPECT_THAT(said({"--decoder", "inside"}), HasSubstr("# Pictures are decoded inside"));
+  EXPECT_THAT(said({"--decoder", "inside"}), HasSubstr("# Images are decoded inside"));
   // Limits that are stricter already may not be raised, and need not.
   const std::string limited =
       "ulimit -t 300; " + ServerPath().string() + " --db x.db --print-config";
   EXPECT_THAT(Program({"-c", limited}, {.unprivileged = true}, "/bin/sh").Wait().out,
-              HasSubstr("# Pictures are decoded in processes of their own"));
+              HasSubstr("# Images are decoded in processes of their own"));
   EXPECT_EQ(Program({"--db", "x.db", "--decoder", "nowhere"}, {}, ServerPath()).Wait().status, 2);
 }
 

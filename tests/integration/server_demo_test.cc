@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Demonstration objects: added by one request, and found by their crumpled pictures.
+// Demonstration objects: added by one request, and found by their crumpled images.
 #include <chrono>
 #include <thread>
 

@@ -43,7 +43,7 @@ TEST_F(DoorsTest, PagesOfAllowedOriginsMayAsk) {
   EXPECT_THAT(allowed->get_header_value("Access-Control-Allow-Headers"),
               HasSubstr("Authorization"));
   EXPECT_EQ(preflight("https://evil.example")->status, 403);
-  const auto added = client.Post(kImages, shop, TestPicture(1), "image/png");
+  const auto added = client.Post(kImages, shop, TestImage(1), "image/png");
   EXPECT_EQ(added->status, 201) << added->body;
   EXPECT_EQ(added->get_header_value("Access-Control-Allow-Origin"), "https://shop.example");
   std::vector<std::string> varies;
@@ -56,13 +56,13 @@ TEST_F(DoorsTest, PagesOfAllowedOriginsMayAsk) {
 
 TEST_F(DoorsTest, NamesThatTheOperatorAllowsAreTaken) {
   const ServerProcess server(
-      database(), {"--allowed-hosts", "pictures.example,other.example", "--auto-train", "false"});
+      database(), {"--allowed-hosts", "images.example,other.example", "--auto-train", "false"});
   auto client = server.Client();
   const auto add = [&](const std::string& name) {
     const httplib::Headers headers = {{"Host", name}, {"Origin", "https://" + name}};
-    return client.Put(std::string(kImages) + "/one", headers, TestPicture(1), "image/png")->status;
+    return client.Put(std::string(kImages) + "/one", headers, TestImage(1), "image/png")->status;
   };
-  EXPECT_EQ(add("pictures.example"), 201);
+  EXPECT_EQ(add("images.example"), 201);
   EXPECT_EQ(add("other.example:8443"), 200);
   EXPECT_EQ(add("evil.example"), 421);
 }

@@ -35,10 +35,9 @@ class ServerErrorsTest : public ::testing::Test {
         std::vector<std::string>{"--auto-train", "false", "--max-body-mb", "1", "--header-timeout",
                                  "1", "--body-timeout", "1", "--max-header-kb", "16",
                                  "--max-megapixels", "2"});
-    picture_ = TestPicture(1);
+    image_ = TestImage(1);
     auto client = server_->Client();
-    ASSERT_EQ(client.Put(std::string(kImages) + "/one?object=o", picture_, "image/png")->status,
-              201);
+    ASSERT_EQ(client.Put(std::string(kImages) + "/one?object=o", image_, "image/png")->status, 201);
   }
   static void TearDownTestSuite() {
     server_.reset();
@@ -74,14 +73,14 @@ class ServerErrorsTest : public ::testing::Test {
 
   static void ExpectAlive() {
     auto client = server_->Client();
-    const auto answer = client.Put(std::string(kImages) + "/one?object=o", picture_, "image/png");
+    const auto answer = client.Put(std::string(kImages) + "/one?object=o", image_, "image/png");
     ASSERT_TRUE(answer) << server_->Log();
     EXPECT_EQ(answer->status, 200) << answer->body;
   }
 
   inline static std::unique_ptr<TemporaryFolder> folder_;
   inline static std::unique_ptr<ServerProcess> server_;
-  inline static std::string picture_;
+  inline static std::string image_;
 };
 
 }  // namespace pliant::testing

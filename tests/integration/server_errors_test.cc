@@ -12,7 +12,7 @@ namespace {
 TEST_F(ServerErrorsTest, AddressesAndUnknownNames) {
   const std::string images = kImages;
   const std::string search = kSearch;
-  const std::string& p = picture_;
+  const std::string& p = image_;
   ExpectProblems({
       // Paths and methods
       {"GET", "/nothing", "", "", 404, "route_not_found"},
@@ -51,7 +51,7 @@ TEST_F(ServerErrorsTest, AddressesAndUnknownNames) {
 
 TEST_F(ServerErrorsTest, UnacceptableNames) {
   const std::string images = kImages;
-  const std::string& p = picture_;
+  const std::string& p = image_;
   ExpectProblems({
       {"PUT", "/v1/collections/a%20b", "", "", 400, "invalid_parameter", "collection"},
       {"PUT", images + "/a%20b", p, kPng, 400, "invalid_parameter", "id"},
@@ -79,12 +79,12 @@ TEST_F(ServerErrorsTest, PagesOfOtherSitesCannotChangeAnything) {
                                          {{"Origin", "null"}},
                                          {{"Sec-Fetch-Site", "cross-site"}}};
   for (const httplib::Headers& headers : other_site) {
-    ExpectProblem(*client.Post(kImages, headers, picture_, "image/png"), 403, "cross_site");
+    ExpectProblem(*client.Post(kImages, headers, image_, "image/png"), 403, "cross_site");
     ExpectProblem(*client.Delete(std::string(kImages) + "/one", headers), 403, "cross_site");
   }
   const httplib::Headers own = {{"Origin", "http://127.0.0.1:" + std::to_string(server_->port())},
                                 {"Sec-Fetch-Site", "same-origin"}};
-  EXPECT_EQ(client.Post(kImages, own, picture_, "image/png")->status, 200);
+  EXPECT_EQ(client.Post(kImages, own, image_, "image/png")->status, 200);
 }
 
 // DNS rebinding: the browser takes the server for evil.example, so Origin and Host agree.
@@ -95,13 +95,13 @@ TEST_F(ServerErrorsTest, NamesOfOtherSitesAreRefused) {
                                     {"Origin", "http://evil.example" + port},
                                     {"Sec-Fetch-Site", "same-origin"}};
   const std::string target = std::string(kImages) + "/rebound";
-  ExpectProblem(*client.Put(target, rebound, picture_, "image/png"), 421, "host_not_allowed");
+  ExpectProblem(*client.Put(target, rebound, image_, "image/png"), 421, "host_not_allowed");
   ExpectProblem(*client.Delete(target, rebound), 421, "host_not_allowed");
   ExpectProblem(*client.Get(kImages, rebound), 421, "host_not_allowed");
   EXPECT_EQ(client.Get(target)->status, 404);
   for (const std::string host : {"localhost", "LOCALHOST.", "127.0.0.1", "[::1]"}) {
     const httplib::Headers own = {{"Host", host + port}, {"Origin", "http://" + host + port}};
-    EXPECT_EQ(client.Post(kImages, own, picture_, "image/png")->status, 200) << host;
+    EXPECT_EQ(client.Post(kImages, own, image_, "image/png")->status, 200) << host;
   }
 }
 

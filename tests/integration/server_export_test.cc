@@ -37,7 +37,7 @@ TEST_F(ExportTest, ExportsAllRecordsOrSome) {
     ASSERT_EQ(client
                   .Put(std::string(kImages) + "/" + id + "?object=o" + std::to_string(i % 2) +
                            "&metadata={\"n\":" + std::to_string(i) + "}",
-                       TestPicture(i), "image/png")
+                       TestImage(i), "image/png")
                   ->status,
               201);
     ids.insert(id);
@@ -76,11 +76,11 @@ TEST_F(ExportTest, ExportsAllRecordsOrSome) {
 
 TEST_F(ExportTest, ALongExportIsSentAsTheClientTakesItAndTheServerStaysSmall) {
   auto client = server_->Client();
-  // Large metadata make a large answer of few pictures.
+  // Large metadata make a large answer of few images.
   const std::string filler(60'000, 'x');
-  const std::string picture = TestPicture(1);
+  const std::string image = TestImage(1);
   for (int i = 0; i < 200; ++i) {
-    const Json body = {{"image", Base64Of(picture)}, {"metadata", {{"filler", filler}, {"i", i}}}};
+    const Json body = {{"image", Base64Of(image)}, {"metadata", {{"filler", filler}, {"i", i}}}};
     ASSERT_EQ(
         client
             .Put(std::string(kImages) + "/p" + std::to_string(i), body.dump(), "application/json")
@@ -129,7 +129,7 @@ TEST_F(ExportTest, FeaturesOfACollection) {
   for (std::uint64_t i = 0; i < 5; ++i) {
     const auto added = client.Put(
         std::string(kImages) + "/p" + std::to_string(i) + "?object=o" + std::to_string(i % 2),
-        TestPicture(i), "image/png");
+        TestImage(i), "image/png");
     ASSERT_EQ(added->status, 201);
     starts.push_back(starts.back() + Json::parse(added->body)["keypoints"].get<std::int64_t>());
   }
@@ -152,10 +152,10 @@ TEST_F(ExportTest, FeaturesOfACollection) {
 
 TEST_F(ExportTest, FeaturesAreOfOneStateHoweverLongTheyTake) {
   auto client = server_->Client();
-  const std::string picture = TestPicture(1, 0, 1600, 1200);
+  const std::string image = TestImage(1, 0, 1600, 1200);
   for (int i = 0; i < 60; ++i) {
     ASSERT_EQ(client
-                  .Put(std::string(kImages) + "/p" + std::to_string(i) + "?object=mass", picture,
+                  .Put(std::string(kImages) + "/p" + std::to_string(i) + "?object=mass", image,
                        "image/png")
                   ->status,
               201);
@@ -181,7 +181,7 @@ TEST_F(ExportTest, FeaturesAreOfOneStateHoweverLongTheyTake) {
     auto other = server_->Client();
     for (int i = 0; !stop; ++i) {
       const std::string path = std::string(kImages) + "/w" + std::to_string(i % 7);
-      i % 3 == 0 ? other.Delete(path) : other.Put(path, TestPicture(i % 11), "image/png");
+      i % 3 == 0 ? other.Delete(path) : other.Put(path, TestImage(i % 11), "image/png");
     }
   });
   for (int i = 0; i < 20; ++i) {
@@ -197,10 +197,10 @@ TEST_F(ExportTest, FeaturesAreOfOneStateHoweverLongTheyTake) {
 
 TEST_F(ExportTest, WhoStopsReadingHoldsNothing) {
   auto client = server_->Client();
-  const std::string picture = TestPicture(1, 0, 1600, 1200);
+  const std::string image = TestImage(1, 0, 1600, 1200);
   for (int i = 0; i < 60; ++i) {
     ASSERT_EQ(
-        client.Put(std::string(kImages) + "/p" + std::to_string(i), picture, "image/png")->status,
+        client.Put(std::string(kImages) + "/p" + std::to_string(i), image, "image/png")->status,
         201);
   }
   // More than may be made at once: none of them is being made any more.
@@ -223,7 +223,7 @@ TEST_F(ExportTest, AFullDiskIsSaid) {
   auto client = server_->Client();
   for (int i = 0; i < 3; ++i) {
     ASSERT_EQ(
-        client.Put(std::string(kImages) + "/p" + std::to_string(i), TestPicture(1), "image/png")
+        client.Put(std::string(kImages) + "/p" + std::to_string(i), TestImage(1), "image/png")
             ->status,
         201);
   }
@@ -236,7 +236,7 @@ TEST_F(ExportTest, AFullDiskIsSaid) {
 
 TEST_F(ExportTest, FeaturesAsNumpyArchive) {
   auto client = server_->Client();
-  ASSERT_EQ(client.Put(std::string(kImages) + "/p", TestPicture(1), "image/png")->status, 201);
+  ASSERT_EQ(client.Put(std::string(kImages) + "/p", TestImage(1), "image/png")->status, 201);
   const auto answer = client.Get(std::string(kImages) + "/p/features?format=npz");
   ASSERT_EQ(answer->status, 200) << answer->body;
   EXPECT_EQ(answer->get_header_value("Content-Type"), "application/vnd.numpy.npz");

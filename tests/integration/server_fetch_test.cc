@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures by their addresses on the web (image_url), wherever a picture is taken in JSON.
+// Images by their addresses on the web (image_url), wherever an image is taken in JSON.
 #include <chrono>
 #include <csignal>
 #include <memory>
@@ -33,7 +33,7 @@ TEST_F(FetchTest, IsOffUnlessTheOperatorSaysOtherwise) {
   EXPECT_EQ(other_.connections(), 0);
 }
 
-TEST_F(FetchTest, PicturesAreFetchedWhereverJsonTakesThem) {
+TEST_F(FetchTest, ImagesAreFetchedWhereverJsonTakesThem) {
   StartFetching();
   EXPECT_EQ(Json::parse(client_->Get("/v1/me")->body)["image_url"], true);
   const Json added =
@@ -45,7 +45,7 @@ TEST_F(FetchTest, PicturesAreFetchedWhereverJsonTakesThem) {
   EXPECT_EQ(added["media_type"], "image/png");
   EXPECT_EQ(
       client_->Get(std::string(kImages) + "/" + added["id"].get<std::string>() + "/content")->body,
-      TestPicture(1));
+      TestImage(1));
   const auto put =
       client_->Put(std::string(kImages) + "/two",
                    Json{{"image_url", other_.url("/2.png")}, {"object", "two"}}.dump(), kJson);
@@ -53,7 +53,7 @@ TEST_F(FetchTest, PicturesAreFetchedWhereverJsonTakesThem) {
   EXPECT_EQ(Ask(kImages, {{"image_url", other_.url("/moved.png")}, {"object", "one"}}, 200)["id"],
             added["id"])
       << "the same bytes, redirected";
-  for (int i = 3; i < 8; ++i) Upload(*client_, TestPicture(static_cast<std::uint64_t>(i)), "more");
+  for (int i = 3; i < 8; ++i) Upload(*client_, TestImage(static_cast<std::uint64_t>(i)), "more");
   const Json query = {{"image_url", other_.url("/1view.png")}, {"limit", 1}};
   EXPECT_EQ(Ask(kSearch, query, 200)["hits"][0]["object"], "one");
   EXPECT_EQ(Ask("/v1/collections/default/objects/one/locate",
@@ -75,13 +75,13 @@ TEST_F(FetchTest, PreviewsAreMadeAnewAndStoreNothing) {
   EXPECT_EQ(preview->get_header_value("Content-Type"), "image/jpeg");
   EXPECT_EQ(preview->body.substr(0, 3), "\xFF\xD8\xFF");
   EXPECT_EQ(preview->get_header_value("Cache-Control"), "no-store");
-  const auto sent = client_->Post("/v1/preview", TestPicture(1), "image/png");
+  const auto sent = client_->Post("/v1/preview", TestImage(1), "image/png");
   EXPECT_EQ(sent->body, preview->body);
   Refused("/v1/preview", {{"image_url", "http://evil.test/"}}, 422, "fetch_host_not_allowed",
           "image_url");
   Refused("/v1/preview", {{"image_url", other_.url("/page.html")}}, 415, "image_type_unknown", "");
   Refused("/v1/preview", Json::object(), 400, "missing_parameter", "image");
-  EXPECT_EQ(client_->Post("/v1/preview", TestPicture(1).substr(0, 500), "image/png")->status, 422);
+  EXPECT_EQ(client_->Post("/v1/preview", TestImage(1).substr(0, 500), "image/png")->status, 422);
   EXPECT_EQ(Json::parse(client_->Get("/v1/collections/default")->body)["images"], 0);
 }
 
@@ -94,7 +94,7 @@ TEST_F(FetchTest, ImportsFetchEachLine) {
             line({{"image_url", other_.url("/gone.png")}}) +
             line({{"image_url", "http://evil.test/"}}) + line({{"image_url", 7}}) +
             line({{"image_url", other_.url("/1.png")}, {"image", Base64Of("x")}}) +
-            line({{"object", "none"}}) + line({{"image", Base64Of(TestPicture(13))}}));
+            line({{"object", "none"}}) + line({{"image", Base64Of(TestImage(13))}}));
   ASSERT_EQ(items.size(), 8U);
   EXPECT_EQ(items[0]["status"], 201) << items[0];
   EXPECT_EQ(items[1]["image_id"], "twelve") << items[1];
@@ -127,7 +127,7 @@ TEST_F(FetchTest, RefusesWhatIsWrong) {
     Refused(kImages, {{"image_url", wrong}}, 400, "invalid_parameter", "image_url");
   }
   Json both = url("/1.png");
-  both["image"] = Base64Of(TestPicture(1));
+  both["image"] = Base64Of(TestImage(1));
   Refused(kImages, both, 400, "invalid_parameter", "image_url", "exclude each other");
   Json stored = url("/1.png");
   stored["image_id"] = "x";
@@ -163,7 +163,7 @@ TEST_F(FetchTest, AFetchHoldsNobodyElse) {
     });
   }
   while (busy < 4) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_EQ(Upload(*client_, TestPicture(1), "one")->status, 201);
+  EXPECT_EQ(Upload(*client_, TestImage(1), "one")->status, 201);
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_EQ(server_->Stop(), 0);
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));

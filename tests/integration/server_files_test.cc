@@ -47,7 +47,7 @@ TEST(ServerFiles, WithoutFilesToOpenItIsBusyAndGoesOn) {
   client.set_keep_alive(true);
   const auto put = [&](int number) {
     return client.Put(std::string(kImages) + "/p" + std::to_string(number) + "?object=o",
-                      TestPicture(static_cast<std::uint64_t>(number)), "image/png");
+                      TestImage(static_cast<std::uint64_t>(number)), "image/png");
   };
   ASSERT_EQ(put(1)->status, 201);
   LimitOpenFiles(server, NextFile(server));

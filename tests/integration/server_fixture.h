@@ -20,11 +20,11 @@ namespace pliant::testing {
 inline constexpr const char* kImages = "/v1/collections/default/images";
 inline constexpr const char* kSearch = "/v1/collections/default/search";
 
-inline httplib::Result Upload(httplib::Client& client, const std::string& picture,
+inline httplib::Result Upload(httplib::Client& client, const std::string& image,
                               const std::string& object,
                               const std::string& collection = "default") {
   return client.Post("/v1/collections/" + collection + "/images",
-                     httplib::MultipartFormDataItems{{"image", picture, "photo.png", "image/png"},
+                     httplib::MultipartFormDataItems{{"image", image, "photo.png", "image/png"},
                                                      {"object", object, "", ""}});
 }
 
@@ -43,9 +43,9 @@ inline httplib::Result PostPatiently(httplib::Client& client, const std::string&
   return answer;
 }
 
-inline Json SearchFor(httplib::Client& client, const std::string& picture,
+inline Json SearchFor(httplib::Client& client, const std::string& image,
                       const std::string& query = "") {
-  const auto answer = PostPatiently(client, kSearch + query, picture, "image/png");
+  const auto answer = PostPatiently(client, kSearch + query, image, "image/png");
   EXPECT_TRUE(answer && answer->status == 200) << (answer ? answer->body : "no answer");
   return answer ? Json::parse(answer->body) : Json::object();
 }

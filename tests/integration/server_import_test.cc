@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Bulk imports: many pictures in one body, added in the background.
+// Bulk imports: many images in one body, added in the background.
 #include <algorithm>
 #include <chrono>
 #include <csignal>
@@ -62,7 +62,7 @@ TEST_F(ImportTest, ACollectionThatIsMadeAnewIsNotFilled) {
   const std::string path = "/v1/collections/shelf";
   ASSERT_EQ(client_->Put(path)->status, 201);
   std::string body;
-  for (int i = 0; i < 100; ++i) body += Json{{"image", Base64Of(TestPicture(i))}}.dump() + "\n";
+  for (int i = 0; i < 100; ++i) body += Json{{"image", Base64Of(TestImage(i))}}.dump() + "\n";
   const auto started = client_->Post(path + "/images:import", body, kLines);
   ASSERT_EQ(started->status, 202) << started->body;
   const std::string job = started->get_header_value("Location");
@@ -78,12 +78,12 @@ TEST_F(ImportTest, ACollectionThatIsMadeAnewIsNotFilled) {
 }
 
 TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
-  const std::string one = Base64Of(TestPicture(1));
+  const std::string one = Base64Of(TestImage(1));
   std::string body;
   const auto line = [&](const std::string& text) { body += text + "\n"; };
   line(Json{{"image", one}, {"id", "one"}, {"object", "mug"}, {"metadata", {{"n", 1}}}}.dump());
   line("");
-  line(Json{{"image", Base64Of(TestPicture(2))}, {"source", "two.png"}}.dump() + "\r");
+  line(Json{{"image", Base64Of(TestImage(2))}, {"source", "two.png"}}.dump() + "\r");
   line("{");
   line("[1]");
   line(R"({"id": "none"})");
@@ -92,8 +92,8 @@ TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
   line(Json{{"image", one}, {"name", "x"}}.dump());
   line(Json{{"image", one}, {"id", "a/b"}}.dump());
   line(Json{{"image", one}, {"metadata", 3}}.dump());
-  line(Json{{"image", Base64Of("no picture")}}.dump());
-  line(Json{{"image", Base64Of(TestPicture(3).substr(0, 900))}}.dump());
+  line(Json{{"image", Base64Of("no image")}}.dump());
+  line(Json{{"image", Base64Of(TestImage(3).substr(0, 900))}}.dump());
   line(Json{{"image", one}, {"id", "one"}, {"object", "mug"}, {"metadata", {{"n", 1}}}}.dump());
   line("\"\xff\"");
   const Json job = Finished(
@@ -139,9 +139,9 @@ TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
 
 TEST_F(ImportTest, TarArchives) {
   const std::string archive =
-      TarEntry("shelf/", "", '5') + TarEntry("shelf/mug/a.png", TestPicture(1)) +
-      TarEntry("shelf/mug/b.png", TestPicture(2)) + TarEntry("shelf/cup/._c.png", "x") +
-      TarEntry("shelf/cup/c.png", TestPicture(3)) + TarEntry("shelf/notes.txt", "no picture") +
+      TarEntry("shelf/", "", '5') + TarEntry("shelf/mug/a.png", TestImage(1)) +
+      TarEntry("shelf/mug/b.png", TestImage(2)) + TarEntry("shelf/cup/._c.png", "x") +
+      TarEntry("shelf/cup/c.png", TestImage(3)) + TarEntry("shelf/notes.txt", "no image") +
       TarEntry("link.png", "", '2') + std::string(1024, '\0');
   const Json job = Finished(client_->Post(kImport, archive, kTar));
   EXPECT_EQ(job["state"], "done") << job;
@@ -155,17 +155,17 @@ TEST_F(ImportTest, TarArchives) {
   EXPECT_EQ(items[3]["problem"]["code"], "image_type_unknown");
   EXPECT_EQ(job["skipped"][0]["item"], "shelf/notes.txt");
   // Names of files where there are no folders, or as asked.
-  const std::string flat = TarEntry("red mug.png", TestPicture(4)) + std::string(1024, '\0');
+  const std::string flat = TarEntry("red mug.png", TestImage(4)) + std::string(1024, '\0');
   EXPECT_EQ(Items(Finished(client_->Post(kImport, flat, kTar)))["items"][0]["object"], "red mug");
-  const std::string other = TarEntry("x/y.png", TestPicture(5));  // without an end
+  const std::string other = TarEntry("x/y.png", TestImage(5));  // without an end
   EXPECT_EQ(Items(Finished(client_->Post(std::string(kImport) + "?object_from=none", other,
                                          kTar)))["items"][0]["object"],
             "");
   // The way to the folder, below what all have in common.
-  const std::string deep = TarEntry("./all/coat/front/a.png", TestPicture(7)) +
-                           TarEntry("./all/coat/back/b.png", TestPicture(8)) +
-                           TarEntry("./all/hat/front/c.png", TestPicture(9)) +
-                           TarEntry("./d.png", TestPicture(10)) + std::string(1024, '\0');
+  const std::string deep = TarEntry("./all/coat/front/a.png", TestImage(7)) +
+                           TarEntry("./all/coat/back/b.png", TestImage(8)) +
+                           TarEntry("./all/hat/front/c.png", TestImage(9)) +
+                           TarEntry("./d.png", TestImage(10)) + std::string(1024, '\0');
   const Json named = Items(Finished(client_->Post(kImport, deep, kTar)))["items"];
   EXPECT_EQ(named[0]["object"], "coat/front");
   EXPECT_EQ(named[1]["object"], "coat/back");
@@ -174,7 +174,7 @@ TEST_F(ImportTest, TarArchives) {
   // GNU's long names.
   const std::string name = std::string(150, 'd') + "/" + std::string(150, 'f') + ".png";
   const std::string longer =
-      TarEntry("././@LongLink", name + std::string(1, '\0'), 'L') + TarEntry(name, TestPicture(6));
+      TarEntry("././@LongLink", name + std::string(1, '\0'), 'L') + TarEntry(name, TestImage(6));
   EXPECT_EQ(Items(Finished(client_->Post(kImport, longer, kTar)))["items"][0]["object"],
             std::string(150, 'd'));
 }
@@ -187,7 +187,7 @@ TEST_F(ImportTest, BodiesThatAreNoneAreRefusedAtOnce) {
   Refused("\x1f\x8b compressed", kTar, 400, "bad_request");
   Refused(std::string(512, 'x'), kTar, 400, "bad_request");
   Refused(std::string(1024, '\0'), kTar, 400, "missing_parameter");
-  const std::string entry = TarEntry("a.png", TestPicture(1));
+  const std::string entry = TarEntry("a.png", TestImage(1));
   Refused(entry.substr(0, entry.size() / 2), kTar, 400, "bad_request");
   std::string damaged = entry;
   damaged[5] = 'x';
@@ -204,8 +204,7 @@ TEST_F(ImportTest, BodiesThatAreNoneAreRefusedAtOnce) {
 TEST_F(ImportTest, AnImportGoesOnAfterKill) {
   std::string body;
   for (std::uint64_t i = 0; i < 40; ++i) {
-    body +=
-        Json{{"image", Base64Of(TestPicture(i))}, {"id", "p" + std::to_string(i)}}.dump() + "\n";
+    body += Json{{"image", Base64Of(TestImage(i))}, {"id", "p" + std::to_string(i)}}.dump() + "\n";
   }
   const auto started = client_->Post(kImport, body, kLines);
   ASSERT_EQ(started->status, 202) << started->body;

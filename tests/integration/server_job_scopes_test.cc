@@ -23,7 +23,7 @@ class JobScopesTest : public BackupsTest {
   void SetUp() override {
     BackupsTest::SetUp();
     fs::create_directories(folder_ / "imports" / "secret-shelf");
-    std::ofstream(folder_ / "imports" / "secret-shelf" / "broken-one.png") << "no picture";
+    std::ofstream(folder_ / "imports" / "secret-shelf" / "broken-one.png") << "no image";
     StartWithBackups({"--import-dir", (folder_ / "imports").string()});
     MakeBackup("secret.db", 1);
     backup_ = Json::parse(client_->Get("/v1/jobs")->body)["jobs"][0]["id"];

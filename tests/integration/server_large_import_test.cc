@@ -37,7 +37,7 @@ TEST_F(LargeImportTest, AnArchiveAndLinesBeyondTheLimitOfBodies) {
 
   std::string lines;
   for (std::uint64_t i = 11; i < 16; ++i) {
-    lines += Json{{"image", Base64Of(TestPicture(i))}, {"object", "line"}}.dump() +
+    lines += Json{{"image", Base64Of(TestImage(i))}, {"object", "line"}}.dump() +
              std::string(500'000, ' ') + "\n";
   }
   lines += std::string(kMiB, ' ') + "{}\n";

@@ -32,7 +32,7 @@ class ListsTest : public ServerTest {
            std::uint64_t seed) {
     const auto answer = client_->Put(
         std::string(kImages) + "/" + id + "?" + Query({{"object", object}, {"metadata", metadata}}),
-        TestPicture(seed), "image/png");
+        TestImage(seed), "image/png");
     ASSERT_TRUE(answer && answer->status == 201) << (answer ? answer->body : "no answer");
   }
   static std::string Query(const httplib::Params& parameters) {
@@ -66,7 +66,7 @@ class ListsTest : public ServerTest {
   std::unique_ptr<httplib::Client> client_;
 };
 
-TEST_F(ListsTest, PicturesByFilterTextAndOrder) {
+TEST_F(ListsTest, ImagesByFilterTextAndOrder) {
   EXPECT_THAT(Ids({{"filter", R"({"shop": {"ne": "east"}})"}}), ElementsAre("a2"));
   EXPECT_THAT(Ids({{"filter", R"({"not": {"shop": "east"}})"}}), ElementsAre("a2", "b2"));
   EXPECT_THAT(Ids({{"q", "TASSE ü"}, {"sort", "-id"}}), ElementsAre("b3", "b1"));

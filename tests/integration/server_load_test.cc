@@ -39,10 +39,10 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
   const ServerProcess server(database());
   constexpr int kClients = 8;
   constexpr int kRounds = 12;
-  std::vector<std::string> pictures;
-  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i));
+  std::vector<std::string> images;
+  for (int i = 0; i < kClients; ++i) images.push_back(TestImage(i));
   std::mutex mutex;
-  std::map<int, bool> expected;  // picture number -> there; each client has its own numbers
+  std::map<int, bool> expected;  // image number -> there; each client has its own numbers
   std::vector<std::thread> clients;
   for (int c = 0; c < kClients; ++c) {
     clients.emplace_back([&, c] {
@@ -57,12 +57,12 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
       };
       for (int round = 0; round < kRounds; ++round) {
         const int number = c * 100 + static_cast<int>(random() % 3);
-        const auto& picture = pictures[random() % pictures.size()];
+        const auto& image = images[random() % images.size()];
         switch (random() % 4) {
           case 0:
           case 1: {
             const auto answer = patiently([&] {
-              return client.Put(ImagePath(number) + "?object=o" + std::to_string(c), picture,
+              return client.Put(ImagePath(number) + "?object=o" + std::to_string(c), image,
                                 "image/png");
             });
             ASSERT_TRUE(answer);
@@ -80,8 +80,7 @@ TEST_F(ServerLoadTest, EightClientsMixEverything) {
             break;
           }
           default: {
-            const auto answer =
-                patiently([&] { return client.Post(kSearch, picture, "image/png"); });
+            const auto answer = patiently([&] { return client.Post(kSearch, image, "image/png"); });
             ASSERT_TRUE(answer);
             // 409: nobody has uploaded anything yet.
             ASSERT_TRUE(answer->status == 200 || answer->status == 409) << answer->body;
@@ -101,8 +100,8 @@ TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
   const ServerProcess server(database(), {"--cores", "1", "--queue-length", "1", "--max-side",
                                           "4096", "--auto-train", "false"});
   constexpr int kClients = 8;
-  std::vector<std::string> pictures;
-  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1024, 768));
+  std::vector<std::string> images;
+  for (int i = 0; i < kClients; ++i) images.push_back(TestImage(i, 0, 1024, 768));
   std::barrier start(kClients);
   std::atomic<int> busy{0};
   std::vector<std::thread> clients;
@@ -111,7 +110,7 @@ TEST_F(ServerLoadTest, FullQueueSays503AndWhenToComeAgain) {
       auto client = server.Client();
       start.arrive_and_wait();
       for (int attempt = 0; attempt < 200; ++attempt) {
-        const auto answer = client.Put(ImagePath(c), pictures[c], "image/png");
+        const auto answer = client.Put(ImagePath(c), images[c], "image/png");
         ASSERT_TRUE(answer);
         if (answer->status == 201) return;
         ASSERT_EQ(answer->status, 503) << answer->body;
@@ -153,9 +152,9 @@ TEST_F(ServerLoadTest, SlowClientsHoldNoThread) {
   const ServerProcess server(
       database(), {"--http-threads", "2", "--header-timeout", "60", "--idle-timeout", "60",
                    "--body-timeout", "60", "--auto-train", "false"});
-  const std::string picture = TestPicture(1, 0, 1600, 1200);
+  const std::string image = TestImage(1, 0, 1600, 1200);
   auto client = server.Client();
-  ASSERT_EQ(client.Put(ImagePath(1), picture, "image/png")->status, 201);
+  ASSERT_EQ(client.Put(ImagePath(1), image, "image/png")->status, 201);
   const std::string host = " HTTP/1.1\r\nHost: localhost\r\n";
   const std::string slow[] = {
       "", "GET /livez HTTP/1.1\r\nHost: loc",
@@ -175,7 +174,7 @@ TEST_F(ServerLoadTest, SlowClientsHoldNoThread) {
     const auto live = client.Get("/livez");
     ASSERT_TRUE(live);
     EXPECT_EQ(live->status, 200);
-    const auto put = client.Put(ImagePath(3 + i), TestPicture(3 + i), "image/png");
+    const auto put = client.Put(ImagePath(3 + i), TestImage(3 + i), "image/png");
     ASSERT_TRUE(put);
     EXPECT_EQ(put->status, 201);
     EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
@@ -186,14 +185,14 @@ TEST_F(ServerLoadTest, SlowClientsHoldNoThread) {
 TEST_F(ServerLoadTest, SigtermFinishesWhatRuns) {
   ServerProcess server(database(), {"--cores", "1", "--max-side", "4096", "--auto-train", "false"});
   constexpr int kClients = 4;
-  std::vector<std::string> pictures;
-  for (int i = 0; i < kClients; ++i) pictures.push_back(TestPicture(i, 0, 1600, 1200));
+  std::vector<std::string> images;
+  for (int i = 0; i < kClients; ++i) images.push_back(TestImage(i, 0, 1600, 1200));
   std::vector<std::thread> clients;
   std::atomic<int> created{0};
   for (int c = 0; c < kClients; ++c) {
     clients.emplace_back([&, c] {
       auto client = server.Client();
-      const auto answer = client.Put(ImagePath(c), pictures[c], "image/png");
+      const auto answer = client.Put(ImagePath(c), images[c], "image/png");
       ASSERT_TRUE(answer) << httplib::to_string(answer.error());
       EXPECT_EQ(answer->status, 201) << answer->body;
       ++created;
@@ -230,10 +229,10 @@ TEST_F(ServerLoadTest, ShutdownDeadlineCutsOffAndSaysSo) {
 // Ctrl-Z, a debugger or a suspended machine interrupt what waits for signals.
 TEST_F(ServerLoadTest, AServerThatIsPausedWhileItStopsStillFinishes) {
   ServerProcess server(database(), {"--shutdown-timeout", "60", "--auto-train", "false"});
-  const std::string picture = TestPicture(1);
+  const std::string image = TestImage(1);
   const int connection = server.Open(
       "PUT " + ImagePath(1) + " HTTP/1.1\r\nHost: localhost\r\nContent-Type: image/png\r\n" +
-      "Expect: 100-continue\r\nContent-Length: " + std::to_string(picture.size()) + "\r\n\r\n");
+      "Expect: 100-continue\r\nContent-Length: " + std::to_string(image.size()) + "\r\n\r\n");
   ASSERT_TRUE(IsContinued(connection));
   server.Signal(SIGTERM);
   while (server.Log().find("stopping") == std::string::npos) {
@@ -243,8 +242,8 @@ TEST_F(ServerLoadTest, AServerThatIsPausedWhileItStopsStillFinishes) {
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   server.Signal(SIGCONT);
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  EXPECT_EQ(send(connection, picture.data(), picture.size(), MSG_NOSIGNAL),
-            static_cast<ssize_t>(picture.size()));
+  EXPECT_EQ(send(connection, image.data(), image.size(), MSG_NOSIGNAL),
+            static_cast<ssize_t>(image.size()));
   EXPECT_EQ(server.Wait(), 0) << server.Log();
   close(connection);
   const ServerProcess again(database());
@@ -254,8 +253,8 @@ TEST_F(ServerLoadTest, AServerThatIsPausedWhileItStopsStillFinishes) {
 TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
   std::vector<int> acknowledged;
   std::vector<int> deleted;
-  std::vector<std::string> pictures;
-  for (int i = 0; i < 4; ++i) pictures.push_back(TestPicture(i));
+  std::vector<std::string> images;
+  for (int i = 0; i < 4; ++i) images.push_back(TestImage(i));
   constexpr unsigned kSeed = 5;
   std::mt19937 random(kSeed);
   int next = 0;
@@ -271,7 +270,7 @@ TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
     while (true) {
       const int number = next++;
       const auto answer = client.Put(ImagePath(number) + "?object=o" + std::to_string(number),
-                                     pictures[number % pictures.size()], "image/png");
+                                     images[number % images.size()], "image/png");
       if (!answer) break;
       ASSERT_EQ(answer->status, 201) << answer->body;
       acknowledged.push_back(number);
@@ -293,7 +292,7 @@ TEST_F(ServerLoadTest, KillLosesNothingThatWasAcknowledged) {
   auto client = server.Client();
   for (const int number : acknowledged) EXPECT_EQ(client.Get(ImagePath(number))->status, 200);
   for (const int number : deleted) EXPECT_EQ(client.Get(ImagePath(number))->status, 404);
-  EXPECT_EQ(PostPatiently(client, kSearch, TestPicture(1, 1), "image/png")->status, 200);
+  EXPECT_EQ(PostPatiently(client, kSearch, TestImage(1, 1), "image/png")->status, 200);
 }
 
 }  // namespace

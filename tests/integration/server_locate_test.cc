@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Following a search result: where is that object in the next picture?
+// Following a search result: where is that object in the next image?
 #include <gtest/gtest.h>
 
 #include "tests/integration/server_process.h"
@@ -16,11 +16,11 @@ TEST(ServerLocate, TellsWhereTheObjectIs) {
   for (int object = 0; object < 3; ++object) {
     const auto added =
         client.Post("/v1/collections/default/images?object=thing%20" + std::to_string(object),
-                    TestPicture(static_cast<std::uint64_t>(object)), "image/png");
+                    TestImage(static_cast<std::uint64_t>(object)), "image/png");
     ASSERT_TRUE(added && added->status == 201);
   }
   const std::string objects = "/v1/collections/default/objects/";
-  const auto found = client.Post(objects + "thing%201/locate", TestPicture(1, 1), "image/png");
+  const auto found = client.Post(objects + "thing%201/locate", TestImage(1, 1), "image/png");
   ASSERT_TRUE(found);
   ASSERT_EQ(found->status, 200) << found->body;
   const Json json = Json::parse(found->body);
@@ -37,7 +37,7 @@ TEST(ServerLocate, TellsWhereTheObjectIs) {
 
   const auto form = client.Post(
       objects + "thing%201/locate",
-      httplib::MultipartFormDataItems{{"image", TestPicture(2, 1), "photo.png", "image/png"}});
+      httplib::MultipartFormDataItems{{"image", TestImage(2, 1), "photo.png", "image/png"}});
   ASSERT_EQ(form->status, 200) << form->body;
   EXPECT_EQ(Json::parse(form->body)["found"], false);
   EXPECT_TRUE(Json::parse(form->body)["reason"].is_string());
@@ -46,15 +46,15 @@ TEST(ServerLocate, TellsWhereTheObjectIs) {
   const auto code = [](const httplib::Result& result) {
     return Json::parse(result->body)["code"].get<std::string>();
   };
-  const auto unknown = client.Post(objects + "hat/locate", TestPicture(1), "image/png");
+  const auto unknown = client.Post(objects + "hat/locate", TestImage(1), "image/png");
   EXPECT_EQ(unknown->status, 404);
   EXPECT_EQ(code(unknown), "object_not_found");
   const auto nowhere =
-      client.Post("/v1/collections/nowhere/objects/hat/locate", TestPicture(1), "image/png");
+      client.Post("/v1/collections/nowhere/objects/hat/locate", TestImage(1), "image/png");
   EXPECT_EQ(code(nowhere), "collection_not_found");
-  const auto broken = client.Post(objects + "thing%201/locate", "no picture", "image/png");
+  const auto broken = client.Post(objects + "thing%201/locate", "no image", "image/png");
   EXPECT_EQ(broken->status, 415) << broken->body;
-  EXPECT_EQ(client.Post(objects + "thing%201/locate?limit=3", TestPicture(1), "image/png")->status,
+  EXPECT_EQ(client.Post(objects + "thing%201/locate?limit=3", TestImage(1), "image/png")->status,
             400);
   EXPECT_EQ(client.Get(objects + "thing%201/locate")->status, 405);
 }

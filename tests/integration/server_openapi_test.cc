@@ -41,7 +41,7 @@ class ExamplesTest : public OpenApiTest {
     std::string admin, id;
   };
 
-  // Runs `example` in the folder of the pictures; the status, and the body in `body`.
+  // Runs `example` in the folder of the images; the status, and the body in `body`.
   static int RunExample(const std::string& example, std::string* body) {
     std::optional<WithKeys> keys;
     if (example.find("$ADMIN_KEY") != std::string::npos) keys.emplace();

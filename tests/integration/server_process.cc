@@ -150,7 +150,7 @@ double Metric(httplib::Client& client, const std::string& name) {
   return std::stod(text.substr(at + name.size() + 2));
 }
 
-std::string TestPicture(std::uint64_t object_seed, int view, int width, int height) {
+std::string TestImage(std::uint64_t object_seed, int view, int width, int height) {
   Image image{width, height, 1,
               std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height, 128)};
   std::mt19937_64 random(object_seed * 7919 + 17);

@@ -26,7 +26,7 @@ std::string DatabaseOf(const std::filesystem::path& file);
 
 class ServerProcess {
  public:
-  // Waits until the server says that it listens; throws when it does not. Pictures are described
+  // Waits until the server says that it listens; throws when it does not. Images are described
   // by RootSIFT, which is fast; `flags` come after and may say otherwise. The database is what
   // DatabaseOf() gives.
   explicit ServerProcess(const std::filesystem::path& database,
@@ -65,7 +65,7 @@ double Metric(httplib::Client& client, const std::string& name);
 
 // Encoded PNG of an imaginary object: blobs placed by the seed. `view` turns, scales and shifts
 // it, so that two views of one object are different bytes with the same texture.
-std::string TestPicture(std::uint64_t object_seed, int view = 0, int width = 320, int height = 240);
+std::string TestImage(std::uint64_t object_seed, int view = 0, int width = 320, int height = 240);
 
 // Sends a request as a table says it: method, path, body, and type unless it is empty.
 template <typename Row>

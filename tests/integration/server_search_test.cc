@@ -17,9 +17,9 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   Start();
   auto client = server_->Client();
   for (int i = 0; i < 8; ++i) {
-    ASSERT_EQ(Upload(client, TestPicture(i / 2, i % 2), "o" + std::to_string(i / 2))->status, 201);
+    ASSERT_EQ(Upload(client, TestImage(i / 2, i % 2), "o" + std::to_string(i / 2))->status, 201);
   }
-  const std::string query = TestPicture(1, 2);
+  const std::string query = TestImage(1, 2);
   const Json objects = SearchFor(client, query);
   const Json images = SearchFor(client, query, "?group_by=image");
   EXPECT_EQ(objects["total"], 4);
@@ -48,14 +48,14 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   EXPECT_EQ(images["hits"][0]["instances"][0]["polygon"], images["hits"][0]["polygon"]);
   // What is not found is looked at more closely, unless that is not wanted.
   EXPECT_EQ(images["looked_closer"], false);
-  const std::string absent = TestPicture(77, 0);
+  const std::string absent = TestImage(77, 0);
   EXPECT_EQ(SearchFor(client, absent)["looked_closer"], true);
   EXPECT_EQ(SearchFor(client, absent, "?closer_look=false")["looked_closer"], false);
   // Filters, in the query and in a JSON body.
   const std::string filtered = client
                                    .Post("/v1/collections/default/images",
                                          httplib::MultipartFormDataItems{
-                                             {"image", TestPicture(1, 3), "photo.png", "image/png"},
+                                             {"image", TestImage(1, 3), "photo.png", "image/png"},
                                              {"object", "o9", "", ""},
                                              {"id", "tagged", "", ""},
                                              {"metadata", R"({"year": 2021})", "", ""}})
@@ -99,16 +99,16 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
 TEST_F(ServerTest, AFullDiskIsNoReasonToSearchInVain) {
   Start();
   auto client = server_->Client();
-  ASSERT_EQ(client.Post(kImages, TestPicture(1), "image/png")->status, 201);
+  ASSERT_EQ(client.Post(kImages, TestImage(1), "image/png")->status, 201);
   server_->LimitFiles(4096);
-  const auto vain = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  const auto vain = client.Post(kSearch, TestImage(1, 1), "image/png");
   ASSERT_TRUE(vain) << "the server lives";
   EXPECT_EQ(vain->status, 409) << vain->body;
   EXPECT_EQ(Json::parse(vain->body)["code"], "no_vocabulary");
   EXPECT_THAT(Json::parse(vain->body)["detail"].get<std::string>(), HasSubstr("stored"));
-  EXPECT_EQ(client.Post(kImages, TestPicture(2), "image/png")->status, 507);
+  EXPECT_EQ(client.Post(kImages, TestImage(2), "image/png")->status, 507);
   server_->LimitFiles(RLIM_INFINITY);
-  const auto found = client.Post(kSearch, TestPicture(1, 1), "image/png");
+  const auto found = client.Post(kSearch, TestImage(1, 1), "image/png");
   EXPECT_EQ(found->status, 200) << found->body;
 }
 
@@ -116,10 +116,10 @@ TEST_F(ServerTest, VocabulariesAreTrainedAsJobsAndSwitched) {
   Start({"--auto-train", "false"});
   auto client = server_->Client();
   const std::string vocabularies = "/v1/collections/default/vocabularies";
-  const auto none = client.Post(kSearch, TestPicture(0), "image/png");
+  const auto none = client.Post(kSearch, TestImage(0), "image/png");
   EXPECT_EQ(none->status, 409);
   EXPECT_EQ(Json::parse(none->body)["code"], "no_vocabulary");
-  for (int i = 0; i < 3; ++i) Upload(client, TestPicture(i), "o" + std::to_string(i));
+  for (int i = 0; i < 3; ++i) Upload(client, TestImage(i), "o" + std::to_string(i));
 
   for (const int words : {10, 20}) {
     const auto accepted = client.Post(
@@ -137,7 +137,7 @@ TEST_F(ServerTest, VocabulariesAreTrainedAsJobsAndSwitched) {
   }
   const Json list = Json::parse(client.Get(vocabularies)->body)["vocabularies"];
   ASSERT_EQ(list.size(), 2U);
-  const Json before = SearchFor(client, TestPicture(1, 1));
+  const Json before = SearchFor(client, TestImage(1, 1));
   EXPECT_EQ(before["words"], 10);
   for (const Json& vocabulary : list) {
     if (vocabulary["active"]) continue;
@@ -146,7 +146,7 @@ TEST_F(ServerTest, VocabulariesAreTrainedAsJobsAndSwitched) {
     EXPECT_EQ(switched->status, 200) << switched->body;
     EXPECT_EQ(Json::parse(switched->body)["active"], true);
   }
-  const Json after = SearchFor(client, TestPicture(1, 1));
+  const Json after = SearchFor(client, TestImage(1, 1));
   EXPECT_EQ(after["words"], 20);
   EXPECT_NE(after["vocabulary"], before["vocabulary"]);
 

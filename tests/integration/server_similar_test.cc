@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Searches with stored pictures, several at once, and as base64; answers drawn into the query, and
+// Searches with stored images, several at once, and as base64; answers drawn into the query, and
 // with the query beside them.
 #include <string>
 #include <vector>
@@ -45,18 +45,18 @@ class SimilarTest : public ServerTest {
     for (std::uint64_t i = 0; i < 4; ++i) {
       for (std::uint64_t view = 0; view < 2; ++view) {
         const auto answer =
-            client_->Put(Picture(i, view) + "?object=" + (i == 1 ? "Tasse%20%C3%9C" : "o") +
+            client_->Put(MakeImage(i, view) + "?object=" + (i == 1 ? "Tasse%20%C3%9C" : "o") +
                              (i == 1 ? "" : std::to_string(i)),
-                         TestPicture(i, view), "image/png");
+                         TestImage(i, view), "image/png");
         ASSERT_TRUE(answer && answer->status == 201) << (answer ? answer->body : "no answer");
       }
     }
-    SearchFor(*client_, TestPicture(0, 2));  // waits for the vocabulary
+    SearchFor(*client_, TestImage(0, 2));  // waits for the vocabulary
   }
   static std::string Id(std::uint64_t i, std::uint64_t view) {
     return "p" + std::to_string(i) + "-" + std::to_string(view);
   }
-  static std::string Picture(std::uint64_t i, std::uint64_t view) {
+  static std::string MakeImage(std::uint64_t i, std::uint64_t view) {
     return std::string(kImages) + "/" + Id(i, view);
   }
   Json Found(const Json& body) {
@@ -80,7 +80,7 @@ class SimilarTest : public ServerTest {
   std::unique_ptr<httplib::Client> client_;
 };
 
-TEST_F(SimilarTest, AStoredPictureIsLeftOutUnlessAskedFor) {
+TEST_F(SimilarTest, AStoredImageIsLeftOutUnlessAskedFor) {
   const Json others = Found({{"image_id", Id(1, 0)}, {"group_by", "image"}});
   EXPECT_EQ(others["hits"][0]["image_id"], Id(1, 1)) << "the other view";
   EXPECT_THAT(ImageIds(others["hits"]), Not(Contains(Id(1, 0))));
@@ -118,23 +118,23 @@ TEST_F(SimilarTest, SeveralExamples) {
           "exclude_self");
 }
 
-TEST_F(SimilarTest, PicturesAsBase64) {
-  const std::string picture = Base64Of(TestPicture(3, 2));
-  EXPECT_EQ(Found({{"image", picture}})["hits"][0]["object"], "o3");
-  EXPECT_EQ(Found({{"image", "data:image/png;base64," + picture}})["hits"][0]["object"], "o3");
-  Refused({{"image", "*" + picture}}, 400, "invalid_parameter", "image");
+TEST_F(SimilarTest, ImagesAsBase64) {
+  const std::string image = Base64Of(TestImage(3, 2));
+  EXPECT_EQ(Found({{"image", image}})["hits"][0]["object"], "o3");
+  EXPECT_EQ(Found({{"image", "data:image/png;base64," + image}})["hits"][0]["object"], "o3");
+  Refused({{"image", "*" + image}}, 400, "invalid_parameter", "image");
   Refused({{"image", 7}}, 400, "invalid_parameter", "image");
   Refused({{"image", ""}}, 422, "image_empty", "");
-  Refused({{"image", Base64Of("no picture")}}, 415, "image_type_unknown", "");
-  Refused({{"image", picture}, {"image_id", Id(1, 0)}}, 400, "invalid_parameter", "image_id");
+  Refused({{"image", Base64Of("no image")}}, 415, "image_type_unknown", "");
+  Refused({{"image", image}, {"image_id", Id(1, 0)}}, 400, "invalid_parameter", "image_id");
   Refused(Json::object(), 400, "missing_parameter", "image");
   // Uploads take it, too.
   const Json body = {
-      {"image", Base64Of(TestPicture(9))}, {"object", "json"}, {"metadata", {{"year", 2024}}}};
+      {"image", Base64Of(TestImage(9))}, {"object", "json"}, {"metadata", {{"year", 2024}}}};
   auto answer = client_->Post(kImages, body.dump(), kJson);
   ASSERT_EQ(answer->status, 201) << answer->body;
   EXPECT_EQ(Json::parse(answer->body)["metadata"], (Json{{"year", 2024}}));
-  EXPECT_EQ(client_->Get(answer->get_header_value("Location") + "/content")->body, TestPicture(9));
+  EXPECT_EQ(client_->Get(answer->get_header_value("Location") + "/content")->body, TestImage(9));
   answer = client_->Put(std::string(kImages) + "/named", body.dump(), kJson);
   EXPECT_EQ(answer->status, 201) << answer->body;
   ExpectProblem(client_->Post(kImages, R"({"object": "x"})", kJson), 400, "missing_parameter",
@@ -146,7 +146,7 @@ TEST_F(SimilarTest, ABatchHasAResultForEachSearch) {
   const Json batch = {
       {"searches",
        {{{"image_id", Id(1, 0)}, {"limit", 1}},
-        {{"image", Base64Of(TestPicture(2, 2))}, {"filter", {{"n", {{"exists", false}}}}}},
+        {{"image", Base64Of(TestImage(2, 2))}, {"filter", {{"n", {{"exists", false}}}}}},
         {{"image_id", "none"}},
         {{"image_id", Id(1, 0)}, {"limit", "many"}},
         {{"image_id", Id(1, 0)}, {"draw", true}},
@@ -177,7 +177,7 @@ TEST_F(SimilarTest, ABatchHasAResultForEachSearch) {
 }
 
 TEST_F(SimilarTest, TheAnswerIsDrawnIntoTheQuery) {
-  const std::string query = TestPicture(1, 2);
+  const std::string query = TestImage(1, 2);
   const auto decoded = [](const std::string& body) {
     DecodeOptions options;
     options.max_side_px = 0;
@@ -203,24 +203,23 @@ TEST_F(SimilarTest, TheAnswerIsDrawnIntoTheQuery) {
     }
   }
   EXPECT_GT(coloured, 500U) << "an outline and a name";
-  EXPECT_LT(different, drawn.pixels.size() / 6) << "the picture is still there";
-  // Of a stored picture, and where nothing is found.
+  EXPECT_LT(different, drawn.pixels.size() / 6) << "the image is still there";
+  // Of a stored image, and where nothing is found.
   const Json stored = {{"image_id", Id(2, 0)}, {"draw", true}};
   EXPECT_EQ(client_->Post(kSearch, stored.dump(), kJson)->get_header_value("Content-Type"),
             "image/jpeg");
-  EXPECT_EQ(
-      client_->Post(std::string(kSearch) + "?draw=true", TestPicture(77), "image/png")->status,
-      200);
+  EXPECT_EQ(client_->Post(std::string(kSearch) + "?draw=true", TestImage(77), "image/png")->status,
+            200);
   ExpectProblem(client_->Post(std::string(kSearch) + "?draw=maybe", query, "image/png"), 400,
                 "invalid_parameter", "draw");
 }
 
 TEST_F(SimilarTest, TheQueryComesBackToBeShown) {
-  // Of a picture that is larger than a preview.
+  // Of an image that is larger than a preview.
   DecodeOptions options;
   options.max_side_px = 0;
   options.colour = true;
-  const std::string query = TestPicture(1, 2);
+  const std::string query = TestImage(1, 2);
   const Image plain =
       DecodeImage({reinterpret_cast<const std::uint8_t*>(query.data()), query.size()}, options)
           .image;
@@ -251,7 +250,7 @@ TEST_F(SimilarTest, TheQueryComesBackToBeShown) {
                              plain.pixels[(static_cast<std::size_t>(v) * plain.width + u) * 3]);
     }
   }
-  EXPECT_LT(difference / (preview.width / 7 * (preview.height / 7)), 12) << "the same picture";
+  EXPECT_LT(difference / (preview.width / 7 * (preview.height / 7)), 12) << "the same image";
   // Of a stored one, and where it is not asked for, or there is none.
   EXPECT_EQ(preview_of(Found({{"image_id", Id(2, 0)}, {"preview", true}})).width, plain.width);
   EXPECT_FALSE(Found({{"image_id", Id(2, 0)}})["query"].contains("preview"));

@@ -17,13 +17,13 @@ TEST_F(ServerTest, AWriteThatWaitsKeepsNoCoreFromSearches) {
   Start({"--cores", "1", "--auto-train", "false"});
   auto client = server_->Client();
   const std::string first = std::string(kImages) + "/first";
-  ASSERT_EQ(client.Put(first, TestPicture(1), "image/png")->status, 201);
+  ASSERT_EQ(client.Put(first, TestImage(1), "image/png")->status, 201);
   SQLite::Database other((folder_.path() / "test.db").string(), SQLite::OPEN_READWRITE, 5000);
   other.exec("BEGIN IMMEDIATE");
   std::atomic<int> status = 0;
   std::thread writing([&] {
     auto writer = server_->Client();
-    const auto answer = writer.Put(std::string(kImages) + "/second", TestPicture(2), "image/png");
+    const auto answer = writer.Put(std::string(kImages) + "/second", TestImage(2), "image/png");
     status = answer ? answer->status : -1;
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(500));

@@ -25,7 +25,7 @@ int FromEnvironment(const char* name, int otherwise) {
   return text == nullptr ? otherwise : std::atoi(text);
 }
 
-// Trains a vocabulary that depends on nothing but the pictures, and asks about each of them.
+// Trains a vocabulary that depends on nothing but the images, and asks about each of them.
 Json SearchAll(const ServerProcess& server) {
   auto client = server.Client();
   const auto accepted =
@@ -39,9 +39,9 @@ Json SearchAll(const ServerProcess& server) {
   } while (state["finished_at"].is_null());
   EXPECT_EQ(state["state"], "done") << state;
   Json answers = Json::array();
-  for (int picture = 0; picture < kPictures; ++picture) {
+  for (int image = 0; image < kImages; ++image) {
     const auto answer = client.Post(std::string(kSearch) + "?group_by=image&limit=20&verify=none",
-                                    Picture(picture), "image/png");
+                                    MakeImage(image), "image/png");
     EXPECT_EQ(answer->status, 200) << answer->body;
     answers.push_back(Json::parse(answer->body)["hits"]);
     for (Json& hit : answers.back()) hit.erase("source");  // some are sent with a file's name
@@ -103,10 +103,10 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
     std::cout << counts.done << " requests, " << counts.refused << " refused, memory "
               << early / 1e6 << " MB after a third, " << late / 1e6 << " MB at the end\n";
     for (const Known& each : known) {
-      for (const auto& [id, picture] : each.there) {
+      for (const auto& [id, image] : each.there) {
         const auto record = client.Get(ImagePath(id));
         ASSERT_EQ(record->status, 200) << id;
-        EXPECT_EQ(Json::parse(record->body)["object"], "o" + std::to_string(picture));
+        EXPECT_EQ(Json::parse(record->body)["object"], "o" + std::to_string(image));
       }
       for (const std::string& id : each.gone) EXPECT_EQ(client.Get(ImagePath(id))->status, 404);
     }
@@ -119,9 +119,9 @@ TEST_F(SoakTest, ManyClientsGetHonestAnswersAndLeaveWhatTheyWereTold) {
   const ServerProcess server(database("replay.db"), {"--auto-train", "false"});
   auto client = server.Client();
   for (const Known& each : known) {
-    for (const auto& [id, picture] : each.there) {
+    for (const auto& [id, image] : each.there) {
       ASSERT_EQ(client
-                    .Put(ImagePath(id) + "?object=o" + std::to_string(picture), Picture(picture),
+                    .Put(ImagePath(id) + "?object=o" + std::to_string(image), MakeImage(image),
                          "image/png")
                     ->status,
                 201);
@@ -168,11 +168,11 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
   auto client = server.Client();
   int checked = 0;
   for (const Known& each : known) {
-    for (const auto& [id, picture] : each.there) {
+    for (const auto& [id, image] : each.there) {
       const auto record = client.Get(ImagePath(id));
       ASSERT_EQ(record->status, 200) << id;
-      EXPECT_EQ(Json::parse(record->body)["object"], "o" + std::to_string(picture));
-      EXPECT_EQ(client.Get(ImagePath(id) + "/content")->body, Picture(picture));
+      EXPECT_EQ(Json::parse(record->body)["object"], "o" + std::to_string(image));
+      EXPECT_EQ(client.Get(ImagePath(id) + "/content")->body, MakeImage(image));
       ++checked;
     }
     for (const std::string& id : each.gone) EXPECT_EQ(client.Get(ImagePath(id))->status, 404) << id;
@@ -185,9 +185,9 @@ TEST_F(SoakTest, KillAtAnyMomentKeepsWhatWasAcknowledged) {
   }
   const Json stats =
       RunProgram({"db", "stats", "--db", database("kill.db").string(), "--json"}).json();
-  EXPECT_EQ(stats["originals"]["files"], files.size() - 1) << "no file without a picture";
+  EXPECT_EQ(stats["originals"]["files"], files.size() - 1) << "no file without an image";
   ExpectSound(database("kill.db"));
-  std::cout << counts.done << " requests acknowledged, " << checked << " pictures checked\n";
+  std::cout << counts.done << " requests acknowledged, " << checked << " images checked\n";
 }
 
 }  // namespace

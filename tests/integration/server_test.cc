@@ -18,7 +18,7 @@ TEST_F(ServerTest, UploadSearchDeleteRestart) {
   constexpr int kObjects = 6;
   std::vector<std::string> ids;
   for (int object = 0; object < kObjects; ++object) {
-    const auto answer = Upload(client, TestPicture(object), "thing " + std::to_string(object));
+    const auto answer = Upload(client, TestImage(object), "thing " + std::to_string(object));
     ASSERT_TRUE(answer);
     ASSERT_EQ(answer->status, 201) << answer->body;
     const Json image = Json::parse(answer->body);
@@ -32,14 +32,14 @@ TEST_F(ServerTest, UploadSearchDeleteRestart) {
   }
   // Nobody trained a vocabulary; the first search waits for the automatic one.
   for (int object = 0; object < kObjects; ++object) {
-    const Json found = SearchFor(client, TestPicture(object, 1));
+    const Json found = SearchFor(client, TestImage(object, 1));
     ASSERT_FALSE(found["hits"].empty());
     EXPECT_EQ(found["hits"][0]["object"], "thing " + std::to_string(object)) << found;
     EXPECT_EQ(found["hits"][0]["rank"], 1);
     EXPECT_GT(found["hits"][0]["score"], 0);
     EXPECT_LE(found["hits"][0]["score"], 1);
   }
-  // A stored picture finds itself, where it is not left out.
+  // A stored image finds itself, where it is not left out.
   const auto by_id =
       client.Post(kSearch, Json{{"image_id", ids[2]}, {"limit", 2}, {"exclude_self", false}}.dump(),
                   "application/json");
@@ -50,34 +50,34 @@ TEST_F(ServerTest, UploadSearchDeleteRestart) {
   EXPECT_EQ(client.Get(kImages + ("/" + ids[3]))->status, 404);
   EXPECT_EQ(client.Delete(kImages + ("/" + ids[3]))->status, 404);
   const auto gone = ::testing::Not(::testing::Contains(ids[3]));
-  EXPECT_THAT(ImageIds(SearchFor(client, TestPicture(3, 1), "?limit=100")["hits"]), gone);
+  EXPECT_THAT(ImageIds(SearchFor(client, TestImage(3, 1), "?limit=100")["hits"]), gone);
 
   EXPECT_EQ(server_->Stop(), 0) << server_->Log();
   Start();
   auto again = server_->Client();
   EXPECT_EQ(again.Get(kImages + ("/" + ids[3]))->status, 404);
-  EXPECT_THAT(ImageIds(SearchFor(again, TestPicture(3, 1), "?limit=100")["hits"]), gone);
-  EXPECT_EQ(SearchFor(again, TestPicture(4, 1))["hits"][0]["object"], "thing 4");
+  EXPECT_THAT(ImageIds(SearchFor(again, TestImage(3, 1), "?limit=100")["hits"]), gone);
+  EXPECT_EQ(SearchFor(again, TestImage(4, 1))["hits"][0]["object"], "thing 4");
 }
 
 TEST_F(ServerTest, SameBytesTwiceIsNoWorkTwice) {
   Start({"--auto-train", "false"});
   auto client = server_->Client();
-  const std::string picture = TestPicture(1);
-  const auto first = Upload(client, picture, "cup");
-  const auto second = Upload(client, picture, "cup");
+  const std::string image = TestImage(1);
+  const auto first = Upload(client, image, "cup");
+  const auto second = Upload(client, image, "cup");
   ASSERT_EQ(first->status, 201);
   EXPECT_EQ(second->status, 200);
   EXPECT_EQ(first->body, second->body);
   EXPECT_EQ(second->get_header_value("Content-Location"), first->get_header_value("Location"));
 
   const std::string path = std::string(kImages) + "/mine?object=cup";
-  const auto created = client.Put(path, picture, "image/png");
-  const auto same = client.Put(path, picture, "image/png");
+  const auto created = client.Put(path, image, "image/png");
+  const auto same = client.Put(path, image, "image/png");
   EXPECT_EQ(created->status, 201) << created->body;
   EXPECT_EQ(same->status, 200);
   EXPECT_EQ(created->body, same->body);  // added_at too: nothing was written
-  const auto replaced = client.Put(path, TestPicture(2), "image/png");
+  const auto replaced = client.Put(path, TestImage(2), "image/png");
   EXPECT_EQ(replaced->status, 200);
   EXPECT_NE(Json::parse(replaced->body)["sha256"], Json::parse(created->body)["sha256"]);
   EXPECT_EQ(Json::parse(client.Get("/v1/collections/default")->body)["images"], 2);
@@ -86,15 +86,15 @@ TEST_F(ServerTest, SameBytesTwiceIsNoWorkTwice) {
 TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   Start({"--auto-train", "false"});
   auto client = server_->Client();
-  const std::string picture = TestPicture(5);
+  const std::string image = TestImage(5);
   const auto created = client.Post(
-      kImages, httplib::MultipartFormDataItems{{"image", picture, "../../etc/a b.png", "image/png"},
+      kImages, httplib::MultipartFormDataItems{{"image", image, "../../etc/a b.png", "image/png"},
                                                {"id", "shelf:4", "", ""},
                                                {"metadata", R"({"shelf": 4})", "", ""}});
   ASSERT_EQ(created->status, 201) << created->body;
-  const Json image = Json::parse(created->body);
-  EXPECT_EQ(image["metadata"]["shelf"], 4);
-  EXPECT_EQ(image["source"], "a b.png");
+  const Json record = Json::parse(created->body);
+  EXPECT_EQ(record["metadata"]["shelf"], 4);
+  EXPECT_EQ(record["source"], "a b.png");
   const std::string path = created->get_header_value("Location");
   // cpp-httplib 0.11 decodes the values of headers, 0.18 leaves this one as it was sent.
   EXPECT_THAT(path, ::testing::AnyOf(std::string(kImages) + "/shelf:4",
@@ -102,13 +102,13 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   const std::string sent = server_->Talk("PUT " + std::string(kImages) +
                                          "/shelf%3A5 HTTP/1.1\r\nHost: localhost\r\nConnection: "
                                          "close\r\nContent-Type: image/png\r\nContent-Length: " +
-                                         std::to_string(picture.size()) + "\r\n\r\n" + picture);
+                                         std::to_string(image.size()) + "\r\n\r\n" + image);
   EXPECT_THAT(sent, ::testing::StartsWith("HTTP/1.1 201 "));
   EXPECT_THAT(sent,
               ::testing::HasSubstr("\r\nLocation: " + std::string(kImages) + "/shelf%3A5\r\n"));
 
   const auto content = client.Get(path + "/content");
-  EXPECT_EQ(content->body, picture);
+  EXPECT_EQ(content->body, image);
   EXPECT_EQ(content->get_header_value("Content-Type"), "image/png");
   EXPECT_EQ(content->get_header_value("X-Content-Type-Options"), "nosniff");
   // By hand: the client library waits for a body of a 304, which has none.
@@ -120,7 +120,7 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
   EXPECT_THAT(unchanged, ::testing::Not(::testing::HasSubstr("Content-Length")));
   const auto head = client.Head(path + "/content");
   EXPECT_EQ(head->status, 200);
-  EXPECT_EQ(head->get_header_value("Content-Length"), std::to_string(picture.size()));
+  EXPECT_EQ(head->get_header_value("Content-Length"), std::to_string(image.size()));
 
   const auto thumbnail = client.Get(path + "/thumbnail");
   EXPECT_EQ(thumbnail->get_header_value("Content-Type"), "image/jpeg");
@@ -129,8 +129,8 @@ TEST_F(ServerTest, KeepsContentMetadataThumbnailAndFeatures) {
 
   const Json features = Json::parse(client.Get(path + "/features")->body);
   EXPECT_EQ(features["model_id"], "rootsift:1");
-  EXPECT_EQ(features["keypoints"].size(), image["keypoints"]);
-  EXPECT_EQ(features["descriptors"]["rows"], image["keypoints"]);
+  EXPECT_EQ(features["keypoints"].size(), record["keypoints"]);
+  EXPECT_EQ(features["descriptors"]["rows"], record["keypoints"]);
   EXPECT_EQ(features["descriptors"]["dim"], 128);
   const auto rows = features["descriptors"]["rows"].get<std::size_t>();
   EXPECT_EQ(features["descriptors"]["base64"].get<std::string>().size(),
@@ -142,7 +142,7 @@ TEST_F(ServerTest, ListsByCursorAndByObject) {
   auto client = server_->Client();
   std::set<std::string> uploaded;
   for (int i = 0; i < 7; ++i) {
-    const auto answer = Upload(client, TestPicture(i), i % 2 == 0 ? "even ü/1" : "odd");
+    const auto answer = Upload(client, TestImage(i), i % 2 == 0 ? "even ü/1" : "odd");
     uploaded.insert(Json::parse(answer->body)["id"]);
   }
   std::set<std::string> listed;
@@ -183,13 +183,13 @@ TEST_F(ServerTest, CollectionsAreSeparate) {
   Start();
   auto client = server_->Client();
   EXPECT_EQ(client.Get("/v1/collections/toys")->status, 404);
-  EXPECT_EQ(Upload(client, TestPicture(1), "car", "toys")->status, 404);
+  EXPECT_EQ(Upload(client, TestImage(1), "car", "toys")->status, 404);
   EXPECT_EQ(client.Put("/v1/collections/toys")->status, 201);
   EXPECT_EQ(client.Put("/v1/collections/toys")->status, 200);
-  EXPECT_EQ(Upload(client, TestPicture(1), "car", "toys")->status, 201);
+  EXPECT_EQ(Upload(client, TestImage(1), "car", "toys")->status, 201);
   EXPECT_EQ(Json::parse(client.Get("/v1/collections/default")->body)["images"], 0);
   EXPECT_EQ(Json::parse(client.Get("/v1/collections/toys")->body)["images"], 1);
-  const auto found = client.Post("/v1/collections/toys/search", TestPicture(1, 1), "image/png");
+  const auto found = client.Post("/v1/collections/toys/search", TestImage(1, 1), "image/png");
   ASSERT_EQ(found->status, 200) << found->body;
   EXPECT_EQ(Json::parse(found->body)["hits"][0]["object"], "car");
   EXPECT_EQ(Json::parse(client.Get("/v1/collections")->body)["collections"],

@@ -39,14 +39,14 @@ TEST_F(TlsTest, SpeaksTls) {
   client.set_ca_cert_path((folder_ / "cert.pem").string());
   client.enable_server_certificate_verification(true);
   client.set_keep_alive(true);
-  const std::string picture = TestPicture(1, 0, 1200, 900);
-  const auto made = client.Post(kImages, picture, "image/png");
+  const std::string image = TestImage(1, 0, 1200, 900);
+  const auto made = client.Post(kImages, image, "image/png");
   ASSERT_TRUE(made) << httplib::to_string(made.error());
   ASSERT_EQ(made->status, 201) << made->body;
   EXPECT_THAT(made->get_header_value("Strict-Transport-Security"), HasSubstr("max-age="));
   const auto content = client.Get(made->get_header_value("Location") + "/content");
   ASSERT_TRUE(content);
-  EXPECT_EQ(content->body, picture);
+  EXPECT_EQ(content->body, image);
   for (int i = 0; i < 20; ++i) ASSERT_EQ(client.Get("/livez")->status, 200);
   EXPECT_EQ(client.Post(kImages, std::string(1000, 'x'), "image/png")->status, 415);
 

@@ -50,13 +50,13 @@ bool HasAnswer(int fd, int patience_ms) {
 
 class WaitingTest : public ServerTest {
  protected:
-  // A server with a job that takes long: pictures of millions of pixels, on one core.
+  // A server with a job that takes long: images of millions of pixels, on one core.
   void StartWithJob(std::vector<std::string> flags = {}) {
-    constexpr int kPictures = 12;
+    constexpr int kImages = 12;
     std::filesystem::create_directories(folder_ / "shelf");
-    for (int i = 0; i < kPictures; ++i) {
+    for (int i = 0; i < kImages; ++i) {
       std::ofstream(folder_ / ("shelf/" + std::to_string(i) + ".png"), std::ios::binary)
-          << TestPicture(i, 0, 2400, 1800);
+          << TestImage(i, 0, 2400, 1800);
     }
     flags.insert(flags.end(), {"--import-dir", (folder_ / "shelf").string(), "--auto-train",
                                "false", "--cores", "1", "--max-side", "4096"});
@@ -110,7 +110,7 @@ TEST_F(WaitingTest, HundredsHoldNoThreadAndHearOfTheEnd) {
   EXPECT_LT(slowest, 5);
   for (const int fd : waiting) ASSERT_FALSE(HasAnswer(fd, 0)) << "the job has ended too early";
   Cancel();
-  Clock::time_point first;  // the job ends when the picture that it is at is done
+  Clock::time_point first;  // the job ends when the image that it is at is done
   for (const int fd : waiting) {
     const std::string answer = ReadAll(fd);
     if (fd == waiting.front()) first = Clock::now();

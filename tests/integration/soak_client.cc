@@ -21,13 +21,13 @@ bool IsHonestRefusal(const httplib::Response& answer) {
 
 }  // namespace
 
-const std::string& Picture(int number) {
-  static const std::vector<std::string> pictures = [] {
+const std::string& MakeImage(int number) {
+  static const std::vector<std::string> images = [] {
     std::vector<std::string> made;
-    for (int i = 0; i < kPictures; ++i) made.push_back(TestPicture(i));
+    for (int i = 0; i < kImages; ++i) made.push_back(TestImage(i));
     return made;
   }();
-  return pictures[static_cast<std::size_t>(number) % pictures.size()];
+  return images[static_cast<std::size_t>(number) % images.size()];
 }
 
 std::string ImagePath(const std::string& id) { return "/v1/collections/default/images/" + id; }
@@ -42,22 +42,22 @@ SoakClient::SoakClient(const ServerProcess& server, int number, Known& known, Co
 std::string SoakClient::Live(const std::atomic<bool>& stop) {
   while (!stop) {
     const std::string id = "c" + std::to_string(number_) + "-" + std::to_string(random_() % 6);
-    const int picture = static_cast<int>(random_() % kPictures);
+    const int image = static_cast<int>(random_() % kImages);
     const unsigned what = random_() % 10;
-    const Outcome outcome = what < 5 ? Put(id, picture) : what < 7 ? Delete(id) : Search(picture);
+    const Outcome outcome = what < 5 ? Put(id, image) : what < 7 ? Delete(id) : Search(image);
     if (outcome == Outcome::kOver) return wrong_;
     if (outcome == Outcome::kDone) ++counts_.done;
   }
   return "";
 }
 
-SoakClient::Outcome SoakClient::Put(const std::string& id, int picture) {
-  const auto answer = client_.Put(ImagePath(id) + "?object=o" + std::to_string(picture),
-                                  Picture(picture), "image/png");
+SoakClient::Outcome SoakClient::Put(const std::string& id, int image) {
+  const auto answer = client_.Put(ImagePath(id) + "?object=o" + std::to_string(image),
+                                  MakeImage(image), "image/png");
   if (!answer) return Forget(id);
   if (IsRefused(answer)) return Outcome::kRefused;
   if (answer->status != 200 && answer->status != 201) return Complain("PUT", answer);
-  known_.Put(id, picture);
+  known_.Put(id, image);
   return Outcome::kDone;
 }
 
@@ -75,8 +75,8 @@ SoakClient::Outcome SoakClient::Delete(const std::string& id) {
   return Outcome::kDone;
 }
 
-SoakClient::Outcome SoakClient::Search(int picture) {
-  const auto answer = client_.Post(kSearch, Picture(picture), "image/png");
+SoakClient::Outcome SoakClient::Search(int image) {
+  const auto answer = client_.Post(kSearch, MakeImage(image), "image/png");
   if (!answer) return Outcome::kOver;
   if (IsRefused(answer)) return Outcome::kRefused;
   // 409: nobody has uploaded anything yet.

@@ -14,21 +14,21 @@
 namespace pliant::testing {
 
 inline constexpr unsigned kSeed = 20261121;
-inline constexpr int kPictures = 24;
+inline constexpr int kImages = 24;
 inline constexpr const char* kSearch = "/v1/collections/default/search";
 
-const std::string& Picture(int number);  // PNG, the same for numbers kPictures apart
+const std::string& MakeImage(int number);  // PNG, the same for numbers kImages apart
 std::string ImagePath(const std::string& id);
 
-// What a client knows of the ids that are its own: the number of the picture, or that there is
+// What a client knows of the ids that are its own: the number of the image, or that there is
 // none.
 struct Known {
   std::map<std::string, int> there;
   std::set<std::string> gone;
   std::set<std::string> unknown;  // asked for, never acknowledged
 
-  void Put(const std::string& id, int picture) {
-    there[id] = picture;
+  void Put(const std::string& id, int image) {
+    there[id] = image;
     gone.erase(id);
     unknown.erase(id);
   }
@@ -60,9 +60,9 @@ class SoakClient {
  private:
   enum class Outcome { kDone, kRefused, kOver };  // over: no answer, or wrong_ says why
 
-  Outcome Put(const std::string& id, int picture);
+  Outcome Put(const std::string& id, int image);
   Outcome Delete(const std::string& id);
-  Outcome Search(int picture);
+  Outcome Search(int image);
   Outcome Forget(const std::string& id);  // there was no answer
   Outcome Complain(const std::string& what, const httplib::Result& answer);
   bool IsRefused(const httplib::Result& answer);  // then it has waited a moment

@@ -9,7 +9,7 @@
 
 #include "descriptor/image/video.h"
 #include "tests/integration/program.h"
-#include "tests/unit/bent_pictures.h"
+#include "tests/unit/bent_images.h"
 
 namespace pliant::testing {
 namespace {
@@ -31,12 +31,12 @@ std::vector<Json> Lines(const std::string& text) {
 class TrackTest : public ::testing::Test {
  protected:
   TrackTest() {
-    const Image reference = RichPicture(1);
+    const Image reference = RichImage(1);
     WriteBytes(folder_ / "reference.png", EncodePng(reference));
     VideoWriter writer(folder_ / "clip.avi", 400, 300, 10);
     for (int i = 0; i < kFrames; ++i) {
       const Bend bend{0.2 * i, 12.0 * i, {2.0 * i, 0}};
-      const Image frame = i == 3 ? RichPicture(77) : BentPicture(reference, bend);
+      const Image frame = i == 3 ? RichImage(77) : BentImage(reference, bend);
       writer.Write(frame);
       WriteBytes(folder_ / "frames" / ("f" + std::to_string(i + 8) + ".png"), EncodePng(frame));
     }
@@ -86,7 +86,7 @@ TEST_F(TrackTest, ALineOfJsonAFrame) {
   }
 }
 
-TEST_F(TrackTest, VideosPicturesAndContactSheets) {
+TEST_F(TrackTest, VideosImagesAndContactSheets) {
   const ProgramResult video =
       Track("clip.avi", {"--out", Path("out.mp4"), "--sheet", Path("sheet.png"), "--every", "2"});
   ASSERT_EQ(video.status, 0) << video.err;
@@ -101,8 +101,8 @@ TEST_F(TrackTest, VideosPicturesAndContactSheets) {
   EXPECT_EQ(frames, 3);
   EXPECT_GT(DecodeImage(ReadBytes(Path("sheet.png"))).image.width, 600);
 
-  const ProgramResult pictures = Track("frames", {"--out", Path("out")});
-  ASSERT_EQ(pictures.status, 0) << pictures.err;
+  const ProgramResult images = Track("frames", {"--out", Path("out")});
+  ASSERT_EQ(images.status, 0) << images.err;
   for (int i = 0; i < kFrames; ++i) {
     EXPECT_TRUE(std::filesystem::exists(Path("out/frame_00000" + std::to_string(i) + ".jpg")));
   }
@@ -129,9 +129,9 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
   WriteText(folder_ / "text.mp4", "no video");
   WriteText(folder_ / "empty.avi", "");
   std::filesystem::create_directory(folder_ / "nothing");
-  WriteBytes(folder_ / "varying" / "a.png", EncodePng(RandomPicture(1, 100, 100)));
-  WriteBytes(folder_ / "varying" / "b.png", EncodePng(RandomPicture(1, 100, 101)));
-  WriteBytes(folder_ / "single" / "a.png", EncodePng(RandomPicture(1, 100, 100)));
+  WriteBytes(folder_ / "varying" / "a.png", EncodePng(RandomImage(1, 100, 100)));
+  WriteBytes(folder_ / "varying" / "b.png", EncodePng(RandomImage(1, 100, 101)));
+  WriteBytes(folder_ / "single" / "a.png", EncodePng(RandomImage(1, 100, 100)));
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"nowhere.mp4", "cannot_read"},   {"text.mp4", "video_unreadable"},
       {"empty.avi", "video_empty"},     {"nothing", "no_frames"},
@@ -163,9 +163,9 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
     EXPECT_FALSE(std::filesystem::exists(Path("o.gif")));
     EXPECT_EQ(Track(input, {"--out", Path("nowhere/x.mp4")}).status, 1);
   }
-  const ProgramResult picture = Track("reference.png");
-  EXPECT_THAT(picture.err, HasSubstr("is a picture"));
-  EXPECT_EQ(picture.out, "");
+  const ProgramResult image = Track("reference.png");
+  EXPECT_THAT(image.err, HasSubstr("is an image"));
+  EXPECT_EQ(image.out, "");
   for (const char* folder : {"run.2", "o.gif/"}) {
     EXPECT_EQ(Track("frames", {"--out", Path(folder), "--every", "4"}).status, 0);
     EXPECT_TRUE(std::filesystem::exists(Path(folder) + "/frame_000000.jpg"));
@@ -177,7 +177,7 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
   png.resize(png.size() / 2);
   WriteBytes(folder_ / "frames" / "f9.png", png);  // 160 x 120 by its header
   EXPECT_EQ(Track("frames").status, 1) << "of another size";
-  png = EncodePng(RichPicture(5));
+  png = EncodePng(RichImage(5));
   png.resize(png.size() / 2);
   WriteBytes(folder_ / "frames" / "f9.png", png);
   const ProgramResult damaged = Track("frames", {"--json"});
@@ -231,7 +231,7 @@ TEST(TrackRealVideo, RunsThroughAndAdmitsLosses) {
                                           (kVideos / "vtest.avi").string(), "--region", "0,0,20,20",
                                           "--descriptor", "orb"});
   EXPECT_EQ(black.status, 1);
-  EXPECT_THAT(black.err, HasSubstr("key points"));
+  EXPECT_THAT(black.err, HasSubstr("keypoints"));
 }
 
 }  // namespace

@@ -90,8 +90,8 @@ std::string WrongRequests::WithRequired(const std::string& path) const {
 }
 
 std::string WrongRequests::GoodBody() const {
-  if (image_) return TestPicture(1);
-  if (form_ && !json_) return Form({{"image", TestPicture(1)}});
+  if (image_) return TestImage(1);
+  if (form_ && !json_) return Form({{"image", TestImage(1)}});
   Json body = Json::object();
   for (const std::string& field : RequiredFields()) {
     const Json& schema =
@@ -99,7 +99,7 @@ std::string WrongRequests::GoodBody() const {
             .json["requestBody"]["content"]["application/json"]["schema"]["properties"][field];
     body[field] = "shelf";
     if (schema["type"] == "array") body[field] = Json::array({Json{{"image_id", "mug-1"}}});
-    if (schema["type"] == "object") body[field] = Json{{"image", Base64Of(TestPicture(1))}};
+    if (schema["type"] == "object") body[field] = Json{{"image", Base64Of(TestImage(1))}};
   }
   return json_ ? body.dump() : "";
 }
@@ -110,7 +110,7 @@ void WrongRequests::AddBodyFaults() {
   if (!json_)
     Add("wrong type", "JSON", path_, "{}", "application/json", 415, "unsupported_content_type");
   if (!image_)
-    Add("wrong type", "a picture", path_, TestPicture(1), "image/png", 415,
+    Add("wrong type", "an image", path_, TestImage(1), "image/png", 415,
         "unsupported_content_type");
   Add("oversized", "body", path_, std::string(1'200'000, 'x'), type_, 413, "body_too_large");
   if (json_) Add("no JSON", "cut off", path_, "{", "application/json", 400, "invalid_json");
@@ -122,10 +122,9 @@ void WrongRequests::AddBodyFaults() {
   }
   if (!image_) return;
   const std::string half = body_.substr(0, body_.size() / 2);
-  Add("no picture", "text", path_, "hello", type_, 415, "image_type_unknown");
-  Add("no picture", "half", path_, half, type_, 422, "image_truncated");
-  Add("no picture", "in a form", path_, Form({{"image", "hello"}}), kForm, 415,
-      "image_type_unknown");
+  Add("no image", "text", path_, "hello", type_, 415, "image_type_unknown");
+  Add("no image", "half", path_, half, type_, 422, "image_truncated");
+  Add("no image", "in a form", path_, Form({{"image", "hello"}}), kForm, 415, "image_type_unknown");
 }
 
 void WrongRequests::AddMissingFields() {
@@ -177,8 +176,8 @@ void WrongRequests::AddParameterFaults() {
   Add("unknown parameter", "in the query", WithQuery(path_, "no_such=1"), body_, type_, 400,
       "unknown_parameter");
   if (form_) {
-    Add("unknown parameter", "in a form", path_,
-        Form({{"image", TestPicture(1)}, {"no_such", "1"}}), kForm, 400, "unknown_parameter");
+    Add("unknown parameter", "in a form", path_, Form({{"image", TestImage(1)}, {"no_such", "1"}}),
+        kForm, 400, "unknown_parameter");
   }
   if (json_)
     Add("unknown parameter", "in JSON", path_, R"({"no_such": 1})", "application/json", 400,

@@ -20,19 +20,19 @@ import tempfile
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "chaos"))
-from service.pictures import texture  # noqa: E402  (needs the path above)
+from service.images import texture  # noqa: E402  (needs the path above)
 from service.server import Connection, Server, Wrong  # noqa: E402
 
-PICTURES = 300
+IMAGES = 300
 COLLECTION = "/v1/collections/default"
 PATIENCE_S = 180
 
 
 def archive(name):
-    """A TAR of the pictures."""
+    """A TAR of the images."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w") as tar:
-        for i in range(PICTURES):
+        for i in range(IMAGES):
             data = texture(f"{name} {i}")
             entry = tarfile.TarInfo(f"{name}/{i}.png")
             entry.size = len(data)
@@ -101,15 +101,15 @@ class Case:
         return until(lambda: (job := self.job(server, number))["finished_at"] and job, f"the end of the job at {server}")
 
     def check_import(self, number, name, attempts):
-        """Every picture is there once, and has one result."""
+        """Every image is there once, and has one result."""
         job = self.ended("B", number)
-        if (job["state"], job["done"], job["failed"], job["attempts"]) != ("done", PICTURES, 0, attempts):
+        if (job["state"], job["done"], job["failed"], job["attempts"]) != ("done", IMAGES, 0, attempts):
             raise Wrong(f"the import ended so: {job}")
         items = self.pages(f"/v1/jobs/{number}/items", "items")
-        if [item["index"] for item in items] != list(range(PICTURES)):
+        if [item["index"] for item in items] != list(range(IMAGES)):
             raise Wrong(f"the items of the import: {items}")
         objects = [image["object"] for image in self.pages(f"{COLLECTION}/images", "images")]
-        if objects != [name] * PICTURES:
+        if objects != [name] * IMAGES:
             raise Wrong(f"{len(objects)} images of {set(objects)}")
         return job
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clients of several servers, and what each of their pictures may be by what was acknowledged."""
+"""Clients of several servers, and what each of their images may be by what was acknowledged."""
 import collections
 import http.client
 import json
@@ -9,7 +9,7 @@ import threading
 import time
 import urllib.parse
 
-from service.pictures import sha256, texture
+from service.images import sha256, texture
 from service.server import Connection
 
 COLLECTION = "/v1/collections/default"
@@ -49,7 +49,7 @@ class History:
         self.history.append(f"{time.strftime('%H:%M:%S')} {text}")
 
 
-class Picture(History):
+class Image(History):
     """One id: the hashes that it may have now (None: it is not there)."""
 
     def __init__(self, name):
@@ -58,8 +58,8 @@ class Picture(History):
 
 
 class Pair(History):
-    """Two pictures of one object, which go in one request. Others read `state` while the owner changes it: its parts are
-    replaced together. They are how many pictures there may be, and whether since `filled` only whole pairs came or went."""
+    """Two images of one object, which go in one request. Others read `state` while the owner changes it: its parts are
+    replaced together. They are how many images there may be, and whether since `filled` only whole pairs came or went."""
 
     def __init__(self, name):
         super().__init__(name)
@@ -70,7 +70,7 @@ class Client(threading.Thread):
     def __init__(self, number, servers, book, dice):
         super().__init__(daemon=True)
         self.number, self.servers, self.book, self.dice = number, servers, book, random.Random(dice)
-        self.pictures = [Picture(f"c{number}-{i}") for i in range(IDS)]
+        self.images = [Image(f"c{number}-{i}") for i in range(IDS)]
         self.pairs = [Pair(f"c{number}-pair-{i}") for i in range(PAIRS)]
         self.seen_pairs = self.pairs  # those of all clients
         self.made, self.stopped = 0, False
@@ -83,7 +83,7 @@ class Client(threading.Thread):
                 if work in (self.fill, self.empty):
                     work(self.dice.choice(self.pairs))
                 else:
-                    work(self.dice.choice(self.seen_pairs if work == self.look_at_pair else self.pictures))
+                    work(self.dice.choice(self.seen_pairs if work == self.look_at_pair else self.images))
         except Exception as error:  # a defect of the test must not look like a quiet client
             self.book.blame(f"client {self.number}: defect of the test: {error!r}")
 
@@ -116,64 +116,64 @@ class Client(threading.Thread):
         self.made += 1
         return texture(f"client {self.number} {self.made}")
 
-    def put(self, picture):
+    def put(self, image):
         data = self.new_texture()
         mine = sha256(data)
-        picture.data[mine] = data
-        picture.note(f"put {mine[:8]}")
-        before, picture.may = picture.may, picture.may | {mine}
-        status, answer = self.ask("PUT", f"{IMAGES}/{picture.name}?object={picture.name}", data, "image/png")
-        picture.note(f"-> {status} {answer.get('code', '')}")
+        image.data[mine] = data
+        image.note(f"put {mine[:8]}")
+        before, image.may = image.may, image.may | {mine}
+        status, answer = self.ask("PUT", f"{IMAGES}/{image.name}?object={image.name}", data, "image/png")
+        image.note(f"-> {status} {answer.get('code', '')}")
         if status in (200, 201):
-            picture.may = {mine}
+            image.may = {mine}
         elif was_not_done(status, answer):
-            picture.may = before
+            image.may = before
         elif status == 404:
-            self.book.blame(f"PUT {picture.name}: {status} {answer}", picture.history)
+            self.book.blame(f"PUT {image.name}: {status} {answer}", image.history)
 
-    def delete(self, picture):
-        picture.note("delete")
-        before, picture.may = picture.may, picture.may | {None}
-        status, answer = self.ask("DELETE", f"{IMAGES}/{picture.name}")
-        picture.note(f"-> {status} {answer.get('code', '')}")
+    def delete(self, image):
+        image.note("delete")
+        before, image.may = image.may, image.may | {None}
+        status, answer = self.ask("DELETE", f"{IMAGES}/{image.name}")
+        image.note(f"-> {status} {answer.get('code', '')}")
         if status == 404 and None not in before:
-            self.book.blame(f"{picture.name} was lost: DELETE says 404", picture.history)
+            self.book.blame(f"{image.name} was lost: DELETE says 404", image.history)
         if status == 204 and before == {None}:
-            self.book.blame(f"{picture.name} was back: DELETE says 204", picture.history)
+            self.book.blame(f"{image.name} was back: DELETE says 204", image.history)
         if status in (204, 404):
-            picture.may = {None}
+            image.may = {None}
         elif was_not_done(status, answer):
-            picture.may = before
+            image.may = before
 
-    def look(self, picture):
-        status, record = self.ask("GET", f"{IMAGES}/{picture.name}")
+    def look(self, image):
+        status, record = self.ask("GET", f"{IMAGES}/{image.name}")
         if status not in (200, 404):
             return
         found = record["sha256"] if status == 200 else None
-        self.book.count("looks that agree" if found in picture.may else "looks that do not")
-        if found not in picture.may:
-            self.book.blame(f"{picture.name} is {found and found[:8]}, may be {[one and one[:8] for one in picture.may]}", picture.history)
+        self.book.count("looks that agree" if found in image.may else "looks that do not")
+        if found not in image.may:
+            self.book.blame(f"{image.name} is {found and found[:8]}, may be {[one and one[:8] for one in image.may]}", image.history)
 
-    def search(self, picture):
-        if not picture.data:
+    def search(self, image):
+        if not image.data:
             return
-        if len(picture.may) > 1:
-            return self.look(picture)
-        now = next(iter(picture.may))
-        asked = now or self.dice.choice(list(picture.data))
-        status, answer = self.ask("POST", SEARCH, picture.data[asked], "image/png")
+        if len(image.may) > 1:
+            return self.look(image)
+        now = next(iter(image.may))
+        asked = now or self.dice.choice(list(image.data))
+        status, answer = self.ask("POST", SEARCH, image.data[asked], "image/png")
         if status != 200:
             return
         hits = [hit["image_id"] for hit in answer["hits"]]
-        agrees = picture.name in hits[:1] if now else picture.name not in hits
+        agrees = image.name in hits[:1] if now else image.name not in hits
         self.book.count("searches that agree" if agrees else "searches that do not")
-        if now and picture.name not in hits[:1]:
-            self.book.blame(f"{picture.name} ({now[:8]}) is not found: {hits}", picture.history)
-        if not now and picture.name in hits:
-            self.book.blame(f"{picture.name} is deleted, and found", picture.history)
+        if now and image.name not in hits[:1]:
+            self.book.blame(f"{image.name} ({now[:8]}) is not found: {hits}", image.history)
+        if not now and image.name in hits:
+            self.book.blame(f"{image.name} is deleted, and found", image.history)
 
     def fill(self, pair):
-        """Puts both pictures, one after the other."""
+        """Puts both images, one after the other."""
         pair.filled += 1
         pair.state = frozenset({0, 1, 2}), False
         pair.note("fill")
@@ -197,7 +197,7 @@ class Client(threading.Thread):
         if status in (200, 404):
             pair.state = frozenset({0}), True
             if answer.get("deleted", 0) not in before:
-                self.book.blame(f"{pair.name} had {sorted(before)} pictures, DELETE says {status} {answer}", pair.history)
+                self.book.blame(f"{pair.name} had {sorted(before)} images, DELETE says {status} {answer}", pair.history)
         elif was_not_done(status, answer):
             pair.state = before, True
 
@@ -212,7 +212,7 @@ class Client(threading.Thread):
         agrees = found in before | after
         self.book.count("looks at pairs that agree" if agrees else "looks at pairs that do not")
         if not agrees:
-            self.book.blame(f"{pair.name} has {found} pictures, may have {sorted(before | after)}", list(pair.history))
+            self.book.blame(f"{pair.name} has {found} images, may have {sorted(before | after)}", list(pair.history))
 
 
 def was_not_done(status, answer):

@@ -23,7 +23,7 @@
 #include "index/store/open_store.h"
 #include "index/store/sql/original_store.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant {
@@ -77,26 +77,26 @@ class PostgresStoreTest : public ::testing::Test {
     return store;
   }
 
-  struct Picture {
+  struct Image {
     std::string id;
     std::string metadata = "{}";
     std::string object = {};
     std::string source = {};
   };
-  static std::vector<PutOutcome> Put(Store& store, const std::vector<Picture>& pictures) {
+  static std::vector<PutOutcome> Put(Store& store, const std::vector<Image>& images) {
     std::vector<AddRequest> requests;
-    for (const Picture& picture : pictures) {
+    for (const Image& image : images) {
       AddRequest& request = requests.emplace_back();
-      request.id = picture.id;
-      request.metadata = picture.metadata;
-      request.object = picture.object;
-      request.source = picture.source;
+      request.id = image.id;
+      request.metadata = image.metadata;
+      request.object = image.object;
+      request.source = image.source;
       request.bytes =
-          Bytes(reinterpret_cast<const std::uint8_t*>(picture.id.data()), picture.id.size());
+          Bytes(reinterpret_cast<const std::uint8_t*>(image.id.data()), image.id.size());
     }
-    std::vector<PicturePut> puts;
+    std::vector<ImagePut> puts;
     for (const AddRequest& request : requests) {
-      PicturePut& put = puts.emplace_back(PicturePut{.request = request});
+      ImagePut& put = puts.emplace_back(ImagePut{.request = request});
       put.features = SomeFeatures();
       put.encoded = EncodeFeatures(put.features);
       put.record.collection = request.collection;
@@ -115,7 +115,7 @@ class PostgresStoreTest : public ::testing::Test {
 
   std::set<std::string> AllIds() {
     std::set<std::string> ids;
-    store_->catalogue().ForEachPicturePage(PictureListing{}, [&](const PicturePage& page) {
+    store_->catalogue().ForEachImagePage(ImageListing{}, [&](const ImagePage& page) {
       for (const ImageRecord& record : page.records) ids.insert(record.id);
     });
     return ids;
@@ -159,13 +159,11 @@ class Follower {
     ASSERT_TRUE(removed.has_value());
     const FeedPosition now = view->Position();
     ASSERT_TRUE(now.Continues(at_));
-    view->ForEachPicture(vocabulary_, 2, at_.picture, 1000,
-                         [&](std::vector<IndexedPicture> pictures) {
-                           for (const IndexedPicture& picture : pictures) {
-                             EXPECT_TRUE(there_.emplace(picture.key, picture.id).second)
-                                 << picture.id << " came twice";
-                           }
-                         });
+    view->ForEachImage(vocabulary_, 2, at_.image, 1000, [&](std::vector<IndexedImage> images) {
+      for (const IndexedImage& image : images) {
+        EXPECT_TRUE(there_.emplace(image.key, image.id).second) << image.id << " came twice";
+      }
+    });
     for (const std::int64_t key : *removed) {
       EXPECT_TRUE(gone_.insert(key).second) << key << " was removed twice";
       there_.erase(key);
@@ -174,7 +172,7 @@ class Follower {
     std::map<std::string, int> halves;
     for (const auto& [key, id] : there_) ++halves[id.substr(0, id.rfind('-'))];
     for (const auto& [pair, count] : halves) EXPECT_EQ(count, 2) << "half of " << pair;
-    EXPECT_EQ(there_.size(), view->CountPictures(view->Collections().at(0).key));
+    EXPECT_EQ(there_.size(), view->CountImages(view->Collections().at(0).key));
   }
 
   std::set<std::string> Ids() const {
@@ -191,7 +189,7 @@ class Follower {
   std::set<std::int64_t> gone_;
 };
 
-// Each writer is a process of its own as far as the database can tell. Pictures come, are replaced
+// Each writer is a process of its own as far as the database can tell. Images come, are replaced
 // and go in pairs, so that a state that never was has half of one.
 TEST_F(PostgresStoreTest, AFollowerSeesEachChangeOfManyWritersOnceAndInOrder) {
   constexpr int kWriters = 16;
@@ -327,11 +325,11 @@ Filter RandomFilter(std::mt19937& dice, int depth) {
 
 TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
   std::mt19937 dice(7);
-  std::vector<Picture> pictures;
+  std::vector<Image> images;
   for (int i = 0; i < 60; ++i) {
-    pictures.push_back({"p" + std::to_string(i), RandomMetadata(dice).dump()});
+    images.push_back({"p" + std::to_string(i), RandomMetadata(dice).dump()});
   }
-  Put(*store_, pictures);
+  Put(*store_, images);
   const Key collection = store_->catalogue().RequireCollection("default").key;
   std::size_t passed = 0;
   for (int i = 0; i < 400; ++i) {
@@ -339,15 +337,15 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
     CheckFilter(filter);
     const Admission admission = store_->catalogue().Admit(collection, std::nullopt, filter, {});
     std::set<std::string> expected;
-    for (const Picture& picture : pictures) {
-      if (Passes(filter, picture.metadata)) expected.insert(picture.id);
+    for (const Image& image : images) {
+      if (Passes(filter, image.metadata)) expected.insert(image.id);
     }
-    std::vector<PictureRef> refs;
+    std::vector<ImageRef> refs;
     for (const std::int64_t version : *admission.versions)
       refs.push_back({collection, "", version});
     std::set<std::string> found;
-    for (const auto& picture : store_->catalogue().LoadPictures(refs, Load::kRecords)) {
-      found.insert(picture->record.id);
+    for (const auto& image : store_->catalogue().LoadImages(refs, Load::kRecords)) {
+      found.insert(image->record.id);
     }
     ASSERT_EQ(found, expected) << "filter " << i;
     passed += found.size();
@@ -358,25 +356,25 @@ TEST_F(PostgresStoreTest, FiltersInSqlPassWhatFiltersPass) {
 TEST_F(PostgresStoreTest, TextIsFoundWhateverItsCase) {
   const std::vector<std::string> names = {"Straße",   "STRASSE", "ΣΊΣΥΦΟΣ", "σίσυφος", "İstanbul",
                                           "ISTANBUL", "ǅ",       "ＡＢＣ",  "a_%\\b",  "Ünï 'x'"};
-  std::vector<Picture> pictures;
+  std::vector<Image> images;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    pictures.push_back({"p" + std::to_string(i), "{}", names[i], i % 2 == 0 ? names[9 - i] : ""});
+    images.push_back({"p" + std::to_string(i), "{}", names[i], i % 2 == 0 ? names[9 - i] : ""});
   }
-  Put(*store_, pictures);
+  Put(*store_, images);
   for (const std::string& text : names) {
     for (const std::string& asked :
          {text, EncodeUtf8(FoldCase(text)), text.substr(0, 1), "p " + text}) {
       if (!IsValidUtf8(asked)) continue;
-      PictureListing list;
+      ImageListing list;
       list.which.text = asked;
       std::set<std::string> found;
-      for (const ImageRecord& record : store_->catalogue().ListPicturePage(list).records) {
+      for (const ImageRecord& record : store_->catalogue().ListImagePage(list).records) {
         found.insert(record.id);
       }
       std::set<std::string> expected;
-      for (const Picture& picture : pictures) {
-        if (OccurIn(FoldedWords(asked), {picture.id, picture.object, picture.source})) {
-          expected.insert(picture.id);
+      for (const Image& image : images) {
+        if (OccurIn(FoldedWords(asked), {image.id, image.object, image.source})) {
+          expected.insert(image.id);
         }
       }
       EXPECT_EQ(found, expected) << asked;

@@ -26,7 +26,7 @@ SEARCH = "/v1/collections/default/search"
 
 
 def run(*command):
-    # 3: done, but pictures were refused
+    # 3: done, but images were refused
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 3):
         sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}")
@@ -34,15 +34,15 @@ def run(*command):
 
 
 def fill(options, folder, layout, home):
-    """Pictures as `pliant eval retrieval --list` names them; the database in home/db."""
-    pictures = json.loads(run(options.pliant, "eval", "retrieval", folder, "--layout", layout, "--list", "--json"))["pictures"]
-    for number, picture in enumerate(pictures):
-        if picture["searched"]:
-            file = pathlib.Path(picture["file"])
-            (home / "gallery" / picture["object"]).mkdir(parents=True, exist_ok=True)
-            shutil.copy(file, home / "gallery" / picture["object"] / f"{number}{file.suffix}")
+    """Images as `pliant eval retrieval --list` names them; the database in home/db."""
+    images = json.loads(run(options.pliant, "eval", "retrieval", folder, "--layout", layout, "--list", "--json"))["pictures"]
+    for number, image in enumerate(images):
+        if image["searched"]:
+            file = pathlib.Path(image["file"])
+            (home / "gallery" / image["object"]).mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, home / "gallery" / image["object"] / f"{number}{file.suffix}")
     run(options.pliant, "index", home / "gallery", "--db", home / "db", "--descriptor", options.descriptor)
-    return pictures
+    return images
 
 
 def fresh_database(name):
@@ -89,17 +89,17 @@ class Asked:
             yield from page["images"]
             after = f"&cursor={page['next']}" if page.get("next") else None
 
-    def ask(self, number, picture, of_object):
-        file = pathlib.Path(picture["file"])
-        if picture["searched"]:
+    def ask(self, number, image, of_object):
+        file = pathlib.Path(image["file"])
+        if image["searched"]:
             question = {"image_id": self.ids[f"{number}{file.suffix}"], "group_by": "image", "limit": 100}
             status, said = self.connection.json("POST", SEARCH, question)
         else:
             status, data = self.connection.ask("POST", f"{SEARCH}?group_by=object&limit=20", file.read_bytes())
             said = json.loads(data)
         hits = said["hits"] if status == 200 else []
-        right = [hit["object"] == picture["object"] for hit in hits]
-        self.figure += precision(of_object - 1, right) if picture["searched"] else bool(right[:1] and right[0])
+        right = [hit["object"] == image["object"] for hit in hits]
+        self.figure += precision(of_object - 1, right) if image["searched"] else bool(right[:1] and right[0])
         self.answers.append((status, [(hit["image_id"], hit["score"]) for hit in hits]))
 
 
@@ -108,16 +108,16 @@ def measure(options, given):
     name = pathlib.Path(folder).name
     with tempfile.TemporaryDirectory(prefix="pliant-real-") as temporary:
         home = pathlib.Path(temporary)
-        pictures = fill(options, folder, layout, home)
+        images = fill(options, folder, layout, home)
         url = fresh_database(name.replace("-", "_"))
         run(options.pliant, "db", "copy", url, "--db", home / "db", "--compare", "0")
-        sizes = collections.Counter(picture["object"] for picture in pictures if picture["searched"])
-        queries = [(number, picture) for number, picture in enumerate(pictures) if picture["query"]]
+        sizes = collections.Counter(image["object"] for image in images if image["searched"])
+        queries = [(number, image) for number, image in enumerate(images) if image["query"]]
         with Asked(options, home / "db", home, "file") as file, Asked(options, url, home, "postgres") as postgres:
             both = file, postgres
-            for number, picture in queries:
+            for number, image in queries:
                 for asked in both:
-                    asked.ask(number, picture, sizes[picture["object"]])
+                    asked.ask(number, image, sizes[image["object"]])
         equal = sum(a == b for a, b in zip(file.answers, postgres.answers))
         refused = sum(status != 200 for status, _ in file.answers)
         figures = [asked.figure / len(queries) for asked in both]

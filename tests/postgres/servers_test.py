@@ -27,7 +27,7 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "chaos"))
 from model_client import COLLECTION, IMAGES, Book, Client  # noqa: E402  (needs the path above)
-from service.pictures import texture  # noqa: E402
+from service.images import texture  # noqa: E402
 from service.server import Connection, Server, Wrong  # noqa: E402
 from troubles import KEPT, SETTLE_S, SMALL, Databases, Troubles  # noqa: E402
 
@@ -126,9 +126,9 @@ class Test:
         for number, server in enumerate(self.servers):
             for client in clients:
                 client.servers = [server]
-                for picture in client.pictures:
-                    client.look(picture)
-                    client.search(picture)
+                for image in client.images:
+                    client.look(image)
+                    client.search(image)
                 for pair in client.pairs:
                     client.look_at_pair(pair)
             self.verify_list(number, clients)
@@ -139,11 +139,11 @@ class Test:
     def verify_list(self, number, clients):
         page = self.ask("GET", f"{IMAGES}?limit=500", server=number)
         if page.get("next"):
-            raise Wrong("more pictures than one page lists")
+            raise Wrong("more images than one page lists")
         listed = {row["id"] for row in page["images"]}
-        pictures = [picture for client in clients for picture in client.pictures]
-        must = {f"kept-{i}" for i in range(KEPT)} | {"last"} | {picture.name for picture in pictures if None not in picture.may}
-        never = {picture.name for picture in pictures if picture.may == {None}}
+        images = [image for client in clients for image in client.images]
+        must = {f"kept-{i}" for i in range(KEPT)} | {"last"} | {image.name for image in images if None not in image.may}
+        never = {image.name for image in images if image.may == {None}}
         if must - listed or never & listed:
             self.book.blame(f"server {number} lists: lost {sorted(must - listed)}, back {sorted(never & listed)}")
 

@@ -13,11 +13,11 @@ import threading
 import time
 
 from model_client import IMAGES, REFUSED
-from service.pictures import texture
+from service.images import texture
 from service.server import Connection, Wrong
 
 LOCAL = pathlib.Path(__file__).resolve().parent.parent.parent / "docker" / "cluster_local.sh"
-KEPT = 20  # pictures that are there from the beginning to the end
+KEPT = 20  # images that are there from the beginning to the end
 SETTLE_S = 180
 SMALL = "db1"  # the database whose disk can be filled
 FILLER = "filler"
@@ -85,7 +85,7 @@ def send(number, processes):
 
 
 def put(server, name):
-    """The status of a new picture of that name; 0: no answer."""
+    """The status of a new image of that name; 0: no answer."""
     connection = Connection(server.address, keep_alive=False)
     try:
         return connection.ask("PUT", f"{IMAGES}/{name}?object={name}", texture(f"{name} {time.monotonic()}"), "image/png")[0]

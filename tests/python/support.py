@@ -18,8 +18,8 @@ import pliant
 BIN = pathlib.Path(os.environ["PLIANT_BIN"])
 
 
-def picture(seed, width=160, height=120):
-    """Grey discs, unlike those of any other seed: full of key points."""
+def pattern(seed, width=160, height=120):
+    """Grey discs, unlike those of any other seed: full of keypoints."""
     random = np.random.default_rng(seed)
     image = np.full((height, width), 128, np.uint8)
     y, x = np.mgrid[:height, :width]
@@ -31,7 +31,7 @@ def picture(seed, width=160, height=120):
 
 def other_view(seed):
     """The same scene, bent a little and brighter."""
-    image = picture(seed)
+    image = pattern(seed)
     y, x = np.mgrid[:image.shape[0], :image.shape[1]].astype(np.float64)
     rows = np.clip(np.rint(y + 2 * np.sin(x / 40)), 0, image.shape[0] - 1).astype(int)
     columns = np.clip(np.rint(x + 3 + 2 * np.sin(y / 30)), 0, image.shape[1] - 1).astype(int)

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 import pliant
-from support import BIN, FolderCase, eventually, other_view, picture, png, server
+from support import BIN, FolderCase, eventually, other_view, pattern, png, server
 
 
 class Served(FolderCase):
@@ -36,18 +36,18 @@ class Served(FolderCase):
         shelf = client.collection("shelf")
         self.assertEqual(shelf.create()["name"], "shelf")
         self.assertEqual(shelf.create()["name"], "shelf")
-        path = self.write("a.png", picture(0))
+        path = self.write("a.png", pattern(0))
         record = shelf.add(path, object="mug", metadata={"year": 2024, "shop": "café"})
         self.assertEqual((record["object"], record["metadata"]), ("mug", {"year": 2024, "shop": "café"}))
         self.assertEqual(shelf.add(path.read_bytes(), object="mug", metadata={"shop": "café", "year": 2024})["id"],
                          record["id"])
-        colour = cv2.merge([picture(1), picture(2), picture(3)])
+        colour = cv2.merge([pattern(1), pattern(2), pattern(3)])
         shelf.add(colour, id="cup:1", object="cup é/?#", channels="BGR")
         stored = cv2.imdecode(np.frombuffer(shelf.content("cup:1"), np.uint8), cv2.IMREAD_COLOR)
         np.testing.assert_array_equal(stored, colour)
-        shelf.add(picture(4), id="grey")
+        shelf.add(pattern(4), id="grey")
         stored = cv2.imdecode(np.frombuffer(shelf.content("grey"), np.uint8), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(stored, picture(4))
+        np.testing.assert_array_equal(stored, pattern(4))
 
         heard = []
         job = shelf.train(words=50, progress=heard.append)
@@ -105,7 +105,7 @@ class Served(FolderCase):
 
     def test_same_as_the_library(self):
         for seed in range(3):
-            self.client.add(picture(seed), object=f"o{seed}")
+            self.client.add(pattern(seed), object=f"o{seed}")
         self.client.train(words=50)
         theirs = self.client.search(other_view(1), verify="tps")["hits"]
         with pliant.Index(self.database, read_only=True) as index:
@@ -115,7 +115,7 @@ class Served(FolderCase):
     def test_names_and_metadata_change(self):
         client = self.client
         for seed in range(3):
-            client.add(picture(seed), id=f"p{seed}", object=f"o{seed}", metadata={"shelf": seed, "shop": "east"})
+            client.add(pattern(seed), id=f"p{seed}", object=f"o{seed}", metadata={"shelf": seed, "shop": "east"})
         before = client.etag("p0")
         record = client.update("p0", object="mug é", metadata={"shelf": 5, "shop": None}, source="mug.png")
         self.assertEqual((record["object"], record["metadata"], record["source"]), ("mug é", {"shelf": 5}, "mug.png"))
@@ -142,12 +142,12 @@ class Served(FolderCase):
     def test_batches(self):
         client = self.client
         for seed in range(3):
-            client.add(picture(seed), id=f"p{seed}", object=f"o{seed}")
+            client.add(pattern(seed), id=f"p{seed}", object=f"o{seed}")
         client.train(words=50)
         path = self.write("view.png", other_view(1))
         first, second, third, fourth = client.search_batch(
             [{"image": path, "limit": 1}, {"image_id": "none"}, {"image": other_view(2), "group_by": "image"},
-             {"image": b"no picture"}])
+             {"image": b"no image"}])
         self.assertEqual([hit["object"] for hit in first["hits"]], ["o1"])
         self.assertIsInstance(second, pliant.NotFoundError)
         self.assertEqual((second.code, second.status), ("image_not_found", 404))
@@ -158,8 +158,8 @@ class Served(FolderCase):
 
     def test_an_archive(self):
         for seed in range(3):
-            self.write(f"shop/o{seed}/a.png", picture(seed))
-        (self.folder / "shop" / "o2" / "broken.png").write_bytes(png(picture(9))[:400])
+            self.write(f"shop/o{seed}/a.png", pattern(seed))
+        (self.folder / "shop" / "o2" / "broken.png").write_bytes(png(pattern(9))[:400])
         archive = self.folder / "shop.tar"
         with tarfile.open(archive, "w") as tar:
             tar.add(self.folder / "shop", "shop")
@@ -172,7 +172,7 @@ class Served(FolderCase):
         self.assertEqual({(one["object"], one["metadata"]["shop"]) for one in self.client.images()},
                          {(f"o{seed}", "east") for seed in range(3)})
         lines = self.folder / "more.ndjson"
-        lines.write_text(json.dumps({"image": base64.b64encode(png(picture(5))).decode(), "id": "five"}) + "\n")
+        lines.write_text(json.dumps({"image": base64.b64encode(png(pattern(5))).decode(), "id": "five"}) + "\n")
         self.client.import_archive(lines, object="all", wait=False)
         eventually(lambda: self.assertEqual(self.client.get("five")["object"], "all"))
         for work, kind, code in ((lambda: self.client.import_archive(self.folder / "x.zip"), ValueError, "archive_type"),
@@ -194,26 +194,26 @@ class Served(FolderCase):
                 (lambda: client.delete("nothing"), pliant.NotFoundError, "image_not_found"),
                 (lambda: client.collection("none").info(), pliant.NotFoundError, "collection_not_found"),
                 (lambda: client.job("0"), pliant.NotFoundError, "job_not_found"),
-                (lambda: client.add(b"no picture"), pliant.UnsupportedMediaTypeError, "image_type_unknown"),
+                (lambda: client.add(b"no image"), pliant.UnsupportedMediaTypeError, "image_type_unknown"),
                 (lambda: client.add(b""), pliant.InvalidArgumentError, "missing_parameter"),
-                (lambda: client.add(png(picture(1))[:300]), pliant.UnprocessableError, "image_truncated"),
+                (lambda: client.add(png(pattern(1))[:300]), pliant.UnprocessableError, "image_truncated"),
                 (lambda: client.add(np.full((64, 64), 9, np.uint8)), pliant.UnprocessableError, "too_few_features"),
-                (lambda: client.search(picture(1), colour="red"), pliant.InvalidArgumentError, "unknown_parameter"),
-                (lambda: client.search(picture(1), rank="best"), pliant.InvalidArgumentError, "invalid_parameter"),
+                (lambda: client.search(pattern(1), colour="red"), pliant.InvalidArgumentError, "unknown_parameter"),
+                (lambda: client.search(pattern(1), rank="best"), pliant.InvalidArgumentError, "invalid_parameter"),
                 (lambda: client.drop(), pliant.ConflictError, "collection_permanent"),
-                (lambda: client.train(), pliant.Error, "no_pictures")):
+                (lambda: client.train(), pliant.Error, "no_images")):
             with self.subTest(code=code), self.fails(kind, code):
                 work()
         with self.fails(pliant.InvalidArgumentError) as caught:
-            client.search(picture(1), min_score="x")
+            client.search(pattern(1), min_score="x")
         self.assertEqual(caught.exception.parameter, "min_score")
         for work, kind in ((lambda: client.add(5), TypeError), (lambda: client.get(""), ValueError),
                            (lambda: client.get(".."), ValueError), (lambda: client.get(5), TypeError),
                            (lambda: client.search(), TypeError), (lambda: client.add(self.folder / "none"), OSError),
                            (lambda: client.add(self.folder), IsADirectoryError),
-                           (lambda: client.add(picture(1).astype(float)), TypeError),
+                           (lambda: client.add(pattern(1).astype(float)), TypeError),
                            (lambda: client.add(np.zeros((4, 4, 4), np.uint8)), ValueError),
-                           (lambda: client.add(picture(1), metadata={"a": float("inf")}), ValueError)):
+                           (lambda: client.add(pattern(1), metadata={"a": float("inf")}), ValueError)):
             with self.fails(kind):
                 work()
 
@@ -226,7 +226,7 @@ class Served(FolderCase):
         reader, writer = (pliant.Client(self.address, key) for key in keys)
         self.assertEqual(reader.collections(), ["default"])
         with self.fails(pliant.ForbiddenError, "forbidden"):
-            reader.add(picture(1))
+            reader.add(pattern(1))
         with self.fails(pliant.ForbiddenError, "forbidden"):
             reader.update("x", object="y")
         large = self.folder / "large.tar"
@@ -234,15 +234,15 @@ class Served(FolderCase):
             file.truncate(200 << 20)  # is refused before it has been sent
         with self.fails(pliant.ForbiddenError, "forbidden"):
             reader.import_archive(large)
-        writer.add(picture(1))
+        writer.add(pattern(1))
         self.assertNotIn(keys[0], repr(reader))
         with self.fails(ValueError, "key_invalid"):
             pliant.Client(self.address, "key\r\nX-Evil: 1")
 
 
-class PicturesByAddress(FolderCase):
+class ImagesByAddress(FolderCase):
     def elsewhere(self):
-        """HOST:PORT of a server that keeps the pictures of this folder."""
+        """HOST:PORT of a server that keeps the images of this folder."""
         class Quiet(http.server.SimpleHTTPRequestHandler):
             def log_message(self, *_):
                 pass
@@ -255,7 +255,7 @@ class PicturesByAddress(FolderCase):
         return f"127.0.0.1:{other.server_port}"
 
     def test_fetched_by_the_server(self):
-        self.write("mug.png", picture(0))
+        self.write("mug.png", pattern(0))
         self.write("view.png", other_view(0))
         host = self.elsewhere()
         with server(self.folder, "--fetch-hosts", host, "--fetch-private", "true") as (address, _):
@@ -265,24 +265,24 @@ class PicturesByAddress(FolderCase):
                              (f"http://{host}/mug.png", "mug", {"n": 1}))
             self.assertEqual(client.content("mug-1"), (self.folder / "mug.png").read_bytes())
             for seed in range(1, 6):
-                client.add(picture(seed), object=f"other {seed}")
+                client.add(pattern(seed), object=f"other {seed}")
             client.train(words=50)
             view = f"http://{host}/view.png"
             self.assertEqual(client.search(image_url=view, top=1)["hits"][0]["object"], "mug")
             self.assertTrue(client.locate(None, "mug", image_url=view)["found"])
-            for pair in ({"first": self.folder / "mug.png", "second_url": view}, {"first_url": view, "second": picture(0)},
+            for pair in ({"first": self.folder / "mug.png", "second_url": view}, {"first_url": view, "second": pattern(0)},
                          {"first_url": f"http://{host}/mug.png", "second_url": view, "explain": True}):
                 compared = client.compare(**pair)
                 self.assertEqual((compared["verdict"], "explain" in compared), ("found", "explain" in pair))
-            self.assertEqual(client.compare(picture(0), picture(1))["verdict"], "not_found")
+            self.assertEqual(client.compare(pattern(0), pattern(1))["verdict"], "not_found")
             with self.fails(pliant.Error, "fetch_failed", "404"):
-                client.compare(picture(0), second_url=f"http://{host}/none.png")
+                client.compare(pattern(0), second_url=f"http://{host}/none.png")
             with self.fails(pliant.Error, "fetch_failed", "404"):
                 client.add(image_url=f"http://{host}/none.png")
             with self.fails(pliant.Error, "fetch_host_not_allowed"):
                 client.search(image_url="http://elsewhere.test/")
-            for both in (lambda: client.add(picture(1), image_url=view), client.add, client.search, client.compare,
-                         lambda: client.compare(picture(1)), lambda: client.compare(picture(1), picture(2), second_url=view),
+            for both in (lambda: client.add(pattern(1), image_url=view), client.add, client.search, client.compare,
+                         lambda: client.compare(pattern(1)), lambda: client.compare(pattern(1), pattern(2), second_url=view),
                          lambda: client.search(image_id="mug-1", image_url=view), lambda: client.locate(None, "mug")):
                 with self.assertRaises(TypeError):
                     both()

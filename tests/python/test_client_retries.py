@@ -186,10 +186,10 @@ class Scripted(unittest.TestCase):
         states = []
         self.assertEqual(self.client.wait("7", progress=lambda one: states.append(one["state"]))["state"], "done")
         self.assertEqual(states, ["queued", "running", "done"])
-        self.answers = [job("failed", problem={"code": "no_pictures", "detail": "none"})]
+        self.answers = [job("failed", problem={"code": "no_images", "detail": "none"})]
         with self.assertRaises(pliant.Error) as caught:
             self.client.wait("7")
-        self.assertEqual((caught.exception.code, str(caught.exception)), ("no_pictures", "none"))
+        self.assertEqual((caught.exception.code, str(caught.exception)), ("no_images", "none"))
         self.answers = [job("cancelled")]
         with self.assertRaises(pliant.CancelledError):
             self.client.wait("7")

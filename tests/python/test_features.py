@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Key points and descriptors: the same as the command line's, from whatever form of picture."""
+"""Keypoints and descriptors: the same as the command line's, from whatever form of image."""
 import os
 import pickle
 import unittest
@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 import pliant
-from support import FolderCase, picture, png, run
+from support import FolderCase, pattern, png, run
 
 
 class Describe(FolderCase):
     def test_same_as_command_line(self):
-        path = self.write("a.png", picture(1))
+        path = self.write("a.png", pattern(1))
         for descriptor, kind, dim in (("deal", np.float32, 128), ("sift", np.float32, 128), ("orb", np.uint8, 32)):
             out = self.folder / f"{descriptor}.npz"
             said = run("describe", path, "--descriptor", descriptor, "--out", out, "--jobs", "1", "--json")
@@ -36,7 +36,7 @@ class Describe(FolderCase):
     def test_of_a_folder(self):
         (self.folder / "set" / "deep").mkdir(parents=True)
         for name, seed in (("set/b.png", 1), ("set/deep/Mütze.png", 2), ("set/c.uv.png", 3)):
-            self.write(name, picture(seed))
+            self.write(name, pattern(seed))
         run("describe", self.folder / "set", "--descriptor", "rootsift", "--out", self.folder / "x.npz", "--json")
         found = pliant.Features.load_folder(self.folder / "x.npz")
         self.assertEqual(list(found), ["b.png", "deep/Mütze.png"])
@@ -52,9 +52,9 @@ class Describe(FolderCase):
         with self.assertRaises(pliant.InvalidArgumentError):
             pliant.Features.load_folder(self.folder / "one.npz")
 
-    def test_forms_of_a_picture(self):
-        grey = picture(2)
-        colour = np.dstack([grey, picture(3), 255 - grey])
+    def test_forms_of_per_image(self):
+        grey = pattern(2)
+        colour = np.dstack([grey, pattern(3), 255 - grey])
         for image in (grey, colour):
             path = self.write("b.png", image)
             expected = pliant.describe(path, descriptor="rootsift")
@@ -75,23 +75,23 @@ class Describe(FolderCase):
     def test_any_file_name(self):
         path = os.fsencode(self.folder) + b"/\xff\xfe caf\xc3\xa9.png"
         with open(path, "wb") as file:
-            file.write(png(picture(1)))
+            file.write(png(pattern(1)))
         self.assertGreater(len(pliant.describe(os.fsdecode(path), descriptor="rootsift")), 50)
 
     def test_options(self):
-        image = picture(1, 400, 300)
+        image = pattern(1, 400, 300)
         self.assertEqual(len(pliant.describe(image, descriptor="rootsift", max_keypoints=20)), 20)
         small = pliant.describe(image, descriptor="rootsift", max_side=200)
         self.assertEqual((small.width, small.height), (400, 300))
         self.assertGreater(small.xy[:, 0].max(), 200)
-        more = pliant.describe(picture(1), descriptor="rootsift", enlarge_below=4000)
-        self.assertGreater(len(more), len(pliant.describe(picture(1), descriptor="rootsift")))
+        more = pliant.describe(pattern(1), descriptor="rootsift", enlarge_below=4000)
+        self.assertGreater(len(more), len(pliant.describe(pattern(1), descriptor="rootsift")))
         extractor = pliant.Extractor("orb")
         self.assertEqual((extractor.descriptor, extractor.dim), ("orb", 32))
         self.assertEqual(extractor.describe(image).model_id, extractor.model_id)
         self.assertIn("deal", pliant.descriptor_names())
 
-    def test_plain_picture(self):
+    def test_plain_image(self):
         features = pliant.describe(np.full((64, 64), 128, np.uint8), descriptor="rootsift")
         self.assertEqual(features.keypoints.shape, (0, 6))
         self.assertEqual(len(features.descriptors), 0)
@@ -100,14 +100,14 @@ class Describe(FolderCase):
 
 class Values(FolderCase):
     def test_opencv(self):
-        features = pliant.describe(picture(1), descriptor="sift")
+        features = pliant.describe(pattern(1), descriptor="sift")
         points = features.to_cv()
         self.assertIsInstance(points[0], cv2.KeyPoint)
         again = pliant.Features.from_cv(points, features.descriptors, 160, 120, features.model_id)
         np.testing.assert_array_equal(again.keypoints, features.keypoints)
         np.testing.assert_array_equal(again.descriptors, features.descriptors)
-        # OpenCV describes our key points as our SIFT does: octave and angle arrived whole.
-        _, theirs = cv2.SIFT_create().compute(picture(1), points)
+        # OpenCV describes our keypoints as our SIFT does: octave and angle arrived whole.
+        _, theirs = cv2.SIFT_create().compute(pattern(1), points)
         self.assertLess(np.abs(theirs - features.descriptors).max(), 2)
         none = pliant.Features.from_cv([], np.empty((0, 128), np.float32), 160, 120)
         self.assertEqual(none.keypoints.shape, (0, 6))
@@ -124,7 +124,7 @@ class Values(FolderCase):
         np.testing.assert_array_equal(again.descriptors, features.descriptors)
 
     def test_save(self):
-        features = pliant.describe(picture(1), descriptor="orb")
+        features = pliant.describe(pattern(1), descriptor="orb")
         features.save(self.folder / "f.npz")
         again = pliant.Features.load(self.folder / "f.npz")
         np.testing.assert_array_equal(again.keypoints, features.keypoints)

@@ -9,7 +9,7 @@ import unittest
 import numpy as np
 
 import pliant
-from support import BIN, FolderCase, other_view, picture, png, run
+from support import BIN, FolderCase, other_view, pattern, png, run
 
 
 class IndexCase(FolderCase):
@@ -21,7 +21,7 @@ class IndexCase(FolderCase):
     def filled(self, count=6):
         index = self.open()
         for seed in range(count):
-            index.add(picture(seed), object=f"o{seed}", id=f"p{seed}", metadata={"seed": seed, "odd": seed % 2 == 1})
+            index.add(pattern(seed), object=f"o{seed}", id=f"p{seed}", metadata={"seed": seed, "odd": seed % 2 == 1})
         index.train(words=60)
         return index
 
@@ -30,25 +30,25 @@ class Life(IndexCase):
     def test_closer_look(self):
         with self.filled(12) as index:
             for closer_look in (True, False):
-                absent = index.search(picture(50), closer_look=closer_look)
+                absent = index.search(pattern(50), closer_look=closer_look)
                 self.assertEqual((absent.verdict, absent.document["looked_closer"]), ("not_found", closer_look))
 
     def test_round_trip(self):
         with self.open() as index:
             self.assertEqual((len(index), list(index), index.vocabularies()), (0, [], []))
             with self.fails(pliant.ConflictError, "no_vocabulary"):
-                index.search(picture(0))
-            with self.fails(pliant.ConflictError, "no_pictures"):
+                index.search(pattern(0))
+            with self.fails(pliant.ConflictError, "no_images"):
                 index.train()
-            path = self.write("shelf/mug.png", picture(0))
+            path = self.write("shelf/mug.png", pattern(0))
             added = index.add(path, object="mug", metadata={"shop": "café", "year": 2024})
             self.assertEqual((added.outcome, added.object, added.width, added.height), ("created", "mug", 160, 120))
             self.assertEqual(added.source, str(path))
             self.assertEqual(index.add(path, object="mug", metadata={"year": 2024, "shop": "café"}).outcome, "unchanged")
             with self.fails(pliant.ConflictError, "same_bytes"):
                 index.add(path, object="cup")
-            index.add(picture(1), object="cup", id="cup-1")
-            self.assertEqual(index.add(picture(2), object="cup", id="cup-1").outcome, "replaced")
+            index.add(pattern(1), object="cup", id="cup-1")
+            self.assertEqual(index.add(pattern(2), object="cup", id="cup-1").outcome, "replaced")
             heard = []
             vocabulary = index.train(words=50, progress=heard.append)
             self.assertEqual((vocabulary.words, vocabulary.active), (50, True))
@@ -64,16 +64,16 @@ class Life(IndexCase):
             self.assertGreater(hits[0].inliers, 10)
             self.assertEqual(hits[0].polygon.shape[1], 2)
             self.assertEqual((hits.verdict, hits.found, hits.total), ("found", 1, 2))
-            self.assertIsNone(index.search(picture(7), verify="none").verdict)
+            self.assertIsNone(index.search(pattern(7), verify="none").verdict)
 
             self.assertEqual(len(index), 2)
             self.assertEqual([p.id for p in index], sorted(["cup-1", added.id]))
-            self.assertEqual([p.id for p in index.pictures(object="cup")], ["cup-1"])
+            self.assertEqual([p.id for p in index.images(object="cup")], ["cup-1"])
             self.assertEqual(list(index.objects()), [("cup", 1), ("mug", 1)])
             self.assertIn("cup-1", index)
             self.assertNotIn("cup-2", index)
             self.assertEqual(index.content(added.id), path.read_bytes())
-            self.assertEqual(index.content("cup-1"), png(picture(2)))
+            self.assertEqual(index.content("cup-1"), png(pattern(2)))
             features = index.features(added.id)
             self.assertEqual(len(features), added.keypoints)
             self.assertEqual(index.check(), [])
@@ -89,11 +89,11 @@ class Life(IndexCase):
         with pliant.Index(self.folder / "copy.db", read_only=True) as copy:
             self.assertEqual(copy.search(other_view(0))[0].object, "mug")
             with self.fails(pliant.Error):
-                copy.add(picture(5))
+                copy.add(pattern(5))
 
     def test_names_and_metadata_change(self):
         index = self.filled(3)
-        absent = index.search(picture(7, 640, 480), min_score=1)
+        absent = index.search(pattern(7, 640, 480), min_score=1)
         self.assertEqual((absent.verdict, absent.found), ("not_found", 0))
         index.update("p0", object="mug é", metadata={"odd": None, "shelf": 5})
         self.assertEqual((index.get("p0").object, index.get("p0").metadata), ("mug é", {"seed": 0, "shelf": 5}))
@@ -116,7 +116,7 @@ class Life(IndexCase):
 
     def test_collections(self):
         with self.open() as index, self.open(collection="shelf") as shelf:
-            shelf.add(picture(1))
+            shelf.add(pattern(1))
             self.assertEqual((len(index), len(shelf)), (0, 1))
         with self.fails(pliant.NotFoundError, "collection_not_found"):
             self.open(collection="nowhere", create=False)
@@ -133,8 +133,8 @@ class Life(IndexCase):
 
     def test_add_folder(self):
         for seed in range(3):
-            self.write(f"shop/o{seed}/a.png", picture(seed))
-        (self.folder / "shop" / "o0" / "broken.png").write_bytes(b"no picture")
+            self.write(f"shop/o{seed}/a.png", pattern(seed))
+        (self.folder / "shop" / "o0" / "broken.png").write_bytes(b"no image")
         index = self.open()
         heard = []
         report = index.add_folder(self.folder / "shop", progress=lambda done, total: heard.append((done, total)))
@@ -153,7 +153,7 @@ class Life(IndexCase):
         with pliant.Index(path, descriptor="rootsift") as index:
             source = os.fsencode(self.folder) + b"/\xfe.png"
             with open(source, "wb") as file:
-                file.write(png(picture(1)))
+                file.write(png(pattern(1)))
             self.assertIn("\\xfe.png", index.add(os.fsdecode(source)).source)
         self.assertTrue(os.path.exists(path))
 
@@ -211,7 +211,7 @@ class Searches(IndexCase):
                                 ({"metadata": [1]}, TypeError), ({"metadata": {"x": object()}}, TypeError),
                                 ({"object": "\ud800"}, ValueError), ({"object": "x" * 600}, ValueError)):
             with self.subTest(arguments=arguments), self.fails(kind):
-                index.add(picture(7), **arguments)
+                index.add(pattern(7), **arguments)
         with self.fails(pliant.UnprocessableError, "too_few_features"):
             index.add(np.full((64, 64), 9, np.uint8))
         with self.fails(pliant.NotFoundError):
@@ -237,12 +237,12 @@ class Searches(IndexCase):
         with self.fails(pliant.ConflictError, "extraction_mismatch"):
             pliant.Index(self.folder / "x.db", max_keypoints=7)
         with pliant.Index(self.folder / "few.db", descriptor="rootsift", max_keypoints=30) as few:
-            few.add(picture(1), id="a")
-        # The database remembers. A picture with few key points is described enlarged, too: 30 more.
-        self.assertGreater(len(pliant.describe(picture(2), descriptor="rootsift", enlarge_below=4000)), 60)
+            few.add(pattern(1), id="a")
+        # The database remembers. An image with few keypoints is described enlarged, too: 30 more.
+        self.assertGreater(len(pliant.describe(pattern(2), descriptor="rootsift", enlarge_below=4000)), 60)
         with pliant.Index(self.folder / "few.db") as few:
             self.assertLessEqual(few.get("a").keypoints, 60)
-            self.assertLessEqual(few.add(picture(2)).keypoints, 60)
+            self.assertLessEqual(few.add(pattern(2)).keypoints, 60)
         with self.fails(TypeError):
             pliant.Index(5)
 
@@ -255,7 +255,7 @@ class Searches(IndexCase):
         with self.fails(KeyError):
             index.train(progress=stop)
         self.assertEqual(len(index.vocabularies()), 1)
-        self.write("more/a.png", picture(50))
+        self.write("more/a.png", pattern(50))
         with self.fails(KeyError):
             index.add_folder(self.folder / "more", progress=stop)
         self.assertEqual(index.check(), [])
@@ -263,7 +263,7 @@ class Searches(IndexCase):
     def test_beside_the_command_line(self):
         """What one process writes, the other sees."""
         index = self.filled(2)
-        self.write("shop/new/a.png", picture(40))
+        self.write("shop/new/a.png", pattern(40))
         subprocess.run([BIN / "pliant", "index", self.folder / "shop", "--db", self.folder / "x.db"], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=100)
         self.assertEqual(len(index), 3)

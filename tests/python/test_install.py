@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 import pliant
-from support import FolderCase, other_view, picture
+from support import FolderCase, other_view, pattern
 
 BUILD = pathlib.Path(os.environ["PLIANT_BINARY_DIR"])
 SOURCE = pathlib.Path(__file__).resolve().parents[2] / "python"
@@ -90,16 +90,16 @@ class Package(FolderCase):
         if importlib.util.find_spec("matplotlib") is None:
             self.skipTest("the example needs Matplotlib (python3-matplotlib)")
         for seed in range(4):
-            self.write(f"shop/o{seed}/a.png", picture(seed, 320, 240))
+            self.write(f"shop/o{seed}/a.png", pattern(seed, 320, 240))
         query = self.write("query.png", other_view(2))
-        self.write("shop/o2/a.png", picture(2))
+        self.write("shop/o2/a.png", pattern(2))
         script = SOURCE / "examples" / "find_in_folder.py"
         subprocess.run([sys.executable, script, self.folder / "shop", query, self.folder / "out.png"],
                        env={name: value for name, value in os.environ.items() if name != "DISPLAY"}, check=True, timeout=300)
         drawn = (self.folder / "out.png").read_bytes()
         self.assertIn(f"Title\0{self.folder / 'shop' / 'o2' / 'a.png'}".encode(), drawn)
         image = cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR).astype(int)
-        self.assertGreater((np.ptp(image, axis=2) > 60).sum(), 2000)  # coloured lines over grey pictures
+        self.assertGreater((np.ptp(image, axis=2) > 60).sum(), 2000)  # coloured lines over grey images
         code = script.read_text().split('"""')[2].strip().splitlines()
         self.assertEqual(len([line for line in code if line]), 15)
 

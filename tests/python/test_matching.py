@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 
 import pliant
-from support import FolderCase, other_view, picture, run
+from support import FolderCase, other_view, pattern, run
 
 
 class Matching(FolderCase):
@@ -35,7 +35,7 @@ class Matching(FolderCase):
         np.testing.assert_array_equal(distances[pairs[:, 0], pairs[:, 1]], found)
 
     def test_same_as_command_line(self):
-        a, b = self.write("a.png", picture(1)), self.write("b.png", other_view(1))
+        a, b = self.write("a.png", pattern(1)), self.write("b.png", other_view(1))
         said = run("match", a, b, "--descriptor", "rootsift", "--verify", "--json")
         first, second = (pliant.describe(path, descriptor="rootsift") for path in (a, b))
         pairs, distances = pliant.match(first, second)
@@ -47,7 +47,7 @@ class Matching(FolderCase):
         self.assertEqual(said["verification"]["tentative"], verification.matches)
 
     def test_verify(self):
-        a, b = (pliant.describe(image, descriptor="rootsift") for image in (picture(1), other_view(1)))
+        a, b = (pliant.describe(image, descriptor="rootsift") for image in (pattern(1), other_view(1)))
         matches = pliant.match(a, b, ratio=0.9)
         inliers, warp = pliant.verify(a, b, matches)
         self.assertGreater(len(inliers), 20)
@@ -59,7 +59,7 @@ class Matching(FolderCase):
         step = 1e-4
         derivative = (warp((30 + step, 20)) - warp((30 - step, 20))) / (2 * step)
         np.testing.assert_allclose(warp.jacobians([[30.0, 20.0]])[0][:, 0], derivative, atol=1e-5)
-        nothing = pliant.verify(a, pliant.describe(picture(9), descriptor="rootsift"))
+        nothing = pliant.verify(a, pliant.describe(pattern(9), descriptor="rootsift"))
         self.assertFalse(nothing)
         self.assertEqual((len(nothing.inliers), nothing.warp), (0, None))
         self.assertTrue(nothing.failure)
@@ -74,13 +74,13 @@ class Matching(FolderCase):
             pliant.Warp.fit([[0, 0], [1, 1], [2, 2]], [[0, 0], [1, 1], [2, 2]])
 
     def test_wrong(self):
-        a = pliant.describe(picture(1), descriptor="rootsift")
+        a = pliant.describe(pattern(1), descriptor="rootsift")
         rows = a.descriptors.copy()
         rows[3, 5] = np.nan
         with self.fails(pliant.InvalidArgumentError, words="3"):
             pliant.match(a, rows)
         with self.fails(pliant.ConflictError, "model_mismatch"):
-            pliant.match(a, pliant.describe(picture(1), descriptor="sift"))
+            pliant.match(a, pliant.describe(pattern(1), descriptor="sift"))
         with self.fails(pliant.ConflictError):
             pliant.match(a.descriptors, np.zeros((4, 32), np.uint8))
         with self.fails(pliant.ConflictError):

@@ -14,12 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 import pliant
-from support import FolderCase, other_view, picture
+from support import FolderCase, other_view, pattern
 
 
 class Threads(FolderCase):
     def test_describe(self):
-        images = [picture(seed) for seed in range(4)]
+        images = [pattern(seed) for seed in range(4)]
         for descriptor in ("deal", "rootsift"):
             expected = [pliant.describe(image, descriptor=descriptor, threads=1) for image in images]
             with ThreadPoolExecutor(4) as pool:
@@ -30,7 +30,7 @@ class Threads(FolderCase):
 
     def test_gil_is_free(self):
         """A thread of Python's goes on while another is inside of one long call."""
-        image = picture(1, 1200, 900)
+        image = pattern(1, 1200, 900)
         extractor = pliant.Extractor("deal", max_keypoints=4096, max_side=0)
         inside, ended = threading.Event(), threading.Event()
 
@@ -52,8 +52,8 @@ class Threads(FolderCase):
     def test_one_index(self):
         with pliant.Index(self.folder / "x.db", descriptor="rootsift") as index:
             with ThreadPoolExecutor(4) as pool:
-                added = list(pool.map(lambda seed: index.add(picture(seed), object=f"o{seed}", threads=1), range(8)))
-            self.assertEqual(len({picture.id for picture in added}), 8)
+                added = list(pool.map(lambda seed: index.add(pattern(seed), object=f"o{seed}", threads=1), range(8)))
+            self.assertEqual(len({image.id for image in added}), 8)
             index.train(words=60)
             with ThreadPoolExecutor(4) as pool:
                 hits = list(pool.map(lambda seed: index.search(other_view(seed), top=1, threads=1)[0], range(8)))
@@ -67,7 +67,7 @@ class Threads(FolderCase):
         def work(first):
             try:
                 for seed in range(first, first + 200):
-                    index.add(picture(seed % 5, 320, 240), id=f"p{seed}", threads=1)
+                    index.add(pattern(seed % 5, 320, 240), id=f"p{seed}", threads=1)
             except pliant.InvalidArgumentError as error:
                 ended.append(error.code)
 
@@ -86,7 +86,7 @@ class Threads(FolderCase):
 class Interrupts(FolderCase):
     def test_ctrl_c(self):
         """SIGINT in the middle of a long simulation: KeyboardInterrupt, and whole scenes stay."""
-        self.write("textures/a.png", picture(1, 256, 256))
+        self.write("textures/a.png", pattern(1, 256, 256))
         script = ("import pliant, sys\n"
                   "try:\n"
                   "    pliant.simulate(sys.argv[1], sys.argv[2], scenes=100000, width=64, height=48, jobs=1,\n"

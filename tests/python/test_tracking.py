@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 
 import pliant
-from support import BIN, FolderCase, other_view, picture
+from support import BIN, FolderCase, other_view, pattern
 
 
 class Tracking(FolderCase):
     def setUp(self):
         super().setUp()
-        self.reference = self.write("ref.png", picture(1))
+        self.reference = self.write("ref.png", pattern(1))
         for number, seed in enumerate((1, 8, 1)):
             self.write(f"frames/f{number}.png", other_view(seed))
 
@@ -37,14 +37,14 @@ class Tracking(FolderCase):
         self.assertLess(np.abs(first.warp(first.on_template) - first.in_frame).max(), 4)
 
     def test_any_frames(self):
-        tracker = pliant.Tracker(picture(1), region=(20, 10, 100, 90), descriptor="rootsift")
+        tracker = pliant.Tracker(pattern(1), region=(20, 10, 100, 90), descriptor="rootsift")
         self.assertEqual(tracker.region, (20, 10, 100, 90))
         self.assertEqual((tracker.features.width, tracker.features.height), (100, 90))
         frames = list(pliant.track(tracker, (other_view(1) for _ in range(3)), every=2))
         self.assertEqual([(frame.number, frame.found) for frame in frames], [(0, True), (2, True)])
         mask = np.zeros((120, 160), np.uint8)
         mask[10:100, 20:120] = 255
-        self.assertEqual(pliant.Tracker(picture(1), mask=mask, descriptor="rootsift").region, (20, 10, 100, 90))
+        self.assertEqual(pliant.Tracker(pattern(1), mask=mask, descriptor="rootsift").region, (20, 10, 100, 90))
 
     def test_video(self):
         path = str(self.folder / "v.avi")
@@ -62,15 +62,15 @@ class Tracking(FolderCase):
                               ({"tolerance": 0}, ValueError), ({"max_ratio": -1}, ValueError),
                               ({"descriptor": "surf"}, ValueError), ({"speed": 1}, TypeError)):
             with self.subTest(options=options), self.fails(kind):
-                pliant.track(picture(1), [], **{"descriptor": "rootsift", **options})
+                pliant.track(pattern(1), [], **{"descriptor": "rootsift", **options})
         with self.fails(pliant.UnprocessableError, "too_few_features"):
             pliant.Tracker(np.full((64, 64), 9, np.uint8), descriptor="rootsift")
         with self.fails(pliant.NotFoundError):
-            pliant.track(picture(1), self.folder / "nowhere", descriptor="rootsift")
+            pliant.track(pattern(1), self.folder / "nowhere", descriptor="rootsift")
         with self.fails(TypeError):
-            pliant.track(picture(1), b"bytes", descriptor="rootsift")
+            pliant.track(pattern(1), b"bytes", descriptor="rootsift")
         with self.fails(TypeError):
-            list(pliant.track(picture(1), [picture(1).astype(float)], descriptor="rootsift"))
+            list(pliant.track(pattern(1), [pattern(1).astype(float)], descriptor="rootsift"))
 
 
 class Simulation(FolderCase):
@@ -78,13 +78,13 @@ class Simulation(FolderCase):
         super().setUp()
         self.textures = self.folder / "textures"
         for seed in range(2):
-            self.write(f"textures/{seed}.png", picture(seed, 256, 256))
+            self.write(f"textures/{seed}.png", pattern(seed, 256, 256))
 
     def test_simulate(self):
         heard = []
         report = pliant.simulate(self.textures, self.folder / "out", preset="objects", scenes=2, views=2, width=96, height=64,
                                  seed=3, progress=lambda done, total: heard.append((done, total)))
-        self.assertEqual((report.scenes, report.pictures, report.skipped), (2, 4, []))
+        self.assertEqual((report.scenes, report.images, report.skipped), (2, 4, []))
         self.assertEqual(sorted(heard), [(1, 2), (2, 2)])
         self.assertEqual(len(list((self.folder / "out").rglob("*.jpg"))), 4)
         again = pliant.simulate(self.textures, self.folder / "out", preset="objects", scenes=2, views=2, width=96, height=64,

@@ -9,12 +9,12 @@ import unittest
 import numpy as np
 
 import pliant
-from support import FolderCase, picture, png
+from support import FolderCase, pattern, png
 
 
-class Pictures(FolderCase):
+class Images(FolderCase):
     def test_arrays(self):
-        grey = picture(1)
+        grey = pattern(1)
         for wrong, kind, words in (
                 (grey.astype(np.float32), TypeError, "float32"), (grey.astype(np.float64) / 255, TypeError, "0..255"),
                 (grey > 5, TypeError, "bool"), (grey.astype(np.int32), TypeError, "int32"),
@@ -33,7 +33,7 @@ class Pictures(FolderCase):
             pliant.describe(grey, descriptor="orb", channels="GBR")
 
     def test_bytes(self):
-        whole = png(picture(1))
+        whole = png(pattern(1))
         for wrong, kind, code in ((b"", pliant.UnprocessableError, "image_empty"),
                                   (b"hello, world", pliant.UnsupportedMediaTypeError, "image_type_unknown"),
                                   (whole[:200], pliant.UnprocessableError, "image_truncated")):
@@ -55,7 +55,7 @@ class Pictures(FolderCase):
                 pliant.describe(wrong, descriptor="orb")
 
     def test_options(self):
-        grey = picture(1)
+        grey = pattern(1)
         with self.fails(pliant.InvalidArgumentError, "unknown_descriptor", "orb"):
             pliant.describe(grey, descriptor="surf")
         with self.fails(pliant.NotFoundError, words="nowhere"):
@@ -99,7 +99,7 @@ class Pictures(FolderCase):
 class Errors(unittest.TestCase):
     def test_classes(self):
         try:
-            pliant.describe(b"no picture", descriptor="orb")
+            pliant.describe(b"no image", descriptor="orb")
         except pliant.Error as error:
             again = pickle.loads(pickle.dumps(error))
             self.assertEqual((type(again), again.code, str(again)), (type(error), error.code, str(error)))

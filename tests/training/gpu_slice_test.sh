@@ -12,8 +12,8 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 fail() { echo "gpu_slice_test: $1" >&2; tail -n 20 "$work"/*.log >&2; exit 1; }
 
-mkdir "$work/pictures"
-"$python" - "$work/pictures" <<'PY'
+mkdir "$work/images"
+"$python" - "$work/images" <<'PY'
 import sys
 import cv2, numpy as np
 rng = np.random.default_rng(3)
@@ -21,7 +21,7 @@ for i in range(4):
     coarse = rng.integers(0, 256, (24, 32, 3), np.uint8)
     cv2.imwrite(f"{sys.argv[1]}/{i}.png", cv2.resize(coarse, (320, 240), interpolation=cv2.INTER_CUBIC))
 PY
-"$python" -m descriptor.simulation.pack_textures "$work/pictures" "$work/pack.safetensors" > "$work/pack.log"
+"$python" -m descriptor.simulation.pack_textures "$work/images" "$work/pack.safetensors" > "$work/pack.log"
 
 slice() { # NAME, then assignments
   local name=$1; shift

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 
 from descriptor.training import tensor_file
-from descriptor.training.goldens import draw_picture
+from descriptor.training.goldens import draw_image
 
 SIZE = 160
 GRID = 9
 
 
 def homographies(rng, views):
-    """View 0 is the plane scaled into the picture; the others rotate, scale and tilt it."""
+    """View 0 is the plane scaled into the image; the others rotate, scale and tilt it."""
     matrices = []
     for view in range(views):
         angle = rng.uniform(-0.5, 0.5) if view else 0.0
@@ -40,7 +40,7 @@ def apply(matrix, points):
 def write_scene(path, seed, views=3):
     """Returns the homographies from uv to pixels."""
     rng = np.random.default_rng(seed)
-    texture = draw_picture(2 * SIZE, 2 * SIZE, seed)
+    texture = draw_image(2 * SIZE, 2 * SIZE, seed)
     matrices = homographies(rng, views)
     ramp = np.linspace(0, 1, GRID)
     vertices = np.stack(np.meshgrid(ramp, ramp), -1)

@@ -25,12 +25,12 @@ class CartesianGridTest(unittest.TestCase):
         error = (displacement_at(field, square) - square @ matrix.t()).norm(dim=-1)
         self.assertLess(error[inside].max().item(), 5e-3)
 
-    def test_a_picture_turned_with_its_key_point_gives_the_same_patch(self):
+    def test_per_image_turned_with_its_key_point_gives_the_same_patch(self):
         torch.manual_seed(1)
-        picture = torch.rand(1, 61, 61)
+        image = torch.rand(1, 61, 61)
         network, index = CartesianDeal((16, 16, 16)), torch.zeros(1, dtype=torch.long)
-        upright = network.patches(picture, index, torch.tensor([[30.0, 30.0, 2.0, 20.0]]), 9.0)
-        quarter = torch.rot90(picture, -1, (1, 2))  # x towards y, as angles count
+        upright = network.patches(image, index, torch.tensor([[30.0, 30.0, 2.0, 20.0]]), 9.0)
+        quarter = torch.rot90(image, -1, (1, 2))  # x towards y, as angles count
         again = network.patches(quarter, index, torch.tensor([[30.0, 30.0, 2.0, 110.0]]), 9.0)
         torch.testing.assert_close(upright, again, atol=1e-4, rtol=0)
         unturned = network.patches(quarter, index, torch.tensor([[30.0, 30.0, 2.0, 20.0]]), 9.0)

@@ -144,12 +144,12 @@ class FeaturesTest(unittest.TestCase):
         count = len(batch.surface)
         self.assertEqual(batch.keypoints.shape, (2 * count, 4))
         self.assertEqual(len(batch.warp), 2 * count + len(batch.extra_index))
-        for picture in range(len(batch.pictures)):
-            xy = batch.keypoints[batch.index == picture, :2]
+        for image in range(len(batch.images)):
+            xy = batch.keypoints[batch.index == image, :2]
             self.assertLessEqual(len(xy), options.per_pair)
             gaps = np.linalg.norm(xy[:, None] - xy[None], axis=2) + np.eye(len(xy)) * 99
             self.assertGreaterEqual(gaps.min(), 3.0)
-            local = xy - batch.windows[picture]
+            local = xy - batch.windows[image]
             self.assertTrue(((local >= 0) & (local < options.crop_px)).all())
         self.assertTrue((np.abs(batch.gamma) > 0).all())
 
@@ -181,7 +181,7 @@ class ValidationTest(unittest.TestCase):
             self.assertEqual(len(pairs), 3)
             sift = evaluate(sift_describer(root=False), pairs)
             rng = np.random.default_rng(3)
-            chance = evaluate(lambda picture, table: rng.normal(size=(len(table), 16)), pairs)
+            chance = evaluate(lambda image, table: rng.normal(size=(len(table), 16)), pairs)
         self.assertGreater(sift["mma"], 0.5)
         self.assertLess(chance["mma"], 0.2)
         self.assertLessEqual(sift["ms"], 1.0)

@@ -10,7 +10,7 @@ import torch
 from torch.nn import functional as F
 
 from descriptor.training import average, geometry, goldens, model, tensor_file
-from descriptor.training.sampling import sample_features, sample_pictures
+from descriptor.training.sampling import sample_features, sample_images
 
 ROOT = Path(__file__).resolve().parents[2]
 WEIGHTS = ROOT / "descriptor/model/deal.safetensors"
@@ -37,8 +37,8 @@ class GoldenTest(unittest.TestCase):
             self.assertEqual(about["model_sha256"], tensor_file.sha256(WEIGHTS),
                              "stale goldens: run python3 -m descriptor.training.goldens")
             self.assertEqual(float(about["radius_per_size"]), float(metadata["radius_per_size"]))
-            picture = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
-            image = torch.from_numpy(picture).float()[None] / 255
+            image = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
+            image = torch.from_numpy(image).float()[None] / 255
             points = torch.from_numpy(expected["keypoints_x_y_size"].copy())
             index = torch.zeros(len(points), dtype=torch.long)
             radius = float(about["radius_per_size"])
@@ -63,15 +63,15 @@ class GeometryTest(unittest.TestCase):
 
     def test_on_logarithmic_rings_another_size_is_a_shift_along_the_radius(self):
         torch.manual_seed(3)
-        picture = torch.nn.functional.interpolate(torch.rand(1, 1, 12, 14), (120, 140), mode="bicubic")[0]
+        image = torch.nn.functional.interpolate(torch.rand(1, 1, 12, 14), (120, 140), mode="bicubic")[0]
         network, index = model.Deal((8, 8, 8), geometry.LOGARITHMIC), torch.zeros(2, dtype=torch.long)
         rings = 6
         sizes = 4 * float(geometry.GRID) ** (np.array([0, rings]) / geometry.GRID)
         points = torch.tensor([[70.0, 60.0, size] for size in sizes], dtype=torch.float32)
-        small, large = network.patches(picture, index, points, 6.0)
+        small, large = network.patches(image, index, points, 6.0)
         torch.testing.assert_close(small[:, rings:], large[:, :-rings], atol=1e-4, rtol=0)
         network.set_spacing(geometry.LINEAR)
-        small, large = network.patches(picture, index, points, 6.0)
+        small, large = network.patches(image, index, points, 6.0)
         self.assertGreater((small[:, rings:] - large[:, :-rings]).abs().max().item(), 0.1)
 
     def test_the_supervised_warp_is_read_on_linear_rings_whatever_the_spacing(self):
@@ -197,18 +197,18 @@ class SamplingTest(unittest.TestCase):
         unit = xy * 2 / torch.tensor([width - 1, height - 1]) - 1
         return F.grid_sample(maps, unit[:, None], padding_mode="border", align_corners=True)[:, :, 0]
 
-    def test_pictures_inside_and_outside(self):
-        pictures = self.random(2, 13, 17)
+    def test_images_inside_and_outside(self):
+        images = self.random(2, 13, 17)
         xy = self.random(5, 40, 2) * torch.tensor([25.0, 21.0]) - 4
         index = torch.tensor([0, 1, 1, 0, 1])
-        found = sample_pictures(pictures, index, xy)
-        torch.testing.assert_close(found, self.reference(pictures[index][:, None], xy)[:, 0])
+        found = sample_images(images, index, xy)
+        torch.testing.assert_close(found, self.reference(images[index][:, None], xy)[:, 0])
 
-    def test_gradient_of_picture_sampling(self):
-        pictures = self.random(2, 9, 9)
+    def test_gradient_of_image_sampling(self):
+        images = self.random(2, 9, 9)
         xy = (self.random(2, 12, 2) * 10 - 1).requires_grad_()
         index = torch.tensor([0, 1])
-        self.assertTrue(torch.autograd.gradcheck(lambda q: sample_pictures(pictures, index, q), (xy,)))
+        self.assertTrue(torch.autograd.gradcheck(lambda q: sample_images(images, index, q), (xy,)))
 
     def test_features_are_25_bilinear_samples(self):
         maps = self.random(2, 6, 11, 9)

@@ -32,8 +32,8 @@ TOLERANCE = 3e-4  # as of the network in PyTorch
 def golden(width, height):
     stem = ROOT / f"tests/data/golden_{width}x{height}"
     expected, _ = tensor_file.load(f"{stem}.safetensors")
-    picture = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
-    inputs = {"image": picture[None, None].astype(np.float32) / 255,
+    image = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
+    inputs = {"image": image[None, None].astype(np.float32) / 255,
               "keypoints": expected["keypoints_x_y_size"].astype(np.float32)}
     return inputs, expected["descriptors"]
 
@@ -67,7 +67,7 @@ class OnnxTest(unittest.TestCase):
 
     def test_graph_meets_the_goldens_at_any_size(self):
         from tests.training import onnx_numpy
-        for size in goldens.SIZES:  # neither number of key points is the one it was traced with
+        for size in goldens.SIZES:  # neither number of keypoints is the one it was traced with
             inputs, expected = golden(*size)
             found, = onnx_numpy.run(self.model, inputs)
             np.testing.assert_allclose(found, expected, atol=TOLERANCE, err_msg=str(size))
@@ -87,12 +87,12 @@ class ModuleTest(unittest.TestCase):
     def test_is_the_network(self):
         model, metadata = onnx_model.load_model(WEIGHTS)
         network = onnx_model.OnnxDeal(model, float(metadata["radius_per_size"]))
-        picture = torch.rand(1, 1, 9, 300, generator=torch.Generator().manual_seed(4))  # one row of features
+        image = torch.rand(1, 1, 9, 300, generator=torch.Generator().manual_seed(4))  # one row of features
         points = torch.tensor([[0.0, 0.0, 9.0], [299.0, 8.0, 30.0], [-3.0, 12.0, 2.0], [150.2, 4.4, 1.5]])
         with torch.no_grad():
-            expected = model(picture[:, 0], torch.zeros(len(points), dtype=torch.long), points,
+            expected = model(image[:, 0], torch.zeros(len(points), dtype=torch.long), points,
                              float(metadata["radius_per_size"]))
-            np.testing.assert_allclose(network(picture, points), expected, atol=1e-4)
+            np.testing.assert_allclose(network(image, points), expected, atol=1e-4)
 
     def test_says_what_is_missing(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.dict(sys.modules, {"onnx": None}):

@@ -12,13 +12,13 @@
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant {
 namespace {
 
 Image Noise(int width, int height, std::uint64_t seed) {
-  return CopyFromMat(testing::NoisePicture(width, height, seed));
+  return CopyFromMat(testing::NoiseImage(width, height, seed));
 }
 
 // Of all parts, in pixels of the original.
@@ -50,18 +50,18 @@ TEST(CloserKeypoints, ACloserLookIsThreeTimesAsCloseButNotBeyondOneAndAHalfTimes
   EXPECT_EQ(CloserSide(1400, 0), std::nullopt);
 }
 
-TEST(CloserKeypoints, StripsHaveTheKeypointsOfTheWholePicture) {
-  const Image picture = Noise(900, 1500, 1);  // three strips
+TEST(CloserKeypoints, StripsHaveTheKeypointsOfTheWholeImage) {
+  const Image image = Noise(900, 1500, 1);  // three strips
   const KeypointOptions options = {.max_keypoints = kMaxKeypoints};
-  const auto parts = DetectCloser(picture, 1, {}, 1, options);
+  const auto parts = DetectCloser(image, 1, {}, 1, options);
   ASSERT_EQ(parts.size(), 3U);
   for (const EnlargedKeypoints& part : parts) {
-    EXPECT_EQ(part.picture.width, 900);
-    EXPECT_EQ(part.picture.height, parts[0].picture.height);
-    EXPECT_LT(part.picture.height, 750);
+    EXPECT_EQ(part.image.width, 900);
+    EXPECT_EQ(part.image.height, parts[0].image.height);
+    EXPECT_LT(part.image.height, 750);
     EXPECT_GT(part.inside.size(), 500U);
   }
-  const auto whole = DetectFaintKeypoints(picture, options);
+  const auto whole = DetectFaintKeypoints(image, options);
   const auto placed = Placed(parts);
   ASSERT_EQ(whole.size(), 4096U);
   EXPECT_LE(placed.size(), 4096U);
@@ -72,21 +72,21 @@ TEST(CloserKeypoints, StripsHaveTheKeypointsOfTheWholePicture) {
 }
 
 TEST(CloserKeypoints, ThoseThatAreKnownAreLeftOut) {
-  const Image picture = Noise(600, 400, 2);
+  const Image image = Noise(600, 400, 2);
   const KeypointOptions options = {.max_keypoints = 1000};
-  const auto first = Placed(DetectCloser(picture, 1, {}, 1.5, options));
+  const auto first = Placed(DetectCloser(image, 1, {}, 1.5, options));
   ASSERT_GT(first.size(), 500U);
   const std::vector<Keypoint> half(first.begin(), first.begin() + 300);
-  const auto rest = Placed(DetectCloser(picture, 1, half, 1.5, options));
+  const auto rest = Placed(DetectCloser(image, 1, half, 1.5, options));
   EXPECT_LE(rest.size(), first.size() - half.size());
   EXPECT_GT(rest.size(), first.size() / 3);
-  EXPECT_TRUE(Placed(DetectCloser(picture, 1, first, 1.5, options)).empty());
+  EXPECT_TRUE(Placed(DetectCloser(image, 1, first, 1.5, options)).empty());
 }
 
 // Decoded at a part of its size, described enlarged: places are the original's.
 TEST(CloserKeypoints, PlacesAreInPixelsOfTheOriginal) {
-  const Image picture = Noise(400, 300, 3);
-  const Image half = ResizeImage(picture, 200, 150);
+  const Image image = Noise(400, 300, 3);
+  const Image half = ResizeImage(image, 200, 150);
   const KeypointOptions options = {.max_keypoints = 300};
   const auto placed = Placed(DetectCloser(half, 0.5, {}, 2, options));
   const auto in_half = DetectFaintKeypoints(half, options);
@@ -105,7 +105,7 @@ TEST(CloserKeypoints, PlacesAreInPixelsOfTheOriginal) {
 }
 
 TEST(LookCloser, AddsToWhatIsKnown) {
-  const auto bytes = testing::EncodeAs(testing::NoisePicture(300, 200, 4), ".png");
+  const auto bytes = testing::EncodeAs(testing::NoiseImage(300, 200, 4), ".png");
   const FeatureExtractor extractor = FeatureExtractor(MakeDescriptor("rootsift"), {})
                                          .WithEnlargeBelow(std::numeric_limits<int>::max());
   const Features known = extractor.Extract(bytes, 1);
@@ -126,13 +126,13 @@ TEST(LookCloser, AddsToWhatIsKnown) {
   for (const Keypoint& k : closer->keypoints) {
     EXPECT_TRUE(k.x > -1 && k.x < 300 && k.y > -1 && k.y < 200);
   }
-  // The paper's way of describing pictures has no such look.
+  // The paper's way of describing images has no such look.
   const FeatureExtractor plain(MakeDescriptor("rootsift"), {});
   EXPECT_FALSE(plain.LookCloser(bytes, plain.Extract(bytes, 1), {}, 1));
 }
 
-TEST(LookCloser, LargePicturesAreLookedAtInMoreOfTheirPixels) {
-  const auto bytes = testing::EncodeAs(testing::NoisePicture(1600, 1200, 5), ".png");
+TEST(LookCloser, LargeImagesAreLookedAtInMoreOfTheirPixels) {
+  const auto bytes = testing::EncodeAs(testing::NoiseImage(1600, 1200, 5), ".png");
   ExtractionOptions options;
   options.keypoints.max_keypoints = 200;
   const FeatureExtractor extractor = FeatureExtractor(MakeDescriptor("orb"), options)

@@ -50,8 +50,8 @@ std::optional<double> Difference(const Features& query, const Features& referenc
 }
 
 TEST(ColourDifference, IsNoneOfTheSame) {
-  const Features picture = Painted(RedAndBlue);
-  EXPECT_NEAR(Difference(picture, picture).value(), 0, 0.01);
+  const Features image = Painted(RedAndBlue);
+  EXPECT_NEAR(Difference(image, image).value(), 0, 0.01);
 }
 
 TEST(ColourDifference, IsNotTheLights) {
@@ -92,16 +92,16 @@ TEST(ColourDifference, LooksOnlyAtWhatIsSeen) {
 }
 
 TEST(ColourDifference, IsUnknownWithoutColours) {
-  const Features picture = Painted(RedAndBlue);
-  Features grey = picture;
+  const Features image = Painted(RedAndBlue);
+  Features grey = image;
   grey.colours = {};
-  EXPECT_FALSE(Difference(grey, picture));
-  EXPECT_FALSE(Difference(picture, grey));
-  EXPECT_FALSE(Difference(picture, picture, 1, {1000, 0})) << "outside of the query";
-  EXPECT_FALSE(ColourDifference(picture, picture, Warp(1, {}), {}, 1));
+  EXPECT_FALSE(Difference(grey, image));
+  EXPECT_FALSE(Difference(image, grey));
+  EXPECT_FALSE(Difference(image, image, 1, {1000, 0})) << "outside of the query";
+  EXPECT_FALSE(ColourDifference(image, image, Warp(1, {}), {}, 1));
 }
 
-TEST(ColourDifference, StaysWithinThePicture) {
+TEST(ColourDifference, StaysWithinTheImage) {
   const Features query = Painted(RedAndBlue, 160, 400);
   const Features reference = Painted(RedAndBlue, 400, 160);
   for (const double scale : {0.01, 0.3, 1.0, 50.0}) {

@@ -39,7 +39,7 @@ TEST(ColourGrid, HasTheChromaOfItsCells) {
   EXPECT_NEAR(at(63, 31, 1), 128 - 108, 1);
 }
 
-TEST(ColourGrid, OfASmallPictureHasItsPixels) {
+TEST(ColourGrid, OfASmallImageHasItsPixels) {
   const ColourGrid grid = MakeColourGrid(Halves(20, 30, {255, 0, 0}, {0, 0, 255}));
   EXPECT_EQ(grid.width, 20);
   EXPECT_EQ(grid.height, 30);

@@ -80,7 +80,7 @@ TEST_F(CopyDatabaseTest, GoesOnWhereItWasAndNamesWhatIsMore) {
   Train(engine, 40);
   CopyDatabase(Copy());
   Add(engine, RandomPng(20), "new", "p5");  // since
-  Add(engine, RandomPng(21), "o1", "p1");   // another picture in its place
+  Add(engine, RandomPng(21), "o1", "p1");   // another image in its place
   engine.Remove("default", "p2");           // stays in the copy
   const CopyResult again = CopyDatabase(Copy());
   EXPECT_EQ(again.copied, 2U);
@@ -106,9 +106,9 @@ TEST_F(CopyDatabaseTest, WhatWasCommittedBeforeAStopStays) {
   stopped.commit_every = 2;
   stopped.stop = stop.get_token();
   std::vector<std::uint64_t> done;
-  stopped.progress = [&](std::uint64_t pictures, std::uint64_t) {
-    done.push_back(pictures);
-    if (pictures >= 2) stop.request_stop();
+  stopped.progress = [&](std::uint64_t images, std::uint64_t) {
+    done.push_back(images);
+    if (images >= 2) stop.request_stop();
   };
   ExpectError(ErrorCode::kCancelled, "cancelled", [&] { CopyDatabase(stopped); });
   EXPECT_THAT(done, ElementsAre(0, 2));

@@ -17,7 +17,7 @@
 #include "index/store/sqlite/new_database.h"
 #include "index/store/sqlite/schema.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {
@@ -206,7 +206,7 @@ TEST_F(DatabaseTest, ListsByTimeReadNoMoreThanAPage) {
   for (const char* column : {"added_ms", "updated_ms"}) {
     SQLite::Statement plan(
         db.database(),
-        std::string("EXPLAIN QUERY PLAN SELECT p.id FROM pictures p JOIN collections c ON "
+        std::string("EXPLAIN QUERY PLAN SELECT p.id FROM images p JOIN collections c ON "
                     "c.key = p.collection LEFT JOIN objects o ON o.key = p.object "
                     "WHERE p.collection = 1 AND (p.") +
             column + ", p.id) > (5, 'x') ORDER BY p." + column + ", p.id LIMIT 3");

@@ -30,7 +30,7 @@ inline const DealNetwork& SharedNetwork() {
 
 struct Golden {
   SafetensorsFile tensors;
-  Image picture;
+  Image image;
   std::vector<Keypoint> keypoints;
 };
 

@@ -39,14 +39,14 @@ TEST_P(DealGoldenTest, GoldensAreOfTheShippedWeights) {
 }
 
 TEST_P(DealGoldenTest, Backbone) {
-  const FeatureMap map = network_.backbone().Run(DealNetwork::ToPicture(golden_.picture), kThreads);
+  const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
   const std::vector<std::int64_t> shape = {kFeatureChannels, map.height, map.width};
   EXPECT_EQ(shape, golden_.tensors.tensors().at("backbone").shape);
   ExpectNear(ChannelsFirst(map), golden_.tensors.Floats("backbone"), kTolerance, "backbone");
 }
 
 TEST_P(DealGoldenTest, FeatureSamplerAndLocalization) {
-  const FeatureMap map = network_.backbone().Run(DealNetwork::ToPicture(golden_.picture), kThreads);
+  const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
   const std::vector<float> samples =
       network_.localization().Sample(map, golden_.keypoints, kThreads);
   ExpectNear(samples, golden_.tensors.Floats("sampled_features"), kTolerance, "sampled_features");
@@ -71,11 +71,10 @@ TEST_P(DealGoldenTest, Displacements) {
 }
 
 TEST_P(DealGoldenTest, Patches) {
-  const GreyPicture picture = DealNetwork::ToPicture(golden_.picture);
-  ExpectNear(
-      network_.Patches(picture, golden_.keypoints, golden_.tensors.Floats("theta"), kThreads),
-      golden_.tensors.Floats("patches"), kTolerance, "patches");
-  ExpectNear(network_.Patches(picture, golden_.keypoints, {}, kThreads),
+  const GreyImage image = DealNetwork::ToImage(golden_.image);
+  ExpectNear(network_.Patches(image, golden_.keypoints, golden_.tensors.Floats("theta"), kThreads),
+             golden_.tensors.Floats("patches"), kTolerance, "patches");
+  ExpectNear(network_.Patches(image, golden_.keypoints, {}, kThreads),
              golden_.tensors.Floats("patches_fixed"), kTolerance, "patches_fixed");
 }
 
@@ -88,9 +87,9 @@ TEST_P(DealGoldenTest, DescriptorsOfGoldenPatches) {
 }
 
 TEST_P(DealGoldenTest, WholeNetwork) {
-  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, true, kOneSupport, kThreads),
+  ExpectNear(network_.Describe(golden_.image, golden_.keypoints, true, kOneSupport, kThreads),
              golden_.tensors.Floats("descriptors"), kTolerance, "descriptors");
-  ExpectNear(network_.Describe(golden_.picture, golden_.keypoints, false, kOneSupport, kThreads),
+  ExpectNear(network_.Describe(golden_.image, golden_.keypoints, false, kOneSupport, kThreads),
              golden_.tensors.Floats("descriptors_fixed"), kTolerance, "descriptors_fixed");
 }
 

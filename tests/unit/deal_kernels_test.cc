@@ -125,7 +125,7 @@ TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
   constexpr int kHeight = 9;
   constexpr int kWidth = 7;
   const std::vector<float> map = Random(kHeight * kWidth * kFeatureChannels, kSeed);
-  const std::vector<float> picture = Random(kHeight * kWidth, kSeed);
+  const std::vector<float> image = Random(kHeight * kWidth, kSeed);
   const std::vector<float> grid = Random(2 * kPatchPixels, kSeed + 5);
   for (const float at : {-1e30F, -3.0F, 0.0F, 2.3F, 6.0F, 50.0F, 1e30F}) {
     std::vector<float> a(kSampledValues);
@@ -135,10 +135,9 @@ TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
     ExpectNear(a, b, 1e-5, "features");
     a.resize(kPatchPixels);
     b.resize(kPatchPixels);
-    GetParam()->sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
+    GetParam()->sample_patch(image.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
                              a.data());
-    baseline.sample_patch(picture.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
-                          b.data());
+    baseline.sample_patch(image.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr, b.data());
     ExpectNear(a, b, 1e-5, "patch");
   }
 }

@@ -11,16 +11,14 @@
 #include "descriptor/deal/deal.h"
 #include "descriptor/features/descriptor.h"
 #include "tests/unit/deal_golden.h"
-#include "tests/unit/wavy_picture.h"
+#include "tests/unit/wavy_image.h"
 
 namespace pliant::deal {
 namespace {
 
 constexpr std::uint32_t kSeed = 77;
 
-Image RandomImage(int width, int height) {
-  return testing::WavyPicture(width, height, 5, 4, kSeed);
-}
+Image RandomImage(int width, int height) { return testing::WavyImage(width, height, 5, 4, kSeed); }
 
 std::vector<Keypoint> RandomKeypoints(std::size_t count, int width, int height) {
   std::mt19937 random(kSeed + 1);
@@ -84,7 +82,7 @@ TEST(DealNetworkTest, SeveralSupportsAreTheirDescriptorsMean) {
   }
 }
 
-// What pooling is for: a key point whose size was misjudged.
+// What pooling is for: a keypoint whose size was misjudged.
 TEST(DealNetworkTest, PoolingForgivesWrongSizes) {
   const Image image = RandomImage(240, 180);
   const std::vector<Keypoint> points = RandomKeypoints(60, 240, 180);
@@ -99,7 +97,7 @@ TEST(DealNetworkTest, PoolingForgivesWrongSizes) {
   EXPECT_GT(agreement(kPooledSupports), agreement(kOneSupport) + 0.02);
 }
 
-TEST(DealNetworkTest, TinyAndOddPictures) {
+TEST(DealNetworkTest, TinyAndOddImages) {
   for (const auto& [width, height] :
        {std::pair{16, 16}, {17, 31}, {1, 1}, {1, 40}, {33, 2}, {257, 19}}) {
     const Image image = RandomImage(width, height);
@@ -134,7 +132,7 @@ TEST(DealNetworkTest, KeypointsOutsideAndHuge) {
   }
 }
 
-TEST(DealNetworkTest, RefusesKeypointsAndPicturesByName) {
+TEST(DealNetworkTest, RefusesKeypointsAndImagesByName) {
   const Image image = RandomImage(64, 48);
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -144,10 +142,10 @@ TEST(DealNetworkTest, RefusesKeypointsAndPicturesByName) {
     const std::vector<Keypoint> points = {Keypoint{.size = 3}, bad};
     try {
       SharedNetwork().Describe(image, points, false, kOneSupport, 1);
-      ADD_FAILURE() << "described a bad key point";
+      ADD_FAILURE() << "described a bad keypoint";
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
-      EXPECT_NE(std::string(error.what()).find("key point 1"), std::string::npos);
+      EXPECT_NE(std::string(error.what()).find("keypoint 1"), std::string::npos);
     }
   }
   Image colour = image;

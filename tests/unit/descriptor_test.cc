@@ -17,7 +17,7 @@
 #include "descriptor/base/sha256.h"
 #include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant {
 namespace {
@@ -62,7 +62,7 @@ class EveryDescriptor : public ::testing::TestWithParam<std::string> {
   }
 
   std::shared_ptr<const Descriptor> descriptor_ = Shared(GetParam());
-  Image image_ = CopyFromMat(testing::NoisePicture(200, 160, 11));
+  Image image_ = CopyFromMat(testing::NoiseImage(200, 160, 11));
   std::vector<Keypoint> keypoints_ = DetectKeypoints(image_, {.max_keypoints = 100});
 };
 
@@ -89,7 +89,7 @@ TEST_P(EveryDescriptor, RowsFollowTheKeypointsOrder) {
   }
 }
 
-TEST_P(EveryDescriptor, FindsItselfInABrighterNoisierPicture) {
+TEST_P(EveryDescriptor, FindsItselfInABrighterNoisierImage) {
   cv::Mat changed = ViewAsMat(image_).clone();
   cv::Mat noise(changed.size(), CV_16S);
   cv::RNG(5).fill(noise, cv::RNG::NORMAL, 8, 4);
@@ -99,16 +99,16 @@ TEST_P(EveryDescriptor, FindsItselfInABrighterNoisierPicture) {
   EXPECT_GT(SelfMatchShare(a, b), 0.95);
 }
 
-// Rows that match across a turn by 35 degrees and a halving, the key points carried along.
+// Rows that match across a turn by 35 degrees and a halving, the keypoints carried along.
 TEST_P(EveryDescriptor, TurnsAndShrinksWithTheKeypoint) {
-  cv::Mat picture;  // of blobs that are still there at half the size
-  cv::resize(testing::NoisePicture(180, 180, 21), picture, {360, 360}, 0, 0, cv::INTER_CUBIC);
+  cv::Mat image;  // of blobs that are still there at half the size
+  cv::resize(testing::NoiseImage(180, 180, 21), image, {360, 360}, 0, 0, cv::INTER_CUBIC);
   const cv::Mat turn = cv::getRotationMatrix2D({179.5F, 179.5F}, 35, 1);
   cv::Mat turned, halved;
-  cv::warpAffine(picture, turned, turn, picture.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT_101);
-  cv::resize(picture, halved, {180, 180}, 0, 0, cv::INTER_AREA);
+  cv::warpAffine(image, turned, turn, image.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT_101);
+  cv::resize(image, halved, {180, 180}, 0, 0, cv::INTER_AREA);
   std::vector<Keypoint> here, in_turned, in_halved;
-  for (Keypoint k : DetectKeypoints(CopyFromMat(picture), {.max_keypoints = 300})) {
+  for (Keypoint k : DetectKeypoints(CopyFromMat(image), {.max_keypoints = 300})) {
     if (std::hypot(k.x - 179.5, k.y - 179.5) > 110 || k.size < 7) continue;
     here.push_back(k);
     Keypoint moved = k;
@@ -125,7 +125,7 @@ TEST_P(EveryDescriptor, TurnsAndShrinksWithTheKeypoint) {
     in_halved.push_back(moved);
   }
   ASSERT_GT(here.size(), 40U);
-  const Descriptors rows = descriptor_->Describe(CopyFromMat(picture), here, 1);
+  const Descriptors rows = descriptor_->Describe(CopyFromMat(image), here, 1);
   EXPECT_GT(SelfMatchShare(rows, descriptor_->Describe(CopyFromMat(turned), in_turned, 1)), 0.85);
   EXPECT_GT(SelfMatchShare(rows, descriptor_->Describe(CopyFromMat(halved), in_halved, 1)), 0.6);
 }
@@ -149,7 +149,7 @@ TEST_P(EveryDescriptor, KeypointsAnywhereAndOfAnySizeKeepTheirRows) {
     // A wider border moves positions by a rounding error, which may turn a bit over.
     EXPECT_NEAR(Distance(together, i, alone, 0), 0,
                 alone.kind == DescriptorKind::kBinary ? 3 : 1e-3)
-        << "key point " << i;
+        << "keypoint " << i;
   }
 }
 
@@ -172,7 +172,7 @@ INSTANTIATE_TEST_SUITE_P(Names, EveryDescriptor, ::testing::ValuesIn(DescriptorN
                          });
 
 TEST(RootSift, HasUnitLength) {
-  const Image image = CopyFromMat(testing::NoisePicture(200, 160, 12));
+  const Image image = CopyFromMat(testing::NoiseImage(200, 160, 12));
   const Descriptors rows = MakeDescriptor("rootsift")->Describe(image, DetectKeypoints(image), 1);
   ASSERT_GT(rows.rows, 50U);
   for (std::size_t i = 0; i < rows.rows; ++i) {
@@ -203,7 +203,7 @@ TEST(MakeDescriptor, SaysWhichWeightFileIsMissing) {
 
 TEST(FeatureExtractor, GivesKeypointsInPixelsOfTheOriginal) {
   cv::Mat large;
-  cv::resize(testing::NoisePicture(400, 300, 13), large, {}, 4, 4, cv::INTER_CUBIC);
+  cv::resize(testing::NoiseImage(400, 300, 13), large, {}, 4, 4, cv::INTER_CUBIC);
   const auto bytes = testing::EncodeAs(large, ".png");
   ExtractionOptions options;
   options.decode.max_side_px = 400;
@@ -224,8 +224,8 @@ TEST(FeatureExtractor, GivesKeypointsInPixelsOfTheOriginal) {
   EXPECT_GT(furthest, 800.0F);
 }
 
-TEST(FeatureExtractor, DecodedPicturesGiveWhatEncodedOnesDo) {
-  const Image grey = CopyFromMat(testing::NoisePicture(300, 200, 4));
+TEST(FeatureExtractor, DecodedImagesGiveWhatEncodedOnesDo) {
+  const Image grey = CopyFromMat(testing::NoiseImage(300, 200, 4));
   Image colour{grey.width, grey.height, 3, {}};
   for (const std::uint8_t value : grey.pixels) colour.pixels.insert(colour.pixels.end(), 3, value);
   ExtractionOptions options;
@@ -234,8 +234,8 @@ TEST(FeatureExtractor, DecodedPicturesGiveWhatEncodedOnesDo) {
     const FeatureExtractor extractor(MakeDescriptor("rootsift"), options);
     const Features encoded = extractor.Extract(EncodePng(grey), 1);
     ASSERT_GT(encoded.keypoints.size(), 20U);
-    for (const Image& picture : {grey, colour}) {
-      const Features decoded = extractor.ExtractFrom(picture, 1);
+    for (const Image& image : {grey, colour}) {
+      const Features decoded = extractor.ExtractFrom(image, 1);
       EXPECT_EQ(decoded.width, 300);
       EXPECT_EQ(decoded.keypoints, encoded.keypoints);
       EXPECT_EQ(decoded.descriptors.floats, encoded.descriptors.floats);
@@ -246,8 +246,8 @@ TEST(FeatureExtractor, DecodedPicturesGiveWhatEncodedOnesDo) {
   EXPECT_THROW(extractor.ExtractFrom(Image{}, 1), Error);
 }
 
-TEST(FeatureExtractor, FaintKeypointsCountWhereSmallPicturesAreEnlarged) {
-  const Image grey = CopyFromMat(testing::NoisePicture(300, 200, 4));
+TEST(FeatureExtractor, FaintKeypointsCountWhereSmallImagesAreEnlarged) {
+  const Image grey = CopyFromMat(testing::NoiseImage(300, 200, 4));
   const FeatureExtractor plain(MakeDescriptor("orb"), {});
   EXPECT_EQ(plain.ExtractFrom(grey, 1).keypoints, DetectKeypoints(grey));
   const FeatureExtractor faint = plain.WithEnlargeBelow(1);  // which never enlarges this one
@@ -256,7 +256,7 @@ TEST(FeatureExtractor, FaintKeypointsCountWhereSmallPicturesAreEnlarged) {
   EXPECT_GT(all.size(), DetectFaintKeypoints(grey).size());
 }
 
-TEST(FeatureExtractor, FlatPictureHasNoRows) {
+TEST(FeatureExtractor, FlatImageHasNoRows) {
   const auto bytes = testing::EncodeAs(cv::Mat(64, 64, CV_8UC1, cv::Scalar(9)), ".png");
   const Features features = FeatureExtractor(MakeDescriptor("orb"), {}).Extract(bytes, 1);
   EXPECT_EQ(features.descriptors.rows, 0U);

@@ -34,14 +34,14 @@ int Changed(const Image& image) {
 }
 
 TEST(Drawing, LinesLieWhereTheyAreAskedFor) {
-  Image image = BlankPicture(40, 30);
+  Image image = BlankImage(40, 30);
   DrawLine(image, {5, 10}, {30, 10}, colours::kRed);
   EXPECT_TRUE(IsNearly(At(image, 20, 10), colours::kRed));
   EXPECT_EQ(At(image, 20, 13), colours::kBlack);
   const Vec2 triangle[] = {{2, 2}, {37, 2}, {20, 27}};
-  Image open = BlankPicture(40, 30);
+  Image open = BlankImage(40, 30);
   DrawPolyline(open, triangle, false, colours::kWhite);
-  Image closed = BlankPicture(40, 30);
+  Image closed = BlankImage(40, 30);
   DrawPolyline(closed, triangle, true, colours::kWhite);
   EXPECT_TRUE(IsNearly(At(open, 20, 2), colours::kWhite));
   EXPECT_GT(Changed(closed), Changed(open));
@@ -50,8 +50,8 @@ TEST(Drawing, LinesLieWhereTheyAreAskedFor) {
   EXPECT_EQ(At(image, 20, 25), colours::kBlack);
 }
 
-TEST(Drawing, NothingOutsideThePictureDoesHarm) {
-  Image image = BlankPicture(20, 20);
+TEST(Drawing, NothingOutsideTheImageDoesHarm) {
+  Image image = BlankImage(20, 20);
   const double huge = std::numeric_limits<double>::infinity();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   DrawLine(image, {-1e9, -1e9}, {huge, 1e300}, colours::kWhite);
@@ -61,15 +61,15 @@ TEST(Drawing, NothingOutsideThePictureDoesHarm) {
   FillBox(image, 15, 15, 1000, 1000, colours::kBlue);
   EXPECT_EQ(At(image, 19, 19), colours::kBlue);
   FillBox(image, -50, -50, 10, 10, colours::kRed);
-  PastePicture(image, BlankPicture(8, 8, colours::kRed), -4, 16);
+  PasteImage(image, BlankImage(8, 8, colours::kRed), -4, 16);
   EXPECT_EQ(At(image, 3, 19), colours::kRed);
   EXPECT_EQ(At(image, 4, 19), colours::kBlack);
-  PastePicture(image, BlankPicture(8, 8, colours::kRed), 100, 100);
+  PasteImage(image, BlankImage(8, 8, colours::kRed), 100, 100);
 }
 
-TEST(Drawing, PicturesArePastedInColour) {
-  Image image = BlankPicture(10, 10, colours::kYellow);
-  PastePicture(image, {2, 2, 1, {10, 20, 30, 40}}, 3, 4);
+TEST(Drawing, ImagesArePastedInColour) {
+  Image image = BlankImage(10, 10, colours::kYellow);
+  PasteImage(image, {2, 2, 1, {10, 20, 30, 40}}, 3, 4);
   EXPECT_EQ(At(image, 3, 4), (Colour{10, 10, 10}));
   EXPECT_EQ(At(image, 4, 5), (Colour{40, 40, 40}));
   EXPECT_EQ(At(image, 5, 5), colours::kYellow);
@@ -78,13 +78,13 @@ TEST(Drawing, PicturesArePastedInColour) {
 TEST(Drawing, WordsHaveTheirWidth) {
   EXPECT_GT(TextWidth("inliers", 20), TextWidth("inliers", 10));
   EXPECT_GT(TextWidth("inliers 12"), TextWidth("inliers"));
-  Image image = BlankPicture(200, 30);
+  Image image = BlankImage(200, 30);
   DrawText(image, 5, 20, "found", colours::kWhite, 14);
   EXPECT_GT(Changed(image), 60);
 }
 
 Image Written(const std::string& text) {
-  Image image = BlankPicture(200, 60);
+  Image image = BlankImage(200, 60);
   DrawText(image, 10, 40, text, colours::kWhite, 20);
   return image;
 }
@@ -135,7 +135,7 @@ TEST(Drawing, HebrewIsWrittenFromTheRight) {
 TEST(Drawing, AnyBytesCanBeWritten) {
   std::string bytes;
   for (int value = 255; value >= 0; --value) bytes += static_cast<char>(value);
-  Image image = BlankPicture(50, 20);
+  Image image = BlankImage(50, 20);
   DrawText(image, 0, 15, bytes, colours::kWhite);
   DrawText(image, 0, 15, std::string(100'000, 'w'), colours::kWhite, 1);
   DrawText(image, 0, 15, "", colours::kWhite);
@@ -176,7 +176,7 @@ TEST(Drawing, RefusesGreyAndEmpty) {
   EXPECT_THROW(DrawLine(grey, {0, 0}, {3, 3}, colours::kRed), Error);
   Image none;
   EXPECT_THROW(DrawDot(none, {0, 0}, 1, colours::kRed), Error);
-  EXPECT_THROW(BlankPicture(0, 5), Error);
+  EXPECT_THROW(BlankImage(0, 5), Error);
   EXPECT_EQ(ToColour(grey).channels, 3);
 }
 

@@ -15,14 +15,14 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-PictureChange ToObject(const std::string& object) {
-  PictureChange change;
+ImageChange ToObject(const std::string& object) {
+  ImageChange change;
   change.object = object;
   return change;
 }
 
-PictureChange Metadata(const std::string& patch) {
-  PictureChange change;
+ImageChange Metadata(const std::string& patch) {
+  ImageChange change;
   change.metadata = patch;
   return change;
 }
@@ -62,7 +62,7 @@ TEST(MergeMetadata, IsAMergePatch) {
               [&] { MergeMetadata(half, R"({"b":")" + std::string(40'000, 'x') + R"("})"); });
 }
 
-TEST_F(EngineTest, APictureMovesToAnotherObjectWithAllItHas) {
+TEST_F(EngineTest, AnImageMovesToAnotherObjectWithAllItHas) {
   for (const bool files : {false, true}) {
     EngineOptions options = Options();
     options.database = Database(folder_ / (files ? "files.db" : "a.db"));
@@ -82,7 +82,7 @@ TEST_F(EngineTest, APictureMovesToAnotherObjectWithAllItHas) {
     EXPECT_EQ(engine.GetContent("default", "p1"), RandomPng(1));
     EXPECT_EQ(FoundAs(engine, 1), "o2");
     EXPECT_EQ(engine.Change("default", "p2", ToObject("new")).object, "new");
-    EXPECT_THAT(Objects(engine), ElementsAre("new:1", "o2:3")) << "an object without pictures goes";
+    EXPECT_THAT(Objects(engine), ElementsAre("new:1", "o2:3")) << "an object without images goes";
     EXPECT_EQ(engine.Change("default", "p2", ToObject("")).object, "");
     EXPECT_EQ(FoundAs(engine, 2), "");
     EXPECT_EQ(engine.Stats().images, 4u);
@@ -105,7 +105,7 @@ TEST_F(EngineTest, MetadataAndSourceChangeInPlace) {
   EXPECT_THAT(Ids(engine.Search(RandomPng(1), filtered)), ElementsAre("p"));
   filtered.filter = ParseFilter(R"({"shelf":4})");
   EXPECT_THAT(Ids(engine.Search(RandomPng(1), filtered)), IsEmpty());
-  PictureChange all = ToObject("other");
+  ImageChange all = ToObject("other");
   all.metadata = "null";
   all.source = "name.png";
   const ImageRecord now = engine.Change("default", "p", all);
@@ -117,14 +117,14 @@ TEST_F(EngineTest, WhatIsRefusedChangesNothing) {
   Engine engine(Options());
   Add(engine, RandomPng(1), "o", "p", R"({"a":1})");
   Add(engine, RandomPng(2), "o2", "q");
-  const auto refused = [&](ErrorCode code, const std::string& reason, const PictureChange& change,
+  const auto refused = [&](ErrorCode code, const std::string& reason, const ImageChange& change,
                            const std::string& id = "p") {
     ExpectError(code, reason, [&] { engine.Change("default", id, change); });
   };
   refused(ErrorCode::kNotFound, "image_not_found", ToObject("x"), "nobody");
   refused(ErrorCode::kInvalidArgument, "object_invalid", ToObject("a\nb"));
   refused(ErrorCode::kInvalidArgument, "metadata_invalid", Metadata("[]"));
-  PictureChange late = Metadata(R"({"a":2})");
+  ImageChange late = Metadata(R"({"a":2})");
   late.object = "o3";
   late.check = [](const ImageRecord& now) {
     EXPECT_EQ(now.metadata, R"({"a":1})");
@@ -148,7 +148,7 @@ TEST_F(EngineTest, WhatIsRefusedChangesNothing) {
   EXPECT_THAT(Objects(engine), ElementsAre("o:1", "o2:1"));
 }
 
-TEST_F(EngineTest, AnObjectIsRenamedWithAllItsPictures) {
+TEST_F(EngineTest, AnObjectIsRenamedWithAllItsImages) {
   Engine engine(Options());
   AddMany(engine, 4);
   Train(engine, 40);
@@ -163,7 +163,7 @@ TEST_F(EngineTest, AnObjectIsRenamedWithAllItsPictures) {
 
 TEST_F(EngineTest, TwoObjectsBecomeOneWhicheverIsLarger) {
   Engine engine(Options());
-  AddMany(engine, 4);  // two pictures each
+  AddMany(engine, 4);  // two images each
   Add(engine, RandomPng(9), "o2", "p9");
   Train(engine, 40);
   EXPECT_EQ(engine.ChangeObject("default", "o1", Name("o2", true)).images, 5u);

@@ -10,10 +10,10 @@
 namespace pliant {
 namespace {
 
-// A picture of discs whose left half is tinted red and its right half green, or for tint < 0 the
+// An image of discs whose left half is tinted red and its right half green, or for tint < 0 the
 // other way round. Tints have no grey value.
 Image Tinted(std::uint64_t seed, int tint) {
-  const Image grey = testing::RandomPicture(seed, 320, 240);
+  const Image grey = testing::RandomImage(seed, 320, 240);
   Image image{grey.width, grey.height, 3, {}};
   for (int y = 0; y < grey.height; ++y) {
     for (int x = 0; x < grey.width; ++x) {
@@ -45,7 +45,7 @@ Image OtherView(const Image& image) {
   return view;
 }
 
-// Two pictures of one height in one, with a grey gap.
+// Two images of one height in one, with a grey gap.
 Image Beside(const Image& left, const Image& right) {
   constexpr int kGap = 60;
   Image both{left.width + kGap + right.width, left.height, 3, {}};

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How many pictures, objects and descriptors there are: kept, so that nobody has to count.
+// How many images, objects and descriptors there are: kept, so that nobody has to count.
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include "tests/unit/engine_fixture.h"
@@ -21,9 +21,9 @@ class CountsTest : public EngineTest {
   void ExpectCounted(Engine& engine) {
     const std::filesystem::path file = Options().database;
     const EngineStats stats = engine.Stats();
-    EXPECT_EQ(stats.images, Scalar(file, "SELECT count(*) FROM pictures"));
+    EXPECT_EQ(stats.images, Scalar(file, "SELECT count(*) FROM images"));
     EXPECT_EQ(stats.objects, Scalar(file, "SELECT count(*) FROM objects"));
-    EXPECT_EQ(stats.descriptors, Scalar(file, "SELECT sum(keypoints) FROM pictures"));
+    EXPECT_EQ(stats.descriptors, Scalar(file, "SELECT sum(keypoints) FROM images"));
     EXPECT_THAT(engine.Check(), IsEmpty());
   }
 };
@@ -34,7 +34,7 @@ TEST_F(CountsTest, FollowEveryChange) {
   ExpectCounted(engine);
   EXPECT_EQ(engine.GetCollection("default").images, 6u);
   EXPECT_EQ(engine.GetCollection("default").objects, 3u);
-  Add(engine, RandomPng(9), "other", "p1");  // another picture in its place
+  Add(engine, RandomPng(9), "other", "p1");  // another image in its place
   ExpectCounted(engine);
   EXPECT_EQ(engine.GetCollection("default").objects, 4u);
   engine.Remove("default", "p2");

@@ -48,7 +48,7 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });
 }
 
-TEST_F(EngineTest, AFullDiskTakesNoPicturesButGivesSomeBack) {
+TEST_F(EngineTest, AFullDiskTakesNoImagesButGivesSomeBack) {
   {
     Engine engine(Options());
     AddMany(engine, 2);
@@ -72,8 +72,8 @@ TEST_F(EngineTest, AFailureAfterACommitIsLoggedAndStopsWriting) {
   Train(engine, 20);
   SQLite::Database db(options.database.string(), SQLite::OPEN_READWRITE);
   db.exec(
-      "CREATE TRIGGER spoil AFTER INSERT ON picture_words BEGIN "
-      "UPDATE picture_words SET data = x'00' WHERE key = new.key; END");
+      "CREATE TRIGGER spoil AFTER INSERT ON image_words BEGIN "
+      "UPDATE image_words SET data = x'00' WHERE key = new.key; END");
   EXPECT_EQ(Add(engine, RandomPng(9), "x", "spoilt").outcome, AddOutcome::kCreated)
       << "it is durable, and reported so";
   ASSERT_EQ(failures.size(), 1U);
@@ -82,7 +82,7 @@ TEST_F(EngineTest, AFailureAfterACommitIsLoggedAndStopsWriting) {
   ExpectError(ErrorCode::kInternal, "writing_stopped", [&] { engine.Remove("default", "p1"); });
   EXPECT_EQ(failures.size(), 2U);
   EXPECT_EQ(engine.Stats().images, 5U);
-  db.exec("DROP TRIGGER spoil; DELETE FROM picture_words WHERE data = x'00'");
+  db.exec("DROP TRIGGER spoil; DELETE FROM image_words WHERE data = x'00'");
   EXPECT_EQ(Add(engine, RandomPng(10), "x").outcome, AddOutcome::kCreated);
   EXPECT_EQ(failures.size(), 2U);
 }
@@ -95,8 +95,7 @@ TEST_F(EngineTest, NamesThatPliantDoesNotStoreAreReported) {
   metadata += '}';
   SQLite::Database db(Options().database.string(), SQLite::OPEN_READWRITE);
   db.exec("UPDATE objects SET name = 'mug\u3164 \u009B31m'");
-  SQLite::Statement(db,
-                    "UPDATE pictures SET source = 'mug\uFE0F.png', metadata = '" + metadata + "'")
+  SQLite::Statement(db, "UPDATE images SET source = 'mug\uFE0F.png', metadata = '" + metadata + "'")
       .exec();
   EXPECT_EQ(engine.Check().size(), 3U) << "object, source and metadata";
 }
@@ -150,27 +149,27 @@ TEST_F(EngineTest, CheckFindsWhatIsBroken) {
   const std::filesystem::path good = folder_ / "a.db";
   ASSERT_FALSE(std::filesystem::exists(good.string() + "-wal")) << "closing leaves one file";
   for (const std::string sql : {
-           "UPDATE features SET data = zeroblob(length(data)) WHERE picture = 1",
-           "DELETE FROM features WHERE picture = 1",
-           "UPDATE pictures SET keypoints = keypoints + 1 WHERE key = 1",
-           "UPDATE pictures SET width = 1 WHERE key = 1",
-           "DELETE FROM picture_words WHERE picture = 2",
-           "UPDATE picture_words SET data = (SELECT data FROM picture_words WHERE picture = 2) "
-           "WHERE picture = 1",
-           "UPDATE picture_words SET data = x'00' WHERE picture = 1",
+           "UPDATE features SET data = zeroblob(length(data)) WHERE image = 1",
+           "DELETE FROM features WHERE image = 1",
+           "UPDATE images SET keypoints = keypoints + 1 WHERE key = 1",
+           "UPDATE images SET width = 1 WHERE key = 1",
+           "DELETE FROM image_words WHERE image = 2",
+           "UPDATE image_words SET data = (SELECT data FROM image_words WHERE image = 2) "
+           "WHERE image = 1",
+           "UPDATE image_words SET data = x'00' WHERE image = 1",
            "DELETE FROM vocabulary_words WHERE word = 7",
            "UPDATE vocabulary_words SET data = zeroblob(512) WHERE word = 7",
            "UPDATE vocabularies SET codebook = x'00'",
            "UPDATE vocabularies SET words = 3",
            "UPDATE vocabularies SET ready = 0",
-           "UPDATE originals SET data = x'00' WHERE picture = 1",
+           "UPDATE originals SET data = x'00' WHERE image = 1",
            "INSERT INTO objects (collection, name) VALUES (1, 'lonely')",
-           "UPDATE features SET model = 99 WHERE picture = 1",
-           "UPDATE pictures SET metadata = '[1]' WHERE key = 1",
-           "UPDATE pictures SET id = 'a b' WHERE key = 1",
+           "UPDATE features SET model = 99 WHERE image = 1",
+           "UPDATE images SET metadata = '[1]' WHERE key = 1",
+           "UPDATE images SET id = 'a b' WHERE key = 1",
            "UPDATE objects SET name = char(10) WHERE key = 1",
-           "INSERT INTO removals (picture) VALUES (1)",
-           "UPDATE sqlite_sequence SET seq = 0 WHERE name = 'pictures'",
+           "INSERT INTO removals (image) VALUES (1)",
+           "UPDATE sqlite_sequence SET seq = 0 WHERE name = 'images'",
            "UPDATE collections SET name = 'other'",
            "PRAGMA user_version = 0",
        }) {

@@ -14,21 +14,20 @@ namespace pliant {
 namespace {
 
 using testing::EngineTest;
-using testing::RandomPicture;
+using testing::RandomImage;
 
 constexpr int kDecoys = 130;  // more than are verified at first
 
 class EngineDepthTest : public EngineTest {
  protected:
-  // A query that shows eleven points of one picture, and four of each of the others, anywhere:
-  // more of a small picture than eleven are of a large one, but they agree on no place.
+  // A query that shows eleven points of one image, and four of each of the others, anywhere:
+  // more of a small image than eleven are of a large one, but they agree on no place.
   void SetUp() override {
     engine_.emplace(Options());
-    Add(*engine_, EncodePng(RandomPicture(999, 400, 300)), "truth", "truth");
+    Add(*engine_, EncodePng(RandomImage(999, 400, 300)), "truth", "truth");
     for (int i = 0; i < kDecoys; ++i) {
       const std::string name = "decoy-" + std::to_string(i);
-      Add(*engine_, EncodePng(RandomPicture(static_cast<std::uint64_t>(i + 1), 60, 60)), name,
-          name);
+      Add(*engine_, EncodePng(RandomImage(static_cast<std::uint64_t>(i + 1), 60, 60)), name, name);
     }
     Train(*engine_, 50);
     Take("truth", 11, false);

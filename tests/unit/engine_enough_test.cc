@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How deep a search looks in a large collection: no further than twice as far as the last picture
+// How deep a search looks in a large collection: no further than twice as far as the last image
 // that agrees.
 #include <algorithm>
 #include <deque>
@@ -15,17 +15,17 @@
 namespace pliant::testing {
 namespace {
 
-constexpr std::size_t kPictures = 220;
+constexpr std::size_t kImages = 220;
 
 class EngineEnoughTest : public EngineTest {
  protected:
-  // The query's picture, and many that have five of its descriptors anywhere.
+  // The query's image, and many that have five of its descriptors anywhere.
   void SetUp() override {
-    Add(engine_, EncodePng(RandomPicture(999, 400, 300)), "truth", "truth");
+    Add(engine_, EncodePng(RandomImage(999, 400, 300)), "truth", "truth");
     Train(engine_, 50);
     query_ = engine_.GetFeatures("default", "truth");
     std::vector<Features> decoys;
-    for (std::size_t i = 0; i < kPictures; ++i) decoys.push_back(Scattered(5));
+    for (std::size_t i = 0; i < kImages; ++i) decoys.push_back(Scattered(5));
     Put("decoy", decoys);
   }
 
@@ -45,7 +45,7 @@ class EngineEnoughTest : public EngineTest {
     return some;
   }
 
-  void Put(const std::string& name, const std::vector<Features>& pictures) {
+  void Put(const std::string& name, const std::vector<Features>& images) {
     const auto store =
         OpenStore({.database = Options().database, .create = false, .model_of_new = {}});
     store->OpenOriginals(std::nullopt, false);
@@ -53,18 +53,18 @@ class EngineEnoughTest : public EngineTest {
     const CollectionState in = store->catalogue().RequireCollection("default");
     const Quantizer quantizer(store->catalogue().ReadVocabulary(in.vocabulary));
     std::deque<AddRequest> requests;
-    std::vector<PicturePut> puts;
-    for (const Features& picture : pictures) {
+    std::vector<ImagePut> puts;
+    for (const Features& image : images) {
       AddRequest& request = requests.emplace_back();
       request.id = name + "-" + std::to_string(requests.size());
-      PicturePut& put = puts.emplace_back(PicturePut{.request = request});
+      ImagePut& put = puts.emplace_back(ImagePut{.request = request});
       put.record.id = *request.id;
       put.record.sha256 = std::string(64, 'a');
       put.record.media_type = "image/png";
-      put.record.width = picture.width;
-      put.record.height = picture.height;
-      put.record.keypoints = static_cast<std::uint32_t>(picture.keypoints.size());
-      put.encoded = EncodeFeatures(picture);
+      put.record.width = image.width;
+      put.record.height = image.height;
+      put.record.keypoints = static_cast<std::uint32_t>(image.keypoints.size());
+      put.encoded = EncodeFeatures(image);
       put.features = DecodeFeatures(put.encoded);
       put.vocabulary = in.vocabulary;
       const Descriptors& descriptors = put.features.descriptors;
@@ -77,7 +77,7 @@ class EngineEnoughTest : public EngineTest {
   static bool IsLookedAt(const Hit& hit) {
     return hit.explanation.value().failure.find("not looked at") == std::string::npos;
   }
-  // How many pictures the search has verified.
+  // How many images the search has verified.
   std::size_t LookedAt(std::size_t depth) {
     SearchOptions options = ByImage(200);
     options.expand = 0;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Searches with stored pictures, one or several, without finding these themselves; two pictures
+// Searches with stored images, one or several, without finding these themselves; two images
 // compared.
 #include <algorithm>
 #include <string>
@@ -18,7 +18,7 @@ using ::testing::IsEmpty;
 
 using ExamplesTest = EngineTest;
 
-TEST_F(ExamplesTest, ExcludedPicturesAreNoHits) {
+TEST_F(ExamplesTest, ExcludedImagesAreNoHits) {
   Engine engine(Options());
   AddMany(engine, 6);
   Train(engine);
@@ -104,7 +104,7 @@ TEST_F(ExamplesTest, ExamplesThatAreNoneAreNamed) {
   refused(ErrorCode::kInvalidArgument, "region_invalid", {"p1"}, region);
 }
 
-TEST_F(ExamplesTest, TwoPicturesAreCompared) {
+TEST_F(ExamplesTest, TwoImagesAreCompared) {
   Engine engine(Options());
   const Comparison same = engine.Compare(RandomPng(1), RandomPng(1), 1);
   EXPECT_TRUE(same.found());
@@ -118,12 +118,12 @@ TEST_F(ExamplesTest, TwoPicturesAreCompared) {
   EXPECT_THAT(engine.List({}), IsEmpty()) << "nothing is stored";
 }
 
-// The first picture is a small part of the second: 32 of 900 pixels wide.
+// The first image is a small part of the second: 32 of 900 pixels wide.
 TEST_F(ExamplesTest, AComparisonLooksCloserWhereNothingIsFound) {
   Engine engine(Options());
-  const Image print = RandomPicture(1, 320, 240);
+  const Image print = RandomImage(1, 320, 240);
   const Image small = ResizeImage(print, 32, 24);
-  Image scene = RandomPicture(2, 900, 660);
+  Image scene = RandomImage(2, 900, 660);
   const Comparison without = engine.Compare(EncodePng(print), EncodePng(scene), 1);
   EXPECT_FALSE(without.found());
   for (int y = 0; y < small.height; ++y) {

@@ -16,7 +16,7 @@
 
 #include "index/engine/engine.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant::testing {
@@ -59,7 +59,7 @@ class EngineTest : public ::testing::Test {
     request.source = "somewhere/" + object;
     return engine.Add(request);
   }
-  // Pictures 1..count, two views an object: o1 = {1, 2}, o2 = {3, 4}...
+  // Images 1..count, two views an object: o1 = {1, 2}, o2 = {3, 4}...
   void AddMany(Engine& engine, int count) {
     for (int i = 1; i <= count; ++i) {
       Add(engine, RandomPng(static_cast<std::uint64_t>(i)), "o" + std::to_string((i + 1) / 2),

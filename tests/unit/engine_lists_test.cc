@@ -22,8 +22,8 @@ using ::testing::IsEmpty;
 
 class ListsTest : public EngineTest {
  protected:
-  // Two pictures for each of a few times, of a few objects, with metadata. Bytes that are stored
-  // need no description, so that many pictures cost little.
+  // Two images for each of a few times, of a few objects, with metadata. Bytes that are stored
+  // need no description, so that many images cost little.
   void Fill(Engine& engine) {
     const std::vector<std::uint8_t> png = RandomPng(1);
     const char* objects[] = {"mug", "Cup", "", "Tasse Ü"};
@@ -38,7 +38,7 @@ class ListsTest : public EngineTest {
       engine.Add(add);
       if (i % 2 == 1) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
-    PictureChange change;
+    ImageChange change;
     change.metadata = R"({"changed": 1})";
     for (const char* id : {"p105", "p120", "p101"}) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
@@ -50,11 +50,11 @@ class ListsTest : public EngineTest {
     all.limit = 1000;
     return engine.List(all);
   }
-  static std::vector<std::string> Walk(Engine& engine, PictureListing list, int limit) {
+  static std::vector<std::string> Walk(Engine& engine, ImageListing list, int limit) {
     std::vector<std::string> ids;
     list.limit = limit;
     while (true) {
-      const PicturePage page = engine.ListPage(list);
+      const ImagePage page = engine.ListPage(list);
       EXPECT_LE(page.records.size(), static_cast<std::size_t>(limit));
       for (const ImageRecord& record : page.records) ids.push_back(record.id);
       if (!page.next) return ids;
@@ -69,13 +69,13 @@ TEST_F(ListsTest, PagesOfAnyOrderAndConditionAreTheWholeOnce) {
   Fill(engine);
   const std::vector<ImageRecord> all = All(engine);
   ASSERT_EQ(all.size(), 30U);
-  const auto key = [](PictureOrder order, const ImageRecord& r) {
+  const auto key = [](ImageOrder order, const ImageRecord& r) {
     const auto time = [](std::int64_t ms) { return std::to_string(ms); };  // all of one length
-    return order == PictureOrder::kCreated   ? time(r.added_ms)
-           : order == PictureOrder::kUpdated ? time(r.updated_ms)
-           : order == PictureOrder::kObject  ? r.object
-           : order == PictureOrder::kSource  ? r.source
-                                             : r.id;
+    return order == ImageOrder::kCreated   ? time(r.added_ms)
+           : order == ImageOrder::kUpdated ? time(r.updated_ms)
+           : order == ImageOrder::kObject  ? r.object
+           : order == ImageOrder::kSource  ? r.source
+                                           : r.id;
   };
   std::vector<Selection> selections(7);
   selections[1].object = "mug";
@@ -95,9 +95,8 @@ TEST_F(ListsTest, PagesOfAnyOrderAndConditionAreTheWholeOnce) {
     return (!which.object || *which.object == r.object) && Passes(which.filter, r.metadata) &&
            std::all_of(words.begin(), words.end(), has);
   };
-  for (const PictureOrder order :
-       {PictureOrder::kId, PictureOrder::kCreated, PictureOrder::kUpdated, PictureOrder::kObject,
-        PictureOrder::kSource}) {
+  for (const ImageOrder order : {ImageOrder::kId, ImageOrder::kCreated, ImageOrder::kUpdated,
+                                 ImageOrder::kObject, ImageOrder::kSource}) {
     for (const Selection& which : selections) {
       std::vector<ImageRecord> expected;
       std::copy_if(all.begin(), all.end(), std::back_inserter(expected),
@@ -109,7 +108,7 @@ TEST_F(ListsTest, PagesOfAnyOrderAndConditionAreTheWholeOnce) {
       for (const ImageRecord& r : expected) ids.push_back(r.id);
       for (const bool descending : {false, true}) {
         if (descending) std::reverse(ids.begin(), ids.end());
-        PictureListing list;
+        ImageListing list;
         list.which = which;
         list.order = order;
         list.descending = descending;
@@ -124,20 +123,20 @@ TEST_F(ListsTest, PagesOfAnyOrderAndConditionAreTheWholeOnce) {
   }
 }
 
-TEST_F(ListsTest, APageGoesOnWhereItEndedThoughPicturesComeAndGo) {
+TEST_F(ListsTest, APageGoesOnWhereItEndedThoughImagesComeAndGo) {
   Engine engine(Options());
   Fill(engine);
-  PictureListing list;
-  list.order = PictureOrder::kCreated;
+  ImageListing list;
+  list.order = ImageOrder::kCreated;
   list.descending = true;
   list.limit = 10;
-  const PicturePage first = engine.ListPage(list);
+  const ImagePage first = engine.ListPage(list);
   const std::string last = first.records.back().id;
   engine.Remove("default", last);
   Add(engine, RandomPng(2), "new", "new");
   list.after = *first.next;
   list.limit = 100;
-  const PicturePage rest = engine.ListPage(list);
+  const ImagePage rest = engine.ListPage(list);
   EXPECT_EQ(rest.records.size(), 20U);
   for (const ImageRecord& record : rest.records) {
     EXPECT_NE(record.id, "new");
@@ -148,7 +147,7 @@ TEST_F(ListsTest, APageGoesOnWhereItEndedThoughPicturesComeAndGo) {
 TEST_F(ListsTest, FacetsCountWhatIsListed) {
   Engine engine(Options());
   Fill(engine);
-  PictureListing list;
+  ImageListing list;
   list.limit = 1;
   list.facets = {"n", "tags", "sold", "none"};
   list.which.filter = ParseFilter(R"({"n": {"lt": 3}})");
@@ -163,7 +162,7 @@ TEST_F(ListsTest, FacetsCountWhatIsListed) {
   EXPECT_THAT(facets[3].values, IsEmpty());
 }
 
-TEST_F(ListsTest, ObjectsComeInAnyOrderWithTheirPictures) {
+TEST_F(ListsTest, ObjectsComeInAnyOrderWithTheirImages) {
   Engine engine(Options());
   Fill(engine);
   Add(engine, RandomPng(1), "single", "q", R"({"n": 77, "tags": "t"})");
@@ -228,7 +227,7 @@ TEST_F(ListsTest, ObjectsComeInAnyOrderWithTheirPictures) {
   ObjectListing counted;
   counted.facets = {"tags"};
   EXPECT_EQ(CountOf(engine.ListPage(counted).facets.at(0), std::string("t")), 4U)
-      << "objects, not pictures";
+      << "objects, not images";
 }
 
 TEST_F(ListsTest, RemovesWhatIsSelectedAndNoMore) {
@@ -254,7 +253,7 @@ TEST_F(ListsTest, RemovesWhatIsSelectedAndNoMore) {
   which.filter = ParseFilter(R"({"n": {"gte": 0}})");
   EXPECT_EQ(engine.RemoveWhere(which), 30 - expected);
   EXPECT_EQ(engine.GetCollection("default").images, 0U);
-  EXPECT_EQ(engine.GetCollection("default").objects, 0U) << "objects without pictures are gone";
+  EXPECT_EQ(engine.GetCollection("default").objects, 0U) << "objects without images are gone";
   EXPECT_THAT(engine.Check(), IsEmpty());
   which.collection = "nowhere";
   ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { engine.RemoveWhere(which); });
@@ -263,10 +262,10 @@ TEST_F(ListsTest, RemovesWhatIsSelectedAndNoMore) {
 TEST_F(ListsTest, WhatIsNoListIsNamed) {
   Engine engine(Options());
   Fill(engine);
-  const auto refused = [&](const std::string& reason, const PictureListing& list) {
+  const auto refused = [&](const std::string& reason, const ImageListing& list) {
     ExpectError(ErrorCode::kInvalidArgument, reason, [&] { engine.ListPage(list); });
   };
-  PictureListing list;
+  ImageListing list;
   list.limit = 0;
   refused("limit_invalid", list);
   list = {};
@@ -285,7 +284,7 @@ TEST_F(ListsTest, WhatIsNoListIsNamed) {
     list.after = after;
     refused("after_invalid", list);
   }
-  list.order = PictureOrder::kCreated;
+  list.order = ImageOrder::kCreated;
   list.after = R"(["text", "p1"])";
   refused("after_invalid", list);
   list = {};

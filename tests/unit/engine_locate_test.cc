@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where an object of the database is in a picture.
+// Where an object of the database is in an image.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include "index/engine/engine.h"
 #include "index/verify/locate.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant {
@@ -28,12 +28,12 @@ class EngineLocateTest : public ::testing::Test {
     options.descriptor = "rootsift";
     return options;
   }
-  void Add(std::uint64_t picture, const std::string& object) {
-    const std::vector<std::uint8_t> png = RandomPng(picture);
+  void Add(std::uint64_t image, const std::string& object) {
+    const std::vector<std::uint8_t> png = RandomPng(image);
     AddRequest request;
     request.bytes = png;
     request.object = object;
-    request.id = "p" + std::to_string(picture);
+    request.id = "p" + std::to_string(image);
     engine_.Add(request);
   }
   ObjectLocation Locate(std::uint64_t view, const std::string& object) {
@@ -69,7 +69,7 @@ TEST_F(EngineLocateTest, FindsTheObjectWithoutAVocabulary) {
   EXPECT_NE(lost.location.reason, LostReason::kNone);
 }
 
-TEST_F(EngineLocateTest, OfManyPicturesTheMostSimilar) {
+TEST_F(EngineLocateTest, OfManyImagesTheMostSimilar) {
   for (std::uint64_t i = 1; i <= 30; ++i) Add(i, "crowd");
   TrainOptions train;
   train.words = 50;

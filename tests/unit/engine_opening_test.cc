@@ -13,13 +13,13 @@ namespace {
 
 class EngineOpeningTest : public EngineTest {
  protected:
-  // An indexed picture has no more key points than the limit says.
+  // An indexed image has no more keypoints than the limit says.
   EngineOptions Plain() {
     EngineOptions options = Options();
     options.enlarge = false;
     return options;
   }
-  // As it is opened by who may never describe a picture.
+  // As it is opened by who may never describe an image.
   EngineOptions Lazy() {
     EngineOptions options = Plain();
     options.load_descriptor = false;
@@ -27,7 +27,7 @@ class EngineOpeningTest : public EngineTest {
   }
 };
 
-TEST_F(EngineOpeningTest, LimitsAreWrittenDownWithTheFirstPicture) {
+TEST_F(EngineOpeningTest, LimitsAreWrittenDownWithTheFirstImage) {
   EngineOptions options = Lazy();
   options.max_keypoints = 70;
   Engine engine(options);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// An engine with a shop of pictures, for the parts of engine_options.
+// An engine with a shop of images, for the parts of engine_options.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace pliant::testing {
 
 class EngineOptionsTest : public EngineTest {
  protected:
-  static constexpr int kPictures = 12;
+  static constexpr int kImages = 12;
 
   EngineOptions Options() {
     EngineOptions options;
@@ -19,10 +19,10 @@ class EngineOptionsTest : public EngineTest {
     options.descriptor = "rootsift";
     return options;
   }
-  // Pictures p1..p12 of objects o0..o3 in turn, of the years 2001..2012, in the shops east and
+  // Images p1..p12 of objects o0..o3 in turn, of the years 2001..2012, in the shops east and
   // west.
   static void Fill(Engine& engine) {
-    for (int i = 1; i <= kPictures; ++i) {
+    for (int i = 1; i <= kImages; ++i) {
       Add(engine, RandomPng(static_cast<std::uint64_t>(i)), "o" + std::to_string(i % 4),
           "p" + std::to_string(i),
           "{\"year\": " + std::to_string(2000 + i) + ", \"shop\": \"" +

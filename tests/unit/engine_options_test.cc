@@ -15,7 +15,7 @@ namespace {
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
 
-TEST_F(EngineOptionsTest, OnlyPicturesThatPassTheFilterAreHits) {
+TEST_F(EngineOptionsTest, OnlyImagesThatPassTheFilterAreHits) {
   Engine engine(Options());
   Fill(engine);
   const auto query = OtherViewPng(6);
@@ -79,7 +79,7 @@ TEST_F(EngineOptionsTest, PagesFitTogetherWhateverIsVerified) {
 TEST_F(EngineOptionsTest, AnObjectThatIsThereTwiceIsFoundTwice) {
   Engine engine(Options());
   Fill(engine);
-  const Image one = RandomPicture(5);
+  const Image one = RandomImage(5);
   Image both{3 * one.width, one.height, 1, {}};
   both.pixels.assign(static_cast<std::size_t>(both.width) * both.height, 128);
   for (int y = 0; y < one.height; ++y) {

@@ -18,18 +18,18 @@ namespace fs = std::filesystem;
 using ::testing::IsEmpty;
 
 TEST_F(EngineOriginalsTest, WhatIsStoredMovesIntoFilesAndBack) {
-  constexpr int kPictures = 11;  // more than a batch
+  constexpr int kImages = 11;  // more than a batch
   {
     Engine engine(Options({}));
     engine.CreateCollection("other");
-    for (int i = 1; i <= kPictures; ++i) {
+    for (int i = 1; i <= kImages; ++i) {
       Add(engine, static_cast<std::uint64_t>(i), "p" + std::to_string(i));
     }
     Add(engine, 1, "shared", "other");
     EXPECT_EQ(engine.MoveOriginals({}).moved, 0U) << "they are where they shall be";
   }
   const auto expect_all = [&](Engine& engine) {
-    for (int i = 1; i <= kPictures; ++i) {
+    for (int i = 1; i <= kImages; ++i) {
       EXPECT_EQ(engine.GetContent("default", "p" + std::to_string(i)),
                 RandomPng(static_cast<std::uint64_t>(i)));
     }
@@ -41,13 +41,13 @@ TEST_F(EngineOriginalsTest, WhatIsStoredMovesIntoFilesAndBack) {
     Engine tool(Looking(db_));
     double share = 0;
     const auto moved = tool.MoveOriginals(directory_, [&](double done) { share = done; });
-    EXPECT_EQ(moved.moved, kPictures + 1U);
+    EXPECT_EQ(moved.moved, kImages + 1U);
     EXPECT_EQ(moved.left, 0U);
     EXPECT_EQ(share, 1);
     EXPECT_EQ(tool.MoveOriginals(directory_).moved, 0U);
   }
   EXPECT_EQ(BytesInDatabase(), 0);
-  EXPECT_EQ(Files(), static_cast<std::size_t>(kPictures)) << "one is shared";
+  EXPECT_EQ(Files(), static_cast<std::size_t>(kImages)) << "one is shared";
   expect_all(server);
   {
     Engine later(Options({}));
@@ -58,7 +58,7 @@ TEST_F(EngineOriginalsTest, WhatIsStoredMovesIntoFilesAndBack) {
   fs::remove(FileOf(3));
   Engine tool(Looking(db_));
   MoveOriginalsResult back = tool.MoveOriginals({});
-  EXPECT_EQ(back.moved, static_cast<std::uint64_t>(kPictures));
+  EXPECT_EQ(back.moved, static_cast<std::uint64_t>(kImages));
   EXPECT_EQ(back.left, 1U);
   WriteBytes(FileOf(3), lost);
   back = tool.MoveOriginals({});
@@ -120,7 +120,7 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
   ExpectError(ErrorCode::kInternal, "io_error", [&] { engine.SweepOriginals(); });
 }
 
-TEST_F(EngineOriginalsTest, WhoOpensToAddPicturesRemovesHalfWrittenOnes) {
+TEST_F(EngineOriginalsTest, WhoOpensToAddImagesRemovesHalfWrittenOnes) {
   {
     Engine made(Options(directory_));
   }
@@ -143,7 +143,7 @@ TEST_F(EngineOriginalsTest, ARemovalThatWasCutOffIsFinished) {
   }
   {  // committed, and killed before the file was removed
     SQLite::Database db(db_.string(), SQLite::OPEN_READWRITE);
-    db.exec("PRAGMA foreign_keys = ON; DELETE FROM pictures WHERE id = 'one'");
+    db.exec("PRAGMA foreign_keys = ON; DELETE FROM images WHERE id = 'one'");
   }
   EXPECT_TRUE(fs::exists(FileOf(1)));
   Engine tool(Looking(db_));
@@ -160,9 +160,9 @@ TEST_F(EngineOriginalsTest, AFileIsNotRemovedBeforeTheCommitThatDroppedIt) {
   std::vector<std::string> missing;
   std::jthread watcher([&] {  // what a process that opens the database now would find
     SQLite::Database db(db_.string(), SQLite::OPEN_READONLY, 2000);
-    SQLite::Statement rows(
-        db, "SELECT picture, lower(hex(sha256)) FROM original_files ORDER BY picture");
-    SQLite::Statement still(db, "SELECT count(*) FROM original_files WHERE picture = ?");
+    SQLite::Statement rows(db,
+                           "SELECT image, lower(hex(sha256)) FROM original_files ORDER BY image");
+    SQLite::Statement still(db, "SELECT count(*) FROM original_files WHERE image = ?");
     while (!stop) {
       std::vector<std::int64_t> gone;
       for (; rows.executeStep();) {
@@ -171,10 +171,10 @@ TEST_F(EngineOriginalsTest, AFileIsNotRemovedBeforeTheCommitThatDroppedIt) {
           gone.push_back(rows.getColumn(0));
       }
       rows.reset();
-      for (const std::int64_t picture : gone) {  // unless its removal was committed meanwhile
-        still.bind(1, picture);
+      for (const std::int64_t image : gone) {  // unless its removal was committed meanwhile
+        still.bind(1, image);
         still.executeStep();
-        if (still.getColumn(0).getInt() != 0) missing.push_back(std::to_string(picture));
+        if (still.getColumn(0).getInt() != 0) missing.push_back(std::to_string(image));
         still.reset();
       }
     }
@@ -203,7 +203,7 @@ TEST_F(EngineOriginalsTest, ACopyOfTheDatabaseTakesNothingFromTheOriginal) {
   Add(engine, 2, "two");
   {
     Engine tool(Looking(copy));
-    EXPECT_THAT(tool.Check(), IsEmpty()) << "its picture's file is there";
+    EXPECT_THAT(tool.Check(), IsEmpty()) << "its image's file is there";
     EXPECT_FALSE(tool.DescribeOriginals()->owned);
     EXPECT_EQ(tool.SweepOriginals(), 0U);
     EXPECT_TRUE(tool.Remove("default", "one"));

@@ -15,18 +15,18 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr std::uint64_t kPictures = 11;  // more than a batch
+constexpr std::uint64_t kImages = 11;  // more than a batch
 
 class MoveOriginalsTest : public EngineOriginalsTest {
  protected:
   void Fill(const MaybeDirectory& directory) {
     Engine engine(Options(directory));
     engine.CreateCollection("other");
-    for (std::uint64_t i = 1; i <= kPictures; ++i) Add(engine, i, "p" + std::to_string(i));
+    for (std::uint64_t i = 1; i <= kImages; ++i) Add(engine, i, "p" + std::to_string(i));
     Add(engine, 1, "shared", "other");
   }
   static void ExpectAll(Engine& engine) {
-    for (std::uint64_t i = 1; i <= kPictures; ++i) {
+    for (std::uint64_t i = 1; i <= kImages; ++i) {
       EXPECT_EQ(engine.GetContent("default", "p" + std::to_string(i)), RandomPng(i));
     }
     EXPECT_EQ(engine.GetContent("other", "shared"), RandomPng(1));
@@ -44,7 +44,7 @@ TEST_F(MoveOriginalsTest, FromADirectoryToAnotherAndBack) {
   Engine tool(Looking(db_));
   double share = 0;
   const auto moved = tool.MoveOriginals(elsewhere_, [&](double done) { share = done; });
-  EXPECT_EQ(moved.moved, kPictures + 1);
+  EXPECT_EQ(moved.moved, kImages + 1);
   EXPECT_EQ(moved.left, 0U);
   EXPECT_EQ(share, 1);
   EXPECT_EQ(Files(), 0U);
@@ -67,7 +67,7 @@ TEST_F(MoveOriginalsTest, FromADirectoryToAnotherAndBack) {
     Add(later, 52, "newest");
     EXPECT_TRUE(fs::exists(Elsewhere(52)));
   }
-  EXPECT_EQ(tool.MoveOriginals(directory_).moved, kPictures + 3) << "one was in the database";
+  EXPECT_EQ(tool.MoveOriginals(directory_).moved, kImages + 3) << "one was in the database";
   EXPECT_FALSE(fs::exists(Elsewhere(3)));
   EXPECT_EQ(BytesInDatabase(), 0);
   ExpectAll(server);
@@ -81,7 +81,7 @@ TEST_F(MoveOriginalsTest, WhatWasCutOffGoesOn) {
   WriteBytes(Elsewhere(2), RandomPng(2));
   WriteText(Elsewhere(3), "half");
   Engine tool(Looking(db_));
-  EXPECT_EQ(tool.MoveOriginals(elsewhere_).moved, kPictures + 1);
+  EXPECT_EQ(tool.MoveOriginals(elsewhere_).moved, kImages + 1);
   ExpectAll(tool);
   EXPECT_EQ(Files(), 0U);
 }
@@ -92,7 +92,7 @@ TEST_F(MoveOriginalsTest, TheSameDirectoryByAnotherNameLosesNothing) {
   Engine tool(Looking(db_));
   tool.MoveOriginals(elsewhere_);
   ExpectAll(tool);
-  EXPECT_EQ(Files(), kPictures);
+  EXPECT_EQ(Files(), kImages);
 }
 
 TEST_F(MoveOriginalsTest, LostFilesAreCountedAndAForeignDirectoryIsRefused) {
@@ -107,7 +107,7 @@ TEST_F(MoveOriginalsTest, LostFilesAreCountedAndAForeignDirectoryIsRefused) {
   EXPECT_EQ(tool.DescribeOriginals()->directory, directory_);
   fs::remove_all(elsewhere_);
   const auto moved = tool.MoveOriginals(elsewhere_);
-  EXPECT_EQ(moved.moved, kPictures - 1);
+  EXPECT_EQ(moved.moved, kImages - 1);
   EXPECT_EQ(moved.left, 2U);
   EXPECT_EQ(Files(), 1U) << "the damaged one";
   WriteBytes(Elsewhere(3), lost);
@@ -133,14 +133,14 @@ TEST_F(MoveOriginalsTest, FilesThatWereMovedByHandAreFoundWhereTheyAreSaidToBe) 
   looking.originals_dir = elsewhere_;
   {
     Engine tool(looking);
-    EXPECT_EQ(tool.MoveOriginals({}).moved, kPictures + 1);
+    EXPECT_EQ(tool.MoveOriginals({}).moved, kImages + 1);
     ExpectAll(tool);
   }
   Engine tool(Looking(db_));
-  EXPECT_EQ(tool.MoveOriginals(elsewhere_).moved, kPictures + 1);
+  EXPECT_EQ(tool.MoveOriginals(elsewhere_).moved, kImages + 1);
   fs::rename(elsewhere_, directory_);
   looking.originals_dir = directory_;
-  EXPECT_EQ(Engine(looking).MoveOriginals(folder_ / "third").moved, kPictures + 1);
+  EXPECT_EQ(Engine(looking).MoveOriginals(folder_ / "third").moved, kImages + 1);
   ExpectAll(tool);
 }
 

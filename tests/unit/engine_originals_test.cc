@@ -37,7 +37,7 @@ TEST_F(EngineOriginalsTest, AreFilesNamedByTheirHash) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
-TEST_F(EngineOriginalsTest, AFileGoesWithTheLastPictureThatHasIt) {
+TEST_F(EngineOriginalsTest, AFileGoesWithTheLastImageThatHasIt) {
   Engine engine(Options(directory_));
   engine.CreateCollection("other");
   Add(engine, 1, "a");
@@ -58,12 +58,12 @@ TEST_F(EngineOriginalsTest, AFileGoesWithTheLastPictureThatHasIt) {
   EXPECT_EQ(engine.RemoveObject("default", "cup"), 1U);
   EXPECT_FALSE(fs::exists(FileOf(3)));
   EXPECT_EQ(Add(engine, 4, "b").outcome, AddOutcome::kReplaced);
-  EXPECT_FALSE(fs::exists(FileOf(2))) << "a replaced picture leaves nothing";
+  EXPECT_FALSE(fs::exists(FileOf(2))) << "a replaced image leaves nothing";
   EXPECT_EQ(Files(), 1U);
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
-TEST_F(EngineOriginalsTest, ALostFileIsSaidAndComesBackWithThePicture) {
+TEST_F(EngineOriginalsTest, ALostFileIsSaidAndComesBackWithTheImage) {
   Engine engine(Options(directory_));
   Add(engine, 1, "one");
   fs::remove(FileOf(1));
@@ -89,7 +89,7 @@ TEST_F(EngineOriginalsTest, ADamagedFileIsNeverServed) {
                 [&] { engine.GetContent("default", "one"); });
     EXPECT_THAT(engine.Check(), ElementsAre(HasSubstr("\"one\"")));
   }
-  Add(engine, 1, "two", "other");  // the same bytes, whole, for another picture
+  Add(engine, 1, "two", "other");  // the same bytes, whole, for another image
   EXPECT_EQ(engine.GetContent("default", "one"), RandomPng(1));
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
@@ -158,7 +158,7 @@ TEST_F(EngineOriginalsTest, AFailedAddLeavesNoFile) {
   EXPECT_EQ(engine.List({}).size(), 1U);
 }
 
-// The same few pictures come and go in many threads and two engines: no reference without a file.
+// The same few images come and go in many threads and two engines: no reference without a file.
 TEST_F(EngineOriginalsTest, AddersRemoversAndSweepersAtOnce) {
   Engine one(Options(directory_));
   Engine two(Options(directory_));

@@ -17,15 +17,15 @@ class PagesTest : public EngineTest {};
 TEST_F(PagesTest, AllPagesAreOfOneState) {
   Engine engine(Options());
   AddMany(engine, 6);
-  PictureListing list;
+  ImageListing list;
   list.limit = 2;
   std::vector<std::string> seen;
-  engine.ForEachPage(list, [&](const PicturePage& page) {
+  engine.ForEachPage(list, [&](const ImagePage& page) {
     for (const ImageRecord& record : page.records) seen.push_back(record.id + record.object);
     if (seen.size() != 2) return;
     Engine other(Options());  // beside the reading
     other.Remove("default", "p5");
-    PictureChange change;
+    ImageChange change;
     change.object = "changed";
     other.Change("default", "p6", change);
     Add(other, RandomPng(7), "o4", "p7");
@@ -38,7 +38,7 @@ TEST_F(PagesTest, AllPagesAreOfOneState) {
 TEST_F(PagesTest, AllFeaturesAreOfOneState) {
   Engine engine(Options());
   AddMany(engine, 6);
-  PictureListing list;
+  ImageListing list;
   list.limit = 2;
   std::map<std::string, Features> before;
   for (int i = 1; i <= 6; ++i) {
@@ -49,7 +49,7 @@ TEST_F(PagesTest, AllFeaturesAreOfOneState) {
   std::vector<std::string> seen;
   engine.ForEachFeatures(
       list,
-      [&](const PicturePage& page) {
+      [&](const ImagePage& page) {
         for (const ImageRecord& record : page.records) counted += record.keypoints;
         if (page.next) return;
         Engine other(Options());  // beside the reading, which is at its second turn
@@ -71,7 +71,7 @@ TEST_F(PagesTest, AllFeaturesAreOfOneState) {
   ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] {
     list.which.collection = "none";
     engine.ForEachFeatures(
-        list, [](const PicturePage&) {}, [](const ImageRecord&, const Features&) {});
+        list, [](const ImagePage&) {}, [](const ImageRecord&, const Features&) {});
   });
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures that are written in one commit: all of them, or none.
+// Images that are written in one commit: all of them, or none.
 #include <deque>
 
 #include "descriptor/base/error.h"
@@ -14,7 +14,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::SizeIs;
 
-// What is stored of picture p1, to be stored again under other ids.
+// What is stored of image p1, to be stored again under other ids.
 class PutAllTest : public EngineTest {
  protected:
   void SetUp() override {
@@ -24,16 +24,16 @@ class PutAllTest : public EngineTest {
     store_->OpenOriginals(std::nullopt, false);
     store_->BeginWriting([] {});
     in_ = store_->catalogue().RequireCollection("default");
-    const PictureRef ref{in_.key, "p1"};
-    p1_ = store_->catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).at(0).value();
+    const ImageRef ref{in_.key, "p1"};
+    p1_ = store_->catalogue().LoadImages({&ref, 1}, Load::kRecordsAndFeatures).at(0).value();
   }
 
-  void Ask(const std::string& id, PictureCheck check = {}) {
+  void Ask(const std::string& id, ImageCheck check = {}) {
     AddRequest& request = requests_.emplace_back();
     request.id = id;
     request.object = "again";
     request.bytes = bytes_;
-    PicturePut& put = puts_.emplace_back(PicturePut{.request = request});
+    ImagePut& put = puts_.emplace_back(ImagePut{.request = request});
     put.record = p1_.record;
     put.record.id = id;
     put.encoded = p1_.features;
@@ -47,9 +47,9 @@ class PutAllTest : public EngineTest {
   const std::vector<std::uint8_t> bytes_ = RandomPng(1);
   std::unique_ptr<Store> store_;
   CollectionState in_;
-  StoredPicture p1_;
+  StoredImage p1_;
   std::deque<AddRequest> requests_;  // stay where they are
-  std::vector<PicturePut> puts_;
+  std::vector<ImagePut> puts_;
 };
 
 TEST_F(PutAllTest, AllAreThereWithTheirWordsAndBytes) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures that are replaced while they are searched for.
+// Images that are replaced while they are searched for.
 #include <atomic>
 #include <string>
 #include <thread>
@@ -11,11 +11,11 @@
 namespace pliant::testing {
 namespace {
 
-TEST_F(EngineTest, AReplacedPictureIsNeverMissing) {
+TEST_F(EngineTest, AReplacedImageIsNeverMissing) {
   Engine engine(Options());
   AddMany(engine, 6);
   Train(engine, 60);
-  // The same bytes with other metadata: every state of the picture answers the query.
+  // The same bytes with other metadata: every state of the image answers the query.
   const auto bytes = RandomPng(2);
   std::atomic<bool> done{false};
   std::atomic<int> searches{0};

@@ -33,7 +33,7 @@ TEST_F(EngineTest, AnOtherViewFindsItsObject) {
 
 TEST_F(EngineTest, OfTwoObjectsThatLookTheSameNeitherIsFound) {
   Engine engine(Options());
-  const Image same = RandomPicture(1, 320, 240);
+  const Image same = RandomImage(1, 320, 240);
   Add(engine, NoisyPng(same, 1), "one");
   Add(engine, NoisyPng(same, 2), "another");
   for (std::uint64_t i = 2; i <= 8; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
@@ -113,7 +113,7 @@ TEST_F(EngineTest, ASecondPassIsMadeWhereNothingIsFound) {
   EXPECT_EQ(Ids(page).at(0), Ids(found).at(1));
 }
 
-TEST_F(EngineTest, SearchMakesItsSecondPassOfThePictureItself) {
+TEST_F(EngineTest, SearchMakesItsSecondPassOfTheImageItself) {
   Engine engine(Options());
   AddMany(engine, 6);
   Train(engine);
@@ -162,7 +162,7 @@ TEST_F(EngineTest, PagesObjectsScoresAndRegions) {
   SearchOptions grouped;
   grouped.limit = 0;
   const SearchResult objects = engine.Search(RandomPng(1), grouped);
-  EXPECT_EQ(objects.hits.size(), 6u) << "four objects and two pictures without one";
+  EXPECT_EQ(objects.hits.size(), 6u) << "four objects and two images without one";
   EXPECT_EQ(objects.hits[0].image_id, all.hits[0].image_id);
   EXPECT_EQ(objects.hits[0].score, all.hits[0].score);
 

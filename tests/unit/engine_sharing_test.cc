@@ -39,7 +39,7 @@ TEST_F(EngineTest, ManyThreadsAddRemoveAndSearch) {
           const std::string id = "t" + std::to_string(t) + "-" + std::to_string(i);
           Add(engine, RandomPng(static_cast<std::uint64_t>(1000 + 100 * t + i)), "x", id);
           const SearchResult found = engine.SearchStored(id, ByImage(1));
-          ASSERT_EQ(found.hits.at(0).image_id, id) << "an acknowledged picture is found at once";
+          ASSERT_EQ(found.hits.at(0).image_id, id) << "an acknowledged image is found at once";
           if (i % 3 == 0) {
             ASSERT_TRUE(engine.Remove("default", id));
           }
@@ -53,7 +53,7 @@ TEST_F(EngineTest, ManyThreadsAddRemoveAndSearch) {
     threads.emplace_back(
         guarded([&] { engine.UseVocabulary("default", Train(engine, 30, 3).id); }));
     threads.emplace_back(guarded([&] {
-      // The same bytes from two threads: one picture.
+      // The same bytes from two threads: one image.
       std::jthread other([&] { Add(engine, RandomPng(5000), "same"); });
       Add(engine, RandomPng(5000), "same");
     }));
@@ -74,7 +74,7 @@ TEST_F(EngineTest, WhatAnotherProcessDoesIsSeen) {
   tool.Remove("default", "p1");
   EXPECT_THAT(Ids(server.Search(RandomPng(1), ByImage())), Not(::testing::Contains("p1")));
   tool.Remove("default", "p4");
-  // Removals that are too old are forgotten; whoever missed them must still not show the picture.
+  // Removals that are too old are forgotten; whoever missed them must still not show the image.
   SQLite::Database((folder_ / "a.db").string(), SQLite::OPEN_READWRITE)
       .exec("DELETE FROM removals");
   EXPECT_THAT(Ids(server.Search(RandomPng(4), ByImage())), Not(::testing::Contains("p4")));

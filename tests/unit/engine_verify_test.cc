@@ -9,7 +9,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/verify/verification.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 #include "tests/unit/test_database.h"
 
 namespace pliant {
@@ -85,7 +85,7 @@ TEST_P(EngineVerifyTest, TheRightObjectComesFirstWithItsOutline) {
       by_chance += hit.inliers > 6 ? 1 : 0;
     }
   }
-  EXPECT_LE(by_chance, 1) << "of " << kObjects * (kObjects - 1) << " wrong pictures";
+  EXPECT_LE(by_chance, 1) << "of " << kObjects * (kObjects - 1) << " wrong images";
 }
 
 TEST_P(EngineVerifyTest, BeyondTheDepthNothingIsVerified) {
@@ -103,20 +103,20 @@ TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
   options.verify = Verification::kTps;
   options.group_by = GroupBy::kImage;
   options.limit = 0;
-  const auto picture = RandomPng(3);
-  const SearchResult images = engine_.Search(picture, options);
+  const auto image = RandomPng(3);
+  const SearchResult images = engine_.Search(image, options);
   ASSERT_GE(images.hits.size(), 2U);
   EXPECT_EQ(images.hits[0].image_id, "p3a");
-  EXPECT_GT(images.hits[0].score, 0.999);  // the same picture
+  EXPECT_GT(images.hits[0].score, 0.999);  // the same image
   EXPECT_EQ(images.hits[1].image_id, "p3b");
   options.group_by = GroupBy::kObject;
-  const SearchResult objects = engine_.Search(picture, options);
+  const SearchResult objects = engine_.Search(image, options);
   EXPECT_EQ(objects.total + 1, images.total);
   EXPECT_EQ(objects.hits[0].image_id, "p3a");
   EXPECT_NE(objects.hits[1].object, "o3");
   options.offset = 1;
   options.limit = 2;
-  const SearchResult page = engine_.Search(picture, options);
+  const SearchResult page = engine_.Search(image, options);
   ASSERT_EQ(page.hits.size(), 2U);
   EXPECT_EQ(page.hits[0].rank, 2U);
   EXPECT_EQ(page.hits[0].image_id, objects.hits[1].image_id);
@@ -124,7 +124,7 @@ TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
   options.offset = 0;
   options.limit = 0;
   options.min_score = objects.hits[0].score - 1e-9;
-  EXPECT_EQ(engine_.Search(picture, options).total, 1U);
+  EXPECT_EQ(engine_.Search(image, options).total, 1U);
   // By id: the same answer, and the same again.
   options.min_score = 0;
   for (const int threads : {1, 2, 3}) {
@@ -150,12 +150,12 @@ TEST_P(EngineVerifyTest, ExpansionLiftsAndNamesTheHitBetween) {
   options.verify_depth = 1;  // the other view is for the first to find
   for (int object = 1; object <= 3; ++object) {
     SCOPED_TRACE(object);
-    const auto picture = RandomPng(static_cast<std::uint64_t>(object));
+    const auto image = RandomPng(static_cast<std::uint64_t>(object));
     const std::string name = std::to_string(object);
     options.expand = 0;
-    const SearchResult plain = engine_.Search(picture, options);
+    const SearchResult plain = engine_.Search(image, options);
     options.expand = 1;
-    const SearchResult expanded = engine_.Search(picture, options);
+    const SearchResult expanded = engine_.Search(image, options);
     EXPECT_EQ(expanded.total, plain.total);
     EXPECT_EQ(expanded.hits.size(), plain.hits.size());
     std::map<std::string, double> before;
@@ -171,13 +171,13 @@ TEST_P(EngineVerifyTest, ExpansionLiftsAndNamesTheHitBetween) {
     for (const Hit& hit : expanded.hits) {
       EXPECT_TRUE(hit.via.empty() || hit.via == expanded.hits[0].image_id) << hit.via;
     }
-    // By default: by picture, not by object.
+    // By default: by image, not by object.
     options.expand.reset();
-    EXPECT_EQ(engine_.Search(picture, options).hits[1].score, expanded.hits[1].score);
+    EXPECT_EQ(engine_.Search(image, options).hits[1].score, expanded.hits[1].score);
     // Pages fit together.
     options.offset = 1;
     options.limit = 1;
-    EXPECT_EQ(engine_.Search(picture, options).hits.at(0).image_id, "p" + name + "b");
+    EXPECT_EQ(engine_.Search(image, options).hits.at(0).image_id, "p" + name + "b");
     options.offset = 0;
     options.limit = 0;
   }
@@ -202,10 +202,10 @@ TEST_P(EngineVerifyTest, EveryHitIsExplained) {
   SearchOptions options;
   options.limit = 0;
   options.verify_depth = 4;
-  const auto picture = OtherViewPng(4);
-  const SearchResult silent = engine_.Search(picture, options);
+  const auto image = OtherViewPng(4);
+  const SearchResult silent = engine_.Search(image, options);
   options.explain = true;
-  const SearchResult result = engine_.Search(picture, options);
+  const SearchResult result = engine_.Search(image, options);
   EXPECT_EQ(result.query_width, 160);
   EXPECT_EQ(result.query_height, 120);
   ASSERT_EQ(result.hits.size(), silent.hits.size());
@@ -229,7 +229,7 @@ TEST_P(EngineVerifyTest, EveryHitIsExplained) {
   EXPECT_GE(best.matches, result.hits[0].inliers);
   EXPECT_DOUBLE_EQ(best.inlier_fraction, static_cast<double>(best.inliers.size()) / best.matches);
   EXPECT_EQ(best.reference_width, 160);
-  // The scene is shifted by (5, 3): of the picture in the collection, seen in the query.
+  // The scene is shifted by (5, 3): of the image in the collection, seen in the query.
   for (const PointPair& pair : best.inliers) {
     EXPECT_NEAR(pair.query.x - pair.reference.x, 5, 3);
     EXPECT_NEAR(pair.query.y - pair.reference.y, 3, 3);
@@ -243,7 +243,7 @@ TEST_P(EngineVerifyTest, EveryHitIsExplained) {
   EXPECT_NEAR(to.y - from.y, 3, 1.5);
 
   options.verify = Verification::kNone;
-  for (const Hit& hit : engine_.Search(picture, options).hits) {
+  for (const Hit& hit : engine_.Search(image, options).hits) {
     EXPECT_FALSE(hit.explanation->verified);
     EXPECT_EQ(hit.explanation->ranking_score, hit.score);
     EXPECT_EQ(hit.explanation->failure, "The search does not verify.");

@@ -14,7 +14,7 @@ using ::testing::IsEmpty;
 
 TEST_F(EngineTest, VocabulariesAreVersionsAndSwitch) {
   Engine engine(Options());
-  ExpectError(ErrorCode::kConflict, "no_pictures", [&] { Train(engine); });
+  ExpectError(ErrorCode::kConflict, "no_images", [&] { Train(engine); });
   AddMany(engine, 6);
   const VocabularyRecord first = Train(engine, 50);
   const VocabularyRecord second = Train(engine, 80, 2);
@@ -50,7 +50,7 @@ void AddShirts(Engine& engine, std::uint64_t last, std::uint64_t first = 1) {
   }
 }
 
-// A collection of six pictures, and how to train a small vocabulary for it.
+// A collection of six images, and how to train a small vocabulary for it.
 TrainOptions Shirts(Engine& engine) {
   engine.CreateCollection("shirts");
   AddShirts(engine, 6);

@@ -19,8 +19,8 @@ constexpr std::int64_t kOther = 3;  // agrees with nothing
 constexpr std::size_t kPoints = 80;
 constexpr int kDim = 64;
 
-// Random key points in a 640 x 480 picture with random descriptors of unit length.
-Features Picture(std::uint64_t seed) {
+// Random keypoints in a 640 x 480 image with random descriptors of unit length.
+Features MakeImage(std::uint64_t seed) {
   std::mt19937_64 generator(seed);
   std::uniform_real_distribution<float> unit(0, 1);
   Features f;
@@ -51,35 +51,35 @@ Features Between(const Features& one, const Features& other) {
 class ExpansionTest : public ::testing::Test {
  protected:
   ExpansionTest() {
-    Features near = Picture(1);
-    Features far = near;  // where the key points lie
+    Features near = MakeImage(1);
+    Features far = near;  // where the keypoints lie
     far.descriptors = testing::RandomFloats(kPoints, kDim, 7);
     near = Between(near, far);
-    pictures_ = {{kNear, near}, {kFar, far}, {kOther, Picture(9)}};
+    images_ = {{kNear, near}, {kFar, far}, {kOther, MakeImage(9)}};
   }
 
-  VerifiedPicture Verified(std::int64_t key, double evidence) const {
-    VerifiedPicture picture;
-    picture.picture = {{1, "p" + std::to_string(key), key}, 0, 0.1};
-    picture.ranking_score = 0.1;
-    picture.evidence = evidence;
-    picture.seen = {{0, 0}, {639, 0}, {639, 479}, {0, 479}};
-    return picture;
+  VerifiedImage Verified(std::int64_t key, double evidence) const {
+    VerifiedImage image;
+    image.image = {{1, "p" + std::to_string(key), key}, 0, 0.1};
+    image.ranking_score = 0.1;
+    image.evidence = evidence;
+    image.seen = {{0, 0}, {639, 0}, {639, 479}, {0, 479}};
+    return image;
   }
 
-  auto Run(const std::vector<VerifiedPicture>& pictures, const ExpansionOptions& options = {}) {
+  auto Run(const std::vector<VerifiedImage>& images, const ExpansionOptions& options = {}) {
     asked_ = 0;
     return Expand(
-        pictures, options,
+        images, options,
         [&](std::int64_t key) -> std::optional<Features> {
-          const auto at = pictures_.find(key);
-          if (at == pictures_.end()) return std::nullopt;
+          const auto at = images_.find(key);
+          if (at == images_.end()) return std::nullopt;
           return at->second;
         },
         [&](const Features& part, std::size_t depth) {
           ++asked_;
           part_ = part.keypoints.size();
-          std::vector<RankedPicture> ranked;
+          std::vector<RankedImage> ranked;
           for (const std::int64_t key : {kNear, kFar, kOther, std::int64_t{44}}) {
             ranked.push_back({{1, "p" + std::to_string(key), key}, 0, 0.1});
           }
@@ -88,9 +88,9 @@ class ExpansionTest : public ::testing::Test {
         });
   }
 
-  std::map<std::int64_t, Features> pictures_;
+  std::map<std::int64_t, Features> images_;
   int asked_ = 0;
-  std::size_t part_ = 0;  // key points that asked last
+  std::size_t part_ = 0;  // keypoints that asked last
 };
 
 TEST_F(ExpansionTest, AChainIsAsStrongAsItsWeakerLinkAndLess) {
@@ -118,10 +118,10 @@ TEST_F(ExpansionTest, OnlyTheSureAskAndOnlySoMany) {
 }
 
 TEST_F(ExpansionTest, OnlyThePartThatWasSeenAsks) {
-  VerifiedPicture corner = Verified(kNear, 12);
+  VerifiedImage corner = Verified(kNear, 12);
   corner.seen = {{0, 0}, {200, 0}, {200, 200}, {0, 200}};
   Run({corner});
-  const auto& all = pictures_[kNear].keypoints;
+  const auto& all = images_[kNear].keypoints;
   const auto inside = std::count_if(all.begin(), all.end(), [](const Keypoint& k) {
     return k.x < 230 && k.y < 230;  // the part and what lies around it: 1.3 times
   });
@@ -132,10 +132,10 @@ TEST_F(ExpansionTest, OnlyThePartThatWasSeenAsks) {
   EXPECT_EQ(asked_, 0);
 }
 
-TEST_F(ExpansionTest, APictureThatWentMeanwhileIsPassedOver) {
-  pictures_.erase(kFar);
+TEST_F(ExpansionTest, AnImageThatWentMeanwhileIsPassedOver) {
+  images_.erase(kFar);
   EXPECT_TRUE(Run({Verified(kNear, 12)}).empty());
-  pictures_.erase(kNear);
+  images_.erase(kNear);
   EXPECT_TRUE(Run({Verified(kNear, 12)}).empty());
 }
 

@@ -37,7 +37,7 @@ TEST(FacetCount, CountsItemsNotEntries) {
     count.BeginItem();
     count.Add(metadata);
   }
-  count.BeginItem();  // of two pictures
+  count.BeginItem();  // of two images
   count.Add(R"({"tags": "b", "n": true})");
   count.Add(R"({"tags": "b"})");
   const std::vector<Facet> facets = count.Result();

@@ -102,7 +102,7 @@ TEST(Filter, NotEqual) {
   EXPECT_FALSE(Pass(ne, R"({"colour": "red"})"));
   EXPECT_TRUE(Pass(ne, R"({"colour": 7})"));
   EXPECT_TRUE(Pass(ne, R"({"colour": null})"));
-  EXPECT_FALSE(Pass(ne, R"({"shade": "blue"})")) << "a picture without the key";
+  EXPECT_FALSE(Pass(ne, R"({"shade": "blue"})")) << "an image without the key";
   EXPECT_TRUE(Pass(ne, R"({"colour": ["blue", "green"]})"));
   EXPECT_FALSE(Pass(ne, R"({"colour": ["blue", "red"]})")) << "no entry may be it";
   EXPECT_TRUE(Pass(ne, R"({"colour": []})"));

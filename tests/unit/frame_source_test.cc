@@ -12,14 +12,14 @@
 #include "descriptor/image/video.h"
 #include "index/tracking/channel.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {
 
 using ::testing::ElementsAre;
 using testing::ExpectError;
-using testing::RandomPicture;
+using testing::RandomImage;
 using testing::RandomPng;
 using testing::WriteBytes;
 using testing::WriteText;
@@ -27,7 +27,7 @@ using testing::WriteText;
 void WriteVideo(const std::filesystem::path& file, int frames, int width = 160, int height = 120) {
   VideoWriter writer(file, width, height, 10);
   for (int i = 0; i < frames; ++i) {
-    writer.Write(RandomPicture(static_cast<std::uint64_t>(i / 2), width, height));
+    writer.Write(RandomImage(static_cast<std::uint64_t>(i / 2), width, height));
   }
   writer.Close();
 }
@@ -35,8 +35,8 @@ void WriteVideo(const std::filesystem::path& file, int frames, int width = 160, 
 std::vector<std::int64_t> Numbers(FrameSource& source) {
   std::vector<std::int64_t> numbers;
   while (const auto frame = source.Next()) {
-    EXPECT_EQ(frame->picture.width, source.info().width);
-    EXPECT_EQ(frame->picture.channels, 3);
+    EXPECT_EQ(frame->image.width, source.info().width);
+    EXPECT_EQ(frame->image.channels, 3);
     numbers.push_back(frame->number);
   }
   return numbers;
@@ -65,7 +65,7 @@ TEST_P(VideoNames, FramesComeBackAsTheyWereWritten) {
   for (int i = 0; i < 9; ++i) {
     const auto frame = reader.Next();
     ASSERT_TRUE(frame) << i;
-    EXPECT_LT(MeanDifference(*frame, RandomPicture(static_cast<std::uint64_t>(i / 2))), 12) << i;
+    EXPECT_LT(MeanDifference(*frame, RandomImage(static_cast<std::uint64_t>(i / 2))), 12) << i;
   }
   EXPECT_FALSE(reader.Next());
 }
@@ -83,8 +83,8 @@ TEST(VideoWriter, SaysWhatItCannotWrite) {
               [&] { VideoWriter(folder / "nowhere" / "a.mp4", 64, 64, 10); });
   VideoWriter writer(folder / "a.mp4", 63, 65, 10);  // odd sizes lose a pixel
   ExpectError(ErrorCode::kInvalidArgument, "frames_vary",
-              [&] { writer.Write(RandomPicture(1, 64, 65)); });
-  writer.Write(RandomPicture(1, 63, 65));
+              [&] { writer.Write(RandomImage(1, 64, 65)); });
+  writer.Write(RandomImage(1, 63, 65));
   writer.Close();
   EXPECT_EQ(VideoReader(folder / "a.mp4").info().width, 62);
   {
@@ -107,7 +107,7 @@ TEST(OpenFrames, VideosEveryFewFrames) {
   ASSERT_TRUE(second);
   EXPECT_EQ(second->number, 4);
   EXPECT_NEAR(*second->time_s, 0.4, 1e-6);
-  EXPECT_LT(MeanDifference(second->picture, RandomPicture(2)), 12) << "the frames in between";
+  EXPECT_LT(MeanDifference(second->image, RandomImage(2)), 12) << "the frames in between";
   EXPECT_THAT(Numbers(*some), ElementsAre(8));
   ExpectError(ErrorCode::kInvalidArgument, "bad_every",
               [&] { OpenFrames(folder / "a.mp4", {.every = 0, .decode = {}}); });
@@ -158,7 +158,7 @@ TEST(OpenFrames, FoldersThatCannotBeTracked) {
   ExpectError(ErrorCode::kUnprocessable, "no_frames", [&] { OpenFrames(folder.path()); });
   WriteBytes(folder / "a.png", RandomPng(1));
   ExpectError(ErrorCode::kUnprocessable, "single_frame", [&] { OpenFrames(folder.path()); });
-  WriteBytes(folder / "b.png", EncodePng(RandomPicture(1, 161, 120)));
+  WriteBytes(folder / "b.png", EncodePng(RandomImage(1, 161, 120)));
   try {
     OpenFrames(folder.path());
     ADD_FAILURE() << "sizes that differ were accepted";
@@ -169,7 +169,7 @@ TEST(OpenFrames, FoldersThatCannotBeTracked) {
   }
 }
 
-TEST(OpenFrames, DamagedPicturesAreSkippedAndNamed) {
+TEST(OpenFrames, DamagedImagesAreSkippedAndNamed) {
   const testing::TemporaryFolder folder;
   for (const char* name : {"a.png", "b.png", "c.png"}) WriteBytes(folder / name, RandomPng(1));
   std::vector<std::uint8_t> png = RandomPng(2);

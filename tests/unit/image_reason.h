@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Why a picture is refused.
+// Why an image is refused.
 #pragma once
 
 #include <string>
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant::testing {
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures that are refused, and why.
+// Images that are refused, and why.
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -13,7 +13,7 @@
 namespace pliant {
 namespace {
 
-using testing::CornerPicture;
+using testing::CornerImage;
 using testing::EncodeAs;
 using testing::FileBytes;
 using testing::ReasonOf;
@@ -22,10 +22,10 @@ TEST(DecodeImage, NamesWhatIsWrong) {
   EXPECT_EQ(ReasonOf({}), "image_empty");
   EXPECT_EQ(ReasonOf({'h', 'e', 'l', 'l', 'o'}), "image_type_unknown");
   EXPECT_EQ(ReasonOf({'B', 'M'}), "image_truncated");
-  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(15, 64), ".png")), "image_too_small");
-  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(), ".png"), {.max_pixels = 96 * 64 - 1}),
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerImage(15, 64), ".png")), "image_too_small");
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerImage(), ".png"), {.max_pixels = 96 * 64 - 1}),
             "image_too_large");
-  EXPECT_EQ(ReasonOf(EncodeAs(CornerPicture(), ".png"), {.max_bytes = 10}), "image_too_large");
+  EXPECT_EQ(ReasonOf(EncodeAs(CornerImage(), ".png"), {.max_bytes = 10}), "image_too_large");
   EXPECT_EQ(ReasonOf(testing::PngClaiming(97, 64)), "image_corrupt");
 }
 
@@ -36,14 +36,14 @@ TEST(DecodeImage, RefusesABombByItsHeader) {
 
 TEST(DecodeImage, RefusesWhatWouldTakeTooMuchMemory) {
   // 96 x 64 pixels: 3 bytes each and one of grey as PNG.
-  const FileBytes png = EncodeAs(CornerPicture(), ".png");
+  const FileBytes png = EncodeAs(CornerImage(), ".png");
   EXPECT_EQ(ReasonOf(png, {.max_decode_bytes = 4 * 96 * 64}), "decoded");
   EXPECT_EQ(ReasonOf(png, {.max_decode_bytes = 4 * 96 * 64 - 1}), "image_too_large");
-  const FileBytes jpeg = EncodeAs(CornerPicture(), ".jpg");
+  const FileBytes jpeg = EncodeAs(CornerImage(), ".jpg");
   EXPECT_EQ(ReasonOf(jpeg, {.max_decode_bytes = 3 * 96 * 64}), "decoded");
   // Progressive: all coefficients are kept, of 16 bits; those of colours at half the size.
   FileBytes progressive;
-  cv::imencode(".jpg", CornerPicture(), progressive, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  cv::imencode(".jpg", CornerImage(), progressive, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
   EXPECT_EQ(ReasonOf(progressive, {.max_decode_bytes = 3 * 96 * 64}), "image_too_large");
   EXPECT_EQ(ReasonOf(progressive, {.max_decode_bytes = 6 * 96 * 64}), "decoded");
 }
@@ -66,7 +66,7 @@ FileBytes WithTagTwice(FileBytes tiff, int tag, std::uint32_t value) {
 // The limits are checked with the size that the decoder believes: libtiff takes the first value.
 TEST(DecodeImage, ATagThatIsThereTwiceHidesNothing) {
   cv::Mat grey;
-  cv::cvtColor(CornerPicture(), grey, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(CornerImage(), grey, cv::COLOR_BGR2GRAY);
   const FileBytes tiff = testing::GreyTiff(grey, 1);
   EXPECT_EQ(ReasonOf(tiff), "decoded");
   for (const int tag : {256, 257, 258, 273, 277, 278, 279}) {
@@ -93,9 +93,9 @@ TEST(DecodeImage, APngHasNoMoreRowsThanItsHeaderSays) {
   EXPECT_EQ(image.height, 100);
 }
 
-// libwebp reads "/" as the first byte of a picture without chunks, here of 14417 x 10593 pixels.
+// libwebp reads "/" as the first byte of an image without chunks, here of 14417 x 10593 pixels.
 TEST(DecodeImage, RefusesAWebpThatHidesItsSize) {
-  FileBytes webp = EncodeAs(CornerPicture(), ".webp");
+  FileBytes webp = EncodeAs(CornerImage(), ".webp");
   const std::string chunk("/P8X\x0A\0\0\0\x08\0\0\0\x13\0\0\x17\0\0", 18);
   webp.insert(webp.begin() + 12, chunk.begin(), chunk.end());
   webp[4] = static_cast<std::uint8_t>(webp[4] + chunk.size());
@@ -114,12 +114,12 @@ std::string HeaderReasonOf(const FileBytes& bytes) {
 
 // What stands behind may be metadata, which are dropped: the size would be another one.
 TEST(DecodeImage, RefusesAHeaderThatReachesIntoWhatStandsBehind) {
-  FileBytes png = EncodeAs(CornerPicture(), ".png");
+  FileBytes png = EncodeAs(CornerImage(), ".png");
   EXPECT_EQ(HeaderReasonOf(png), "read");
   png[11] = 0;  // of 13 bytes
   EXPECT_EQ(HeaderReasonOf(png), "image_corrupt");
 
-  FileBytes webp = EncodeAs(CornerPicture(), ".webp");
+  FileBytes webp = EncodeAs(CornerImage(), ".webp");
   EXPECT_EQ(HeaderReasonOf(webp), "read");
   for (const auto& [name, least] :
        {std::pair("VP8 ", 10), std::pair("VP8L", 5), std::pair("VP8X", 10)}) {
@@ -132,7 +132,7 @@ TEST(DecodeImage, RefusesAHeaderThatReachesIntoWhatStandsBehind) {
 
 // OpenCV would read it as DICOM, for which none of the limits hold.
 TEST(DecodeImage, RefusesAWebpThatIsDicomBeneath) {
-  FileBytes webp = EncodeAs(testing::NoisePicture(80, 60, 3), ".webp");
+  FileBytes webp = EncodeAs(testing::NoiseImage(80, 60, 3), ".webp");
   ASSERT_GT(webp.size(), 200U);
   webp[23] ^= 1;  // libwebp does not know it any more
   std::copy_n("DICM", 4, webp.begin() + 128);

@@ -10,13 +10,13 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/unit/image_files.h"
 #include "tests/unit/image_reason.h"
-#include "tests/unit/picture_files.h"
 
 namespace pliant {
 namespace {
 
-using testing::CornerPicture;
+using testing::CornerImage;
 using testing::EncodeAs;
 using testing::FileBytes;
 using testing::ReasonOf;
@@ -38,7 +38,7 @@ void ExpectCorners(const Image& image, std::array<int, 4> levels) {
 class EveryFormat : public ::testing::TestWithParam<std::pair<const char*, ImageFormat>> {};
 
 TEST_P(EveryFormat, IsReadByContent) {
-  const FileBytes bytes = EncodeAs(CornerPicture(97, 65), GetParam().first);
+  const FileBytes bytes = EncodeAs(CornerImage(97, 65), GetParam().first);
   const ImageHeader header = ReadImageHeader(bytes);
   EXPECT_EQ(header.format, GetParam().second);
   EXPECT_EQ(header.width, 97);
@@ -51,17 +51,17 @@ TEST_P(EveryFormat, IsReadByContent) {
 }
 
 TEST_P(EveryFormat, CutAnywhereIsRefused) {
-  const FileBytes bytes = EncodeAs(testing::NoisePicture(80, 60, 3), GetParam().first);
+  const FileBytes bytes = EncodeAs(testing::NoiseImage(80, 60, 3), GetParam().first);
   for (std::size_t keep = 0; keep + 1 < bytes.size(); keep += 1 + bytes.size() / 200) {
     const FileBytes cut(bytes.begin(), bytes.begin() + keep);
     EXPECT_NE(ReasonOf(cut), "decoded") << "kept " << keep << " of " << bytes.size();
   }
 }
 
-// Damage may go unnoticed (a changed pixel is a picture too), but must never crash or hang, and
+// Damage may go unnoticed (a changed pixel is an image too), but must never crash or hang, and
 // every refusal must be one of the documented ones.
-TEST_P(EveryFormat, DamageIsAnErrorOrAPicture) {
-  const FileBytes bytes = EncodeAs(testing::NoisePicture(80, 60, 4), GetParam().first);
+TEST_P(EveryFormat, DamageIsAnErrorOrAnImage) {
+  const FileBytes bytes = EncodeAs(testing::NoiseImage(80, 60, 4), GetParam().first);
   const unsigned seed = 20240611;
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -79,14 +79,14 @@ TEST_P(EveryFormat, DamageIsAnErrorOrAPicture) {
   }
 }
 
-TEST_P(EveryFormat, GivesAThumbnailBesideTheSamePicture) {
+TEST_P(EveryFormat, GivesAThumbnailBesideTheSameImage) {
   const cv::Scalar red(0, 0, 255);
   const cv::Scalar green(0, 255, 0);
   const cv::Scalar blue(255, 0, 0);
   for (const int side : {60, 900}) {  // one that is not scaled down, too
-    const cv::Mat picture =
+    const cv::Mat image =
         testing::Quarters(side, side / 2, {red, green, blue, cv::Scalar::all(255)});
-    const FileBytes bytes = EncodeAs(picture, GetParam().first);
+    const FileBytes bytes = EncodeAs(image, GetParam().first);
     const DecodedImage alone = DecodeImage(bytes, {.max_side_px = 300});
     EXPECT_TRUE(alone.thumbnail.empty());
     const DecodedImage both = DecodeImage(bytes, {.max_side_px = 300, .thumbnail_side_px = 64});
@@ -146,28 +146,28 @@ class EveryOrientation : public ::testing::TestWithParam<int> {
 
 TEST_P(EveryOrientation, Jpeg) {
   for (const bool big_endian : {false, true}) {
-    Check(testing::WithJpegExif(EncodeAs(CornerPicture(), ".jpg"), GetParam(), big_endian));
+    Check(testing::WithJpegExif(EncodeAs(CornerImage(), ".jpg"), GetParam(), big_endian));
   }
 }
 
 TEST_P(EveryOrientation, Png) {
-  Check(testing::WithPngChunk(EncodeAs(CornerPicture(), ".png"), "eXIf",
+  Check(testing::WithPngChunk(EncodeAs(CornerImage(), ".png"), "eXIf",
                               testing::ExifBlock(GetParam(), true)));
 }
 
 TEST_P(EveryOrientation, Tiff) {
   cv::Mat grey;
-  cv::cvtColor(CornerPicture(), grey, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(CornerImage(), grey, cv::COLOR_BGR2GRAY);
   Check(testing::GreyTiff(grey, GetParam()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Exif, EveryOrientation, ::testing::Range(1, 9));
 
 TEST(DecodeImage, MetadataDoNotMatter) {
-  const FileBytes png = EncodeAs(CornerPicture(), ".png");
+  const FileBytes png = EncodeAs(CornerImage(), ".png");
   const FileBytes with = testing::WithPngChunk(png, "tEXt", {'a', 0, 'b'});
   EXPECT_EQ(DecodeImage(with).image.pixels, DecodeImage(png).image.pixels);
-  const FileBytes jpeg = EncodeAs(CornerPicture(), ".jpg");
+  const FileBytes jpeg = EncodeAs(CornerImage(), ".jpg");
   EXPECT_EQ(DecodeImage(testing::WithJpegExif(jpeg, 1, false)).image.pixels,
             DecodeImage(jpeg).image.pixels);
   // Only the first EXIF block counts.
@@ -178,7 +178,7 @@ TEST(DecodeImage, MetadataDoNotMatter) {
 TEST(DecodeImage, ScalesTheLongerSide) {
   for (const char* extension : {".jpg", ".png"}) {
     const DecodedImage decoded =
-        DecodeImage(EncodeAs(CornerPicture(3000, 2001), extension), {.max_side_px = 600});
+        DecodeImage(EncodeAs(CornerImage(3000, 2001), extension), {.max_side_px = 600});
     EXPECT_EQ(decoded.image.width, 600);
     EXPECT_EQ(decoded.image.height, 400);
     EXPECT_EQ(decoded.original_width, 3000);
@@ -186,21 +186,21 @@ TEST(DecodeImage, ScalesTheLongerSide) {
     EXPECT_DOUBLE_EQ(decoded.scale, 0.2);
     ExpectCorners(decoded.image, {250, 10, 90, 170});
   }
-  EXPECT_EQ(DecodeImage(EncodeAs(CornerPicture(1500, 40), ".png"), {.max_side_px = 0}).image.width,
+  EXPECT_EQ(DecodeImage(EncodeAs(CornerImage(1500, 40), ".png"), {.max_side_px = 0}).image.width,
             1500);
 }
 
 TEST(DecodeImage, TransparencyBecomesWhite) {
-  cv::Mat picture(32, 32, CV_8UC4, cv::Scalar(0, 0, 0, 0));
-  picture(cv::Rect(0, 0, 16, 32)).setTo(cv::Scalar(40, 40, 40, 255));
-  const Image image = DecodeImage(EncodeAs(picture, ".png")).image;
+  cv::Mat drawn(32, 32, CV_8UC4, cv::Scalar(0, 0, 0, 0));
+  drawn(cv::Rect(0, 0, 16, 32)).setTo(cv::Scalar(40, 40, 40, 255));
+  const Image image = DecodeImage(EncodeAs(drawn, ".png")).image;
   EXPECT_EQ(At(image, 0.25, 0.5), 40);
   EXPECT_EQ(At(image, 0.75, 0.5), 255);
 }
 
 TEST(DecodeImage, SixteenBitsBecomeEight) {
-  const cv::Mat picture(32, 32, CV_16UC1, cv::Scalar(100 * 257));
-  EXPECT_EQ(At(DecodeImage(EncodeAs(picture, ".png")).image, 0.5, 0.5), 100);
+  const cv::Mat image(32, 32, CV_16UC1, cv::Scalar(100 * 257));
+  EXPECT_EQ(At(DecodeImage(EncodeAs(image, ".png")).image, 0.5, 0.5), 100);
 }
 
 TEST(DecodeImage, ColourIsRedGreenBlue) {
@@ -212,13 +212,13 @@ TEST(DecodeImage, ColourIsRedGreenBlue) {
 }
 
 TEST(EncodeImage, RoundTripsThroughPng) {
-  const Image image = DecodeImage(EncodeAs(CornerPicture(), ".png"), {.colour = true}).image;
+  const Image image = DecodeImage(EncodeAs(CornerImage(), ".png"), {.colour = true}).image;
   EXPECT_EQ(DecodeImage(EncodePng(image), {.colour = true}).image.pixels, image.pixels);
   EXPECT_EQ(ReadImageHeader(EncodeJpeg(image)).format, ImageFormat::kJpeg);
 }
 
 TEST(ResizeImage, RefusesNoSize) {
-  const Image image = DecodeImage(EncodeAs(CornerPicture(), ".png")).image;
+  const Image image = DecodeImage(EncodeAs(CornerImage(), ".png")).image;
   EXPECT_EQ(ResizeImage(image, 48, 32).pixels.size(), 48U * 32U);
   EXPECT_THROW(ResizeImage(image, 0, 32), Error);
   EXPECT_THROW(ResizeImage({}, 4, 4), Error);

@@ -7,7 +7,7 @@
 namespace pliant {
 namespace {
 
-// `places[i]` has so many key points, one pixel apart; the places are 100 pixels apart.
+// `places[i]` has so many keypoints, one pixel apart; the places are 100 pixels apart.
 Features At(const std::vector<int>& places) {
   Features features;
   for (std::size_t place = 0; place < places.size(); ++place) {
@@ -20,7 +20,7 @@ Features At(const std::vector<int>& places) {
   return features;
 }
 
-// Key point i of the query and key point i of the reference agree.
+// Keypoint i of the query and keypoint i of the reference agree.
 double Count(const Features& query, const Features& reference) {
   std::vector<MatchedPair> pairs;
   for (std::uint32_t i = 0; i < query.keypoints.size(); ++i) pairs.push_back({i, i});

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Words of pictures, made up for the tests of the inverted index and the ranking.
+// Words of images, made up for the tests of the inverted index and the ranking.
 #pragma once
 
 #include <cstdint>
@@ -55,7 +55,7 @@ inline std::vector<double> RandomCounts(std::mt19937_64& random, std::size_t wor
   return counts;
 }
 
-inline IndexedPicture Picture(std::int64_t key, std::vector<WordCount> words) {
+inline IndexedImage MakeImage(std::int64_t key, std::vector<WordCount> words) {
   return {key, 0, "id" + std::to_string(key), Counted(std::move(words))};
 }
 

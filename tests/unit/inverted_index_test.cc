@@ -69,7 +69,7 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
   std::sort(scores.rbegin(), scores.rend());
   std::set<std::string> seen;
   for (std::size_t i = 0; i < count; ++i) {
-    const RankedPicture& hit = ranking.best[i];
+    const RankedImage& hit = ranking.best[i];
     ASSERT_TRUE(truths.contains(hit.ref.version));
     EXPECT_EQ(truths.at(hit.ref.version).id, hit.ref.id);
     EXPECT_EQ(truths.at(hit.ref.version).object, hit.object);
@@ -78,7 +78,7 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
     EXPECT_NEAR(hit.score, expected.at(hit_name), 2e-6);
     EXPECT_NEAR(hit.score, scores[i], 2e-6) << "rank " << i;
     if (i > 0) {
-      const RankedPicture& before = ranking.best[i - 1];
+      const RankedImage& before = ranking.best[i - 1];
       EXPECT_TRUE(before.score > hit.score ||
                   (before.score == hit.score && before.ref.id < hit.ref.id));
     }
@@ -113,7 +113,7 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
   Truths truths;
   std::int64_t next_key = 1;
   for (int step = 0; step < 60; ++step) {
-    std::vector<IndexedPicture> added;
+    std::vector<IndexedImage> added;
     std::vector<std::int64_t> removed;
     const std::size_t adds = step % 7 == 0 ? random() % 90 : random() % 4;
     for (std::size_t i = 0; i < adds; ++i) {
@@ -137,7 +137,7 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
     removed.push_back(next_key + 1000);  // unknown: ignored
     index.Apply(std::move(added), removed);
     const auto snapshot = index.snapshot();
-    ASSERT_EQ(snapshot->pictures, truths.size());
+    ASSERT_EQ(snapshot->images, truths.size());
     if (step % 4 == 0) ExpectAllRankings(*snapshot, truths, random, words);
   }
   const auto snapshot = index.snapshot();
@@ -155,10 +155,10 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
 
 TEST(InvertedIndex, ASnapshotStaysAsItWas) {
   InvertedIndex index(ByteQuantizer(4));
-  index.Apply({Picture(1, {{0, 2}})}, {});
+  index.Apply({MakeImage(1, {{0, 2}})}, {});
   const auto before = index.snapshot();
   const std::vector<std::int64_t> removed = {1};
-  index.Apply({Picture(2, {{1, 2}})}, removed);
+  index.Apply({MakeImage(2, {{1, 2}})}, removed);
   EXPECT_EQ(before->Keys(), std::vector<std::int64_t>{1});
   EXPECT_EQ(index.snapshot()->Keys(), std::vector<std::int64_t>{2});
   EXPECT_TRUE(before->Find(1));
@@ -171,7 +171,7 @@ TEST(InvertedIndex, ThePartsStayFewAndAddingOneDoesNotCopyTheRest) {
   const IndexSegment* largest = nullptr;
   int rebuilt = 0;
   for (std::int64_t key = 1; key <= 3000; ++key) {
-    index.Apply({Picture(key, {{static_cast<std::uint32_t>(random() % 50), 1}})}, {});
+    index.Apply({MakeImage(key, {{static_cast<std::uint32_t>(random() % 50), 1}})}, {});
     const auto snapshot = index.snapshot();
     ASSERT_LE(snapshot->parts.size(), 40u);
     const auto& biggest = *std::max_element(
@@ -181,33 +181,32 @@ TEST(InvertedIndex, ThePartsStayFewAndAddingOneDoesNotCopyTheRest) {
     largest = biggest.segment.get();
   }
   EXPECT_LT(rebuilt, 12);
-  EXPECT_EQ(index.snapshot()->pictures, 3000u);
+  EXPECT_EQ(index.snapshot()->images, 3000u);
 }
 
-TEST(InvertedIndex, RemovedPicturesGiveTheirMemoryBack) {
+TEST(InvertedIndex, RemovedImagesGiveTheirMemoryBack) {
   InvertedIndex index(ByteQuantizer(1000));
   std::mt19937_64 random(4);
-  std::vector<IndexedPicture> pictures;
+  std::vector<IndexedImage> images;
   std::vector<std::int64_t> removed;
   for (std::int64_t key = 1; key <= 2000; ++key) {
-    pictures.push_back(
-        {key, 0, "id" + std::to_string(key), ToBow(RandomCounts(random, 1000, 300))});
+    images.push_back({key, 0, "id" + std::to_string(key), ToBow(RandomCounts(random, 1000, 300))});
     if (key > 20) removed.push_back(key);
   }
-  index.Apply(std::move(pictures), {});
+  index.Apply(std::move(images), {});
   const std::size_t full = index.snapshot()->memory_bytes();
   index.Apply({}, removed);
   EXPECT_LT(index.snapshot()->memory_bytes(), full / 10);
-  EXPECT_EQ(index.snapshot()->pictures, 20u);
+  EXPECT_EQ(index.snapshot()->images, 20u);
 }
 
 TEST(InvertedIndex, EachDescriptorNeedsItsCode) {
   InvertedIndex index(ByteQuantizer(10));
-  IndexedPicture picture = Picture(1, {{3, 2}});
-  picture.bow.codes.pop_back();
-  ExpectError(ErrorCode::kCorrupt, "codes_missing", [&] { index.Apply({picture}, {}); });
+  IndexedImage image = MakeImage(1, {{3, 2}});
+  image.bow.codes.pop_back();
+  ExpectError(ErrorCode::kCorrupt, "codes_missing", [&] { index.Apply({image}, {}); });
   ExpectError(ErrorCode::kInternal, "word_out_of_range",
-              [&] { index.Apply({Picture(1, {{10, 1}})}, {}); });
+              [&] { index.Apply({MakeImage(1, {{10, 1}})}, {}); });
   auto bare = std::make_shared<Vocabulary>(ByteQuantizer(10)->vocabulary());
   bare->codebook = {};
   ExpectError(ErrorCode::kInvalidArgument, "codebook_malformed",

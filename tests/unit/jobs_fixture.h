@@ -16,7 +16,7 @@
 #include "index/engine/engine.h"
 #include "index/store/open_store.h"
 #include "server/jobs/jobs.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
 

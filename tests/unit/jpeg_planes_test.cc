@@ -24,22 +24,22 @@ constexpr int kThumbnailSide = 40;
 // So smooth that an eighth of the size loses little.
 cv::Mat Colourful(int width, int height, int channels = 3) {
   std::vector<cv::Mat> planes;
-  for (int i = 0; i < channels; ++i) planes.push_back(testing::NoisePicture(width, height, 7 + i));
-  cv::Mat picture;
-  cv::merge(planes, picture);
-  cv::GaussianBlur(picture, picture, {0, 0}, 12.0);
-  cv::normalize(picture, picture, 0, 255, cv::NORM_MINMAX);
-  return picture;
+  for (int i = 0; i < channels; ++i) planes.push_back(testing::NoiseImage(width, height, 7 + i));
+  cv::Mat image;
+  cv::merge(planes, image);
+  cv::GaussianBlur(image, image, {0, 0}, 12.0);
+  cv::normalize(image, image, 0, 255, cv::NORM_MINMAX);
+  return image;
 }
 
-FileBytes Jpeg(const cv::Mat& picture, int sampling, bool progressive) {
+FileBytes Jpeg(const cv::Mat& image, int sampling, bool progressive) {
   const std::unique_ptr<void, int (*)(tjhandle)> compressor(tjInitCompress(), tjDestroy);
-  const int format = picture.channels() == 4 ? TJPF_CMYK : TJPF_BGR;
+  const int format = image.channels() == 4 ? TJPF_CMYK : TJPF_BGR;
   unsigned char* data = nullptr;
   unsigned long size = 0;
-  EXPECT_EQ(tjCompress2(compressor.get(), picture.data, picture.cols,
-                        static_cast<int>(picture.step), picture.rows, format, &data, &size,
-                        sampling, 95, progressive ? TJFLAG_PROGRESSIVE : 0),
+  EXPECT_EQ(tjCompress2(compressor.get(), image.data, image.cols, static_cast<int>(image.step),
+                        image.rows, format, &data, &size, sampling, 95,
+                        progressive ? TJFLAG_PROGRESSIVE : 0),
             0);
   FileBytes bytes(data, data + size);
   tjFree(data);

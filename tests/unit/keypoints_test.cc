@@ -11,13 +11,13 @@
 #include "descriptor/base/error.h"
 #include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant {
 namespace {
 
 Image Noise(int width, int height, std::uint64_t seed) {
-  return CopyFromMat(testing::NoisePicture(width, height, seed));
+  return CopyFromMat(testing::NoiseImage(width, height, seed));
 }
 
 TEST(DetectKeypoints, StrongestFirstAndAtMostN) {
@@ -52,12 +52,12 @@ TEST(DetectKeypoints, IsDeterministic) {
   EXPECT_EQ(DetectKeypoints(image), DetectKeypoints(image));
 }
 
-TEST(DetectKeypoints, FlatAndTinyPicturesHaveNone) {
+TEST(DetectKeypoints, FlatAndTinyImagesHaveNone) {
   EXPECT_TRUE(DetectKeypoints({100, 100, 1, std::vector<std::uint8_t>(10'000, 77)}).empty());
   EXPECT_TRUE(DetectKeypoints({1, 1, 1, {5}}).empty());
 }
 
-// The picture with its contrast divided by `divisor`.
+// The image with its contrast divided by `divisor`.
 Image Pale(Image image, int divisor) {
   for (std::uint8_t& value : image.pixels) {
     value = static_cast<std::uint8_t>(128 + (value - 128) / divisor);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Locate on key points that are placed by hand.
+// Locate on keypoints that are placed by hand.
 #include "index/verify/locate.h"
 
 #include <cmath>
@@ -16,30 +16,30 @@
 namespace pliant {
 namespace {
 
-constexpr int kPictureWidth = 400;
-constexpr int kPictureHeight = 300;
+constexpr int kImageWidth = 400;
+constexpr int kImageHeight = 300;
 
-// Two pictures of the same key points (same descriptors), placed by `place`.
+// Two images of the same keypoints (same descriptors), placed by `place`.
 Location LocatePlaced(const std::function<Vec2(Vec2)>& place,
                       const std::function<Vec2(int)>& reference) {
   constexpr int kPoints = 120;
   Features object;
-  object.width = kPictureWidth;
-  object.height = kPictureHeight;
+  object.width = kImageWidth;
+  object.height = kImageHeight;
   object.model_id = "test:1";
   object.descriptors = testing::RandomFloats(kPoints, 64, 5);
   for (int i = 0; i < kPoints; ++i) {
     const Vec2 p = reference(i);
     object.keypoints.push_back({static_cast<float>(p.x), static_cast<float>(p.y), 6});
   }
-  Features picture = object;
-  for (Keypoint& k : picture.keypoints) {
+  Features image = object;
+  for (Keypoint& k : image.keypoints) {
     const Vec2 q = place({k.x, k.y});
     k.x = static_cast<float>(q.x);
     k.y = static_cast<float>(q.y);
   }
   const LocateOptions options;
-  return Locate(Verifier(picture, options.verification), picture, object, options);
+  return Locate(Verifier(image, options.verification), image, object, options);
 }
 
 Vec2 Anywhere(int i) { return {37.0 * i - std::floor(37.0 * i / 397) * 397, i * 2.4}; }
@@ -72,8 +72,8 @@ TEST(Locate, AFoldedHalfDoesNotMakeAWildWarp) {
     EXPECT_TRUE(IsPlausible(a, b, c, d, TpsRansacOptions{}.max_anisotropy));
   }
   for (const Vec2 p : found.outline) {
-    EXPECT_GT(p.x, -kPictureWidth);
-    EXPECT_LT(p.x, 2 * kPictureWidth);
+    EXPECT_GT(p.x, -kImageWidth);
+    EXPECT_LT(p.x, 2 * kImageWidth);
   }
 }
 

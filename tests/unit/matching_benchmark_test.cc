@@ -10,19 +10,19 @@
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_folder.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::evaluation {
 namespace {
 
 using pliant::testing::ExpectError;
 
-// Pictures of one flat thing, each turned by 20 degrees more and darker.
+// Images of one flat thing, each turned by 20 degrees more and darker.
 class MatchingBenchmark : public ::testing::Test {
  protected:
   MatchingBenchmark() {
-    const cv::Mat flat = pliant::testing::NoisePicture(240, 200, 4);
+    const cv::Mat flat = pliant::testing::NoiseImage(240, 200, 4);
     for (int k = 1; k <= 3; ++k) {
       const cv::Mat turn = cv::getRotationMatrix2D({119.5F, 99.5F}, 20.0 * (k - 1), 1.0);
       cv::Mat turned;
@@ -31,13 +31,13 @@ class MatchingBenchmark : public ::testing::Test {
       Write("i_thing/" + std::to_string(k) + ".png", turned);
       if (k > 1) WriteHomography("i_thing/H_1_" + std::to_string(k), turn);
     }
-    // The same picture twice: nothing can go wrong.
+    // The same image twice: nothing can go wrong.
     Write("v_same/1.png", flat);
     Write("v_same/2.png", flat);
     pliant::testing::WriteText(folder_ / "v_same/H_1_2", "1 0 0 0 1 0 0 0 1");
   }
-  void Write(const std::string& name, const cv::Mat& picture) {
-    pliant::testing::WriteBytes(folder_ / name, pliant::testing::EncodeAs(picture, ".png"));
+  void Write(const std::string& name, const cv::Mat& image) {
+    pliant::testing::WriteBytes(folder_ / name, pliant::testing::EncodeAs(image, ".png"));
   }
   void WriteHomography(const std::string& name, const cv::Mat& affine) {
     std::string text;
@@ -62,7 +62,7 @@ class MatchingBenchmark : public ::testing::Test {
   pliant::testing::TemporaryFolder folder_;
 };
 
-TEST_F(MatchingBenchmark, FiguresOfPicturesWhoseTruthIsKnown) {
+TEST_F(MatchingBenchmark, FiguresOfImagesWhoseTruthIsKnown) {
   const MatchingReport report = RunMatchingBenchmark(
       OpenDataset(folder_.path()), Options({"sift", "rootsift", "orb", "sift+repeats"}));
   EXPECT_EQ(report.layout, Layout::kHomography);
@@ -92,9 +92,9 @@ TEST_F(MatchingBenchmark, FiguresOfPicturesWhoseTruthIsKnown) {
               (2 * report.groups[0].results[0].ms + report.groups[1].results[0].ms) / 3, 1e-12);
 }
 
-// Key points of the enlarged picture are described there and placed in the picture's own pixels:
+// Keypoints of the enlarged image are described there and placed in the image's own pixels:
 // described or placed elsewhere, they would match wrongly.
-TEST_F(MatchingBenchmark, EnlargedPicturesGiveMoreRightMatches) {
+TEST_F(MatchingBenchmark, EnlargedImagesGiveMoreRightMatches) {
   const Dataset dataset = OpenDataset(folder_.path());
   MatchingOptions options = Options({"sift", "rootsift"});
   const MatchingReport plain = RunMatchingBenchmark(dataset, options);
@@ -108,7 +108,7 @@ TEST_F(MatchingBenchmark, EnlargedPicturesGiveMoreRightMatches) {
     EXPECT_GT(after.correct_matches, before.correct_matches) << after.label;
     EXPECT_GT(after.mma, 0.85) << after.label;
   }
-  EXPECT_DOUBLE_EQ(enlarged.groups[1].results[0].ms, 1) << "a picture and itself";
+  EXPECT_DOUBLE_EQ(enlarged.groups[1].results[0].ms, 1) << "an image and itself";
 }
 
 TEST_F(MatchingBenchmark, TheRatioToSiftNeedsNoSiftInTheTable) {

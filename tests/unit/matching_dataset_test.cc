@@ -13,7 +13,7 @@
 #include "descriptor/simulation/scene_file.h"
 #include "descriptor/simulation/scene_folder.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::evaluation {
 namespace {
@@ -36,9 +36,9 @@ class MatchingDataset : public ::testing::Test {
   void WriteTextFile(const std::string& name, const std::string& text) {
     pliant::testing::WriteText(folder_ / name, text);
   }
-  void WritePicture(const std::string& name, const cv::Mat& picture) {
+  void WriteImage(const std::string& name, const cv::Mat& image) {
     fs::create_directories((folder_ / name).parent_path());
-    ASSERT_TRUE(cv::imwrite((folder_ / name).string(), picture));
+    ASSERT_TRUE(cv::imwrite((folder_ / name).string(), image));
   }
   pliant::testing::TemporaryFolder folder_;
 };
@@ -70,12 +70,12 @@ std::optional<Vec2> Projected(const simulation::Scene& scene, int x, int y) {
 // The truth read from disk agrees with the grid of vertices, which it does not use.
 void ExpectTruthOf(const simulation::Scene& scene, TruthScene& truth) {
   ASSERT_EQ(truth.views(), static_cast<int>(scene.views.size()));
-  const Image& picture = truth.Picture(0);
+  const Image& image = truth.ViewImage(0);
   int seen = 0, near = 0;
-  for (int y = 0; y < picture.height; y += 2) {
-    for (int x = 0; x < picture.width; x += 2) {
+  for (int y = 0; y < image.height; y += 2) {
+    for (int x = 0; x < image.width; x += 2) {
       const Vec2 place{static_cast<double>(x), static_cast<double>(y)};
-      const bool on = scene.views[0].chart[static_cast<std::size_t>(y * picture.width + x)] != 255;
+      const bool on = scene.views[0].chart[static_cast<std::size_t>(y * image.width + x)] != 255;
       EXPECT_EQ(truth.OnObject(0, place), on);
       const std::optional<Vec2> mapped = truth.Map(0, place, 1);
       EXPECT_TRUE(on || !mapped);
@@ -99,7 +99,7 @@ TEST_F(MatchingDataset, TensorScenesHaveTheSimulatorsTruth) {
   ASSERT_EQ(dataset.scenes.size(), 1U);
   EXPECT_EQ(dataset.scenes[0].pairs.size(), 3U);  // 0-1, 0-2, 1-2
   const auto truth = dataset.scenes[0].load();
-  EXPECT_EQ(truth->Picture(2).pixels, scene.views[2].image.pixels);
+  EXPECT_EQ(truth->ViewImage(2).pixels, scene.views[2].image.pixels);
   ExpectTruthOf(scene, *truth);
 }
 
@@ -110,9 +110,9 @@ TEST_F(MatchingDataset, FoldersHaveTheSimulatorsTruth) {
   EXPECT_EQ(dataset.layout, Layout::kFolders);
   ASSERT_EQ(dataset.scenes.size(), 1U);
   const auto truth = dataset.scenes[0].load();
-  EXPECT_EQ(truth->Picture(0).channels, 1);
+  EXPECT_EQ(truth->ViewImage(0).channels, 1);
   ExpectTruthOf(scene, *truth);
-  // Two pictures alone are enough to know it.
+  // Two images alone are enough to know it.
   const fs::path inside = folder_ / "scene_000001";
   const auto pair = FindTruth(inside / "view_00.png", inside / "view_01.png");
   ASSERT_TRUE(pair);
@@ -144,7 +144,7 @@ TEST_F(MatchingDataset, SweepsStartFromTheReferenceAndKnowTheirValues) {
 
 TEST_F(MatchingDataset, HomographiesOfHPatches) {
   for (int k = 1; k <= 3; ++k)
-    WritePicture("v_wall/" + std::to_string(k) + ".ppm", cv::Mat(80, 100, CV_8UC3, {9, 9, 9}));
+    WriteImage("v_wall/" + std::to_string(k) + ".ppm", cv::Mat(80, 100, CV_8UC3, {9, 9, 9}));
   WriteTextFile("v_wall/H_1_2", "1 0 10\n0 1 5\n0 0 1\n");
   WriteTextFile("v_wall/H_1_3", "0.5 0 0\n0 0.5 0\n0 0 1\n");
   const Dataset dataset = OpenDataset(folder_.path());
@@ -154,7 +154,7 @@ TEST_F(MatchingDataset, HomographiesOfHPatches) {
   EXPECT_EQ(dataset.scenes[0].pairs[0].group, "viewpoint");
   const auto truth = dataset.scenes[0].load();
   EXPECT_EQ(truth->Map(0, {20, 30}, 1), (Vec2{30, 35}));
-  EXPECT_EQ(truth->Map(1, {30, 35}, 2), (Vec2{10, 15}));  // through the first picture
+  EXPECT_EQ(truth->Map(1, {30, 35}, 2), (Vec2{10, 15}));  // through the first image
   EXPECT_FALSE(truth->Map(0, {95, 30}, 1));               // leaves the frame
   EXPECT_TRUE(truth->Counts(0, {20, 30}, 1));
   EXPECT_FALSE(truth->Counts(0, {95, 30}, 1));
@@ -163,7 +163,7 @@ TEST_F(MatchingDataset, HomographiesOfHPatches) {
 
 TEST_F(MatchingDataset, OxfordNamesAreReadToo) {
   for (const char* name : {"img1.png", "img2.png"})
-    WritePicture(std::string("graf/") + name, cv::Mat(80, 100, CV_8UC1, {9}));
+    WriteImage(std::string("graf/") + name, cv::Mat(80, 100, CV_8UC1, {9}));
   WriteTextFile("graf/H1to2p", "1 0 10 0 1 5 0 0 1");
   const Dataset dataset = OpenDataset(folder_ / "graf");
   ASSERT_EQ(dataset.scenes.size(), 1U);
@@ -171,7 +171,7 @@ TEST_F(MatchingDataset, OxfordNamesAreReadToo) {
   EXPECT_EQ(dataset.scenes[0].load()->Map(0, {20, 30}, 1), (Vec2{30, 35}));
 }
 
-// The object is the whole left part of each picture; in the second it is shifted by (7, -4).
+// The object is the whole left part of each image; in the second it is shifted by (7, -4).
 TEST_F(MatchingDataset, NonRigidBenchmark) {
   for (int view = 0; view < 2; ++view) {
     const std::string stem = "sequence_000/scenario_00" + std::to_string(view) + "/";
@@ -186,10 +186,10 @@ TEST_F(MatchingDataset, NonRigidBenchmark) {
         mask.at<std::uint8_t>(y, x) = 255;
       }
     }
-    WritePicture(stem + "rgba_00000.png", cv::Mat(90, 120, CV_8UC4, {1, 2, 3, 255}));
-    WritePicture(stem + "uv_00000.png", uv);
-    WritePicture(stem + "bgmask_00000.png", mask);
-    WritePicture(stem + "segmentation_00000.png", cv::Mat(90, 120, CV_8UC1, {5}));
+    WriteImage(stem + "rgba_00000.png", cv::Mat(90, 120, CV_8UC4, {1, 2, 3, 255}));
+    WriteImage(stem + "uv_00000.png", uv);
+    WriteImage(stem + "bgmask_00000.png", mask);
+    WriteImage(stem + "segmentation_00000.png", cv::Mat(90, 120, CV_8UC1, {5}));
   }
   WriteTextFile("selected_pairs.json",
                 R"({"deformation_1": [["/sequence_000/scenario_000/rgba_00000.png",
@@ -223,9 +223,9 @@ TEST_F(MatchingDataset, FaultsAreNamed) {
   ExpectError(ErrorCode::kCorrupt, "dataset_corrupt", open);
   fs::remove_all(folder_ / "a");
   WriteTextFile("b/H_1_2", "1 0 0 0 1 0 0 0 1");
-  ExpectError(ErrorCode::kCorrupt, "dataset_corrupt", open);  // no pictures
-  WritePicture("b/1.png", cv::Mat(40, 40, CV_8UC1, {1}));
-  WritePicture("b/2.png", cv::Mat(40, 40, CV_8UC1, {1}));
+  ExpectError(ErrorCode::kCorrupt, "dataset_corrupt", open);  // no images
+  WriteImage("b/1.png", cv::Mat(40, 40, CV_8UC1, {1}));
+  WriteImage("b/2.png", cv::Mat(40, 40, CV_8UC1, {1}));
   const auto load = [this] { OpenDataset(folder_.path()).scenes[0].load(); };
   load();
   for (const char* wrong : {"1 0 0 0 1 0", "1 0 0 0 1 0 0 0 1 7", "1 0 0 0 1 0 0 0 1 x"}) {
@@ -239,8 +239,8 @@ TEST_F(MatchingDataset, FaultsAreNamed) {
   ExpectError(ErrorCode::kCorrupt, "dataset_corrupt", open);
 }
 
-TEST_F(MatchingDataset, NoTruthIsKnownOfAnyTwoPictures) {
-  WritePicture("a.png", cv::Mat(40, 40, CV_8UC1, {1}));
+TEST_F(MatchingDataset, NoTruthIsKnownOfAnyTwoImages) {
+  WriteImage("a.png", cv::Mat(40, 40, CV_8UC1, {1}));
   EXPECT_EQ(FindTruth(folder_ / "a.png", folder_ / "a.png"), nullptr);
 }
 

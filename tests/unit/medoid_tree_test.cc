@@ -21,7 +21,7 @@ using testing::PlainDistance;
 using testing::RandomBits;
 using testing::RandomFloats;
 
-// Descriptors in clusters, as those of pictures are.
+// Descriptors in clusters, as those of images are.
 Descriptors Clustered(std::size_t rows, bool binary, std::uint64_t seed) {
   const std::size_t centres = 40;
   const Descriptors middle = binary ? RandomBits(centres, 16, 77) : RandomFloats(centres, 8, 77);

@@ -19,10 +19,10 @@ namespace {
 
 using std::chrono_literals::operator""s;
 
-// What the store holds; every collection has the pictures of its vocabulary.
+// What the store holds; every collection has the images of its vocabulary.
 struct Content {
   std::vector<CollectionState> collections;
-  std::map<Key, std::vector<IndexedPicture>> pictures;  // by vocabulary
+  std::map<Key, std::vector<IndexedImage>> images;  // by vocabulary
   FeedPosition position;
   std::vector<std::pair<std::int64_t, std::int64_t>> removals;  // number, version
   std::int64_t forgotten = 0;                                   // removals up to this number
@@ -88,14 +88,14 @@ class FakeView : public FeedView {
     result->model_id = "m";
     return result;
   }
-  std::uint64_t CountPictures(Key) override { return 0; }
-  void ForEachPicture(Key vocabulary, std::size_t, std::int64_t after, std::size_t,
-                      const std::function<void(std::vector<IndexedPicture>)>& work) override {
+  std::uint64_t CountImages(Key) override { return 0; }
+  void ForEachImage(Key vocabulary, std::size_t, std::int64_t after, std::size_t,
+                    const std::function<void(std::vector<IndexedImage>)>& work) override {
     if (vocabulary == content_.unreadable) {
       throw Error(ErrorCode::kUnavailable, "database_unavailable", "it is gone");
     }
-    for (const IndexedPicture& picture : content_.pictures[vocabulary]) {
-      if (picture.key > after) work({picture});  // each a chunk
+    for (const IndexedImage& image : content_.images[vocabulary]) {
+      if (image.key > after) work({image});  // each a chunk
     }
   }
 
@@ -129,18 +129,18 @@ class FakeFeed : public ChangeFeed {
   Gate& gate_;
 };
 
-IndexedPicture Picture(std::int64_t key, const std::string& id) {
-  IndexedPicture picture;
-  picture.key = key;
-  picture.id = id;
-  picture.bow.words = {{1, 2}};
-  picture.bow.total = 2;
-  picture.bow.codes = {3, 4};
-  return picture;
+IndexedImage MakeImage(std::int64_t key, const std::string& id) {
+  IndexedImage image;
+  image.key = key;
+  image.id = id;
+  image.bow.words = {{1, 2}};
+  image.bow.total = 2;
+  image.bow.codes = {3, 4};
+  return image;
 }
 
 void ReplaceP2(Content& c) {
-  c.pictures[10] = {Picture(1, "p1"), Picture(4, "p2")};
+  c.images[10] = {MakeImage(1, "p1"), MakeImage(4, "p2")};
   c.removals = {{1, 2}};
   c.position = {4, 1};
 }
@@ -152,20 +152,20 @@ class MemoryRankerTest : public ::testing::Test {
     feed_ = feed.get();
     feed_->Commit([](Content& c) {
       c.collections = {{1, "a", 10, 0}, {2, "b", 20, 0}};
-      c.pictures[10] = {Picture(1, "p1"), Picture(2, "p2")};
-      c.pictures[11] = {Picture(1, "p1"), Picture(2, "p2")};
-      c.pictures[20] = {Picture(3, "q")};
+      c.images[10] = {MakeImage(1, "p1"), MakeImage(2, "p2")};
+      c.images[11] = {MakeImage(1, "p1"), MakeImage(2, "p2")};
+      c.images[20] = {MakeImage(3, "q")};
       c.position = {3, 0};
     });
     ranker_ = std::make_unique<MemoryRanker>(std::move(feed));
   }
-  // Of a collection's pictures, what a search finds.
+  // Of a collection's images, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
     const Bow bow{{{1, 1}}, 1, {}};
     RankOptions options;
     options.method = RankMethod::kHistogram;
     std::vector<std::int64_t> versions;
-    for (const RankedPicture& p : ranker_->Rank(view, {Features{}, bow}, options).best) {
+    for (const RankedImage& p : ranker_->Rank(view, {Features{}, bow}, options).best) {
       EXPECT_EQ(p.ref.collection, view.collection);
       versions.push_back(p.ref.version);
     }
@@ -188,7 +188,7 @@ TEST_F(MemoryRankerTest, FollowsWhatIsCommitted) {
   EXPECT_EQ(Versions("b"), (Found{3}));
   testing::ExpectError(ErrorCode::kNotFound, "collection_not_found", [&] { ranker_->View("c"); });
   feed_->Commit([](Content& c) {
-    c.pictures[10] = {Picture(4, "p2")};
+    c.images[10] = {MakeImage(4, "p2")};
     c.forgotten = c.position.removal = 9;
   });
   EXPECT_EQ(Versions("a"), (Found{4})) << "what was forgotten is loaded anew";
@@ -198,7 +198,7 @@ TEST_F(MemoryRankerTest, WhatCouldNotBeFollowedIsFollowedLater) {
   EXPECT_EQ(Versions("a"), (Found{1, 2}));
   EXPECT_EQ(Versions("b"), (Found{3}));
   feed_->Commit([](Content& c) {
-    for (const Key v : {10, 20}) c.pictures[v].push_back(Picture(4 + v, "z"));
+    for (const Key v : {10, 20}) c.images[v].push_back(MakeImage(4 + v, "z"));
     c.position = {24, 0};
     c.unreadable = 20;
   });
@@ -235,9 +235,9 @@ TEST_F(MemoryRankerTest, SearchesGoOnWhileAVocabularyIsLoaded) {
     EXPECT_EQ(ranker_->View("a").vocabulary, 10) << "the state before";
     EXPECT_EQ(ranker_->View("b").vocabulary, 20);
     feed_->Commit([](Content& c) {  // p1 goes, and q gets a neighbour
-      for (const Key v : {10, 11}) std::erase_if(c.pictures[v], [](auto& p) { return p.key == 1; });
+      for (const Key v : {10, 11}) std::erase_if(c.images[v], [](auto& p) { return p.key == 1; });
       c.removals = {{1, 1}};
-      c.pictures[20].push_back(Picture(5, "r"));
+      c.images[20].push_back(MakeImage(5, "r"));
       c.position = {5, 1};
     });
     EXPECT_EQ(Versions("a"), (Found{2})) << "what is removed is gone at once";
@@ -271,7 +271,7 @@ TEST_F(MemoryRankerTest, WhatIsPreparedIsNotLoadedAgain) {
   gate_.Hold(11);  // whoever loads it now hangs
   feed_->Commit([](Content& c) {
     c.collections[0].vocabulary = 11;
-    c.pictures[11].push_back(Picture(6, "late"));
+    c.images[11].push_back(MakeImage(6, "late"));
     c.position = {6, 0};
   });
   auto writer = std::async(std::launch::async, [&] { ranker_->Follow(); });
@@ -284,10 +284,10 @@ TEST_F(MemoryRankerTest, WhatIsPreparedIsNotLoadedAgain) {
 }
 
 TEST_F(MemoryRankerTest, AnErrorWhileLoadingIsThrownAndForgotten) {
-  feed_->Commit([](Content& c) { c.pictures[10][0].bow.words = {{99, 1}}; });  // no such word
+  feed_->Commit([](Content& c) { c.images[10][0].bow.words = {{99, 1}}; });  // no such word
   EXPECT_THROW(ranker_->View("a"), std::exception);
   EXPECT_EQ(Versions("b"), (Found{3}));
-  feed_->Commit([](Content& c) { c.pictures[10][0] = Picture(1, "p1"); });
+  feed_->Commit([](Content& c) { c.images[10][0] = MakeImage(1, "p1"); });
   EXPECT_EQ(Versions("a"), (Found{1, 2}));
 }
 

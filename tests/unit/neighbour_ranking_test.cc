@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Ranking by nearest neighbours against a brute-force oracle, while pictures come and go.
+// Ranking by nearest neighbours against a brute-force oracle, while images come and go.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -77,7 +77,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     return GetParam() ? RandomBits(random_, rows) : RandomUnit(random_, rows);
   }
 
-  IndexedPicture Make(std::int64_t key, Descriptors descriptors, std::int64_t object) {
+  IndexedImage Make(std::int64_t key, Descriptors descriptors, std::int64_t object) {
     Stored& stored = truth_[key];
     stored.words = quantizer_->Assign(descriptors);
     stored.descriptors = std::move(descriptors);
@@ -117,7 +117,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       double vote = 0;
       std::size_t x = 0;
     };
-    std::map<std::int64_t, std::map<std::size_t, std::vector<double>>> votes;  // picture, x
+    std::map<std::int64_t, std::map<std::size_t, std::vector<double>>> votes;  // image, x
     double most = 0;
     double voices = 0;
     const auto cells = quantizer_->NearestWords(query, kCells);
@@ -150,9 +150,9 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     }
     std::map<std::int64_t, double> scores;
     const double root = std::sqrt(std::max(8.0, voices));
-    for (auto& [key, of_picture] : votes) {
+    for (auto& [key, of_image] : votes) {
       double sum = 0;
-      for (auto& [x, of_code] : of_picture) {
+      for (auto& [x, of_code] : of_image) {
         std::sort(of_code.rbegin(), of_code.rend());
         for (std::size_t i = 0; i < of_code.size(); ++i)
           sum += of_code[i] / static_cast<double>(i + 1);
@@ -174,8 +174,8 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     // A vote near 0 may fall on either side by rounding.
     EXPECT_NEAR(static_cast<double>(ranking.total), static_cast<double>(expected.size()), 1);
     for (std::size_t i = 0; i < ranking.best.size(); ++i) {
-      const RankedPicture& hit = ranking.best[i];
-      EXPECT_NEAR(hit.score, expected[hit.ref.version], 1e-4) << "picture " << hit.ref.version;
+      const RankedImage& hit = ranking.best[i];
+      EXPECT_NEAR(hit.score, expected[hit.ref.version], 1e-4) << "image " << hit.ref.version;
       EXPECT_TRUE(i == 0 || ranking.best[i - 1].score >= hit.score);
     }
   }
@@ -188,11 +188,11 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
 INSTANTIATE_TEST_SUITE_P(Kinds, NeighbourRankingTest, ::testing::Bool(),
                          [](const auto& kind) { return kind.param ? "Binary" : "Floats"; });
 
-TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhilePicturesComeAndGo) {
+TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhileImagesComeAndGo) {
   const Descriptors query = Random(40);
   std::int64_t next = 1;
   for (int step = 0; step < 30; ++step) {
-    std::vector<IndexedPicture> added;
+    std::vector<IndexedImage> added;
     for (std::uint64_t i = 0; i < 1 + random_() % 4; ++i) {
       const bool is_near = random_() % 3 == 0;
       Descriptors own = is_near ? Near(random_, query, 0.1) : Random(5 + random_() % 60);
@@ -205,7 +205,7 @@ TEST_P(NeighbourRankingTest, AgreesWithTheOracleWhilePicturesComeAndGo) {
       removed.push_back(gone->first);
       truth_.erase(gone);
     }
-    std::erase_if(added, [&](const IndexedPicture& p) { return !truth_.contains(p.key); });
+    std::erase_if(added, [&](const IndexedImage& p) { return !truth_.contains(p.key); });
     index_->Apply(std::move(added), removed);
     RankOptions options;
     options.threads = 1 + step % 2;
@@ -232,7 +232,7 @@ TEST_P(NeighbourRankingTest, VotesCountWhatTheirWeightsSay) {
     const std::vector<float> equal(query.rows, weight);
     std::map<std::int64_t, double> all;
     const RankOptions options;
-    for (const RankedPicture& hit :
+    for (const RankedImage& hit :
          RankByNeighbours(*index_->snapshot(), *quantizer_, {query, equal}, options).best) {
       all[hit.ref.version] = hit.score;
     }
@@ -240,7 +240,7 @@ TEST_P(NeighbourRankingTest, VotesCountWhatTheirWeightsSay) {
   };
   const auto whole = scores(1);
   for (const auto& [key, score] : scores(0.5F)) {
-    EXPECT_NEAR(score, std::min(1.0, whole.at(key) / std::sqrt(2)), 1e-5) << "picture " << key;
+    EXPECT_NEAR(score, std::min(1.0, whole.at(key) / std::sqrt(2)), 1e-5) << "image " << key;
   }
 }
 
@@ -259,7 +259,7 @@ TEST_P(NeighbourRankingTest, ACopyIsFirstAndScoresNearOne) {
 
 // One that is stored several times, or the first of a small collection, makes up the vocabulary:
 // its descriptors are at no distance from their words.
-TEST_P(NeighbourRankingTest, APictureOfWordsIsFound) {
+TEST_P(NeighbourRankingTest, AnImageOfWordsIsFound) {
   for (std::int64_t key = 1; key <= 5; ++key) index_->Apply({Make(key, Random(50), 0)}, {});
   const Descriptors words = quantizer_->vocabulary().words;
   index_->Apply({Make(6, words, 0), Make(7, words, 0)}, {});
@@ -275,10 +275,10 @@ TEST_P(NeighbourRankingTest, AQueryWithoutDescriptorsFindsNothing) {
   EXPECT_EQ(RankByNeighbours(*index_->snapshot(), *quantizer_, {Random(0)}, {}).total, 0U);
 }
 
-TEST_P(NeighbourRankingTest, PicturesWithoutCodesAreRefused) {
-  IndexedPicture picture = Make(1, Random(10), 0);
-  picture.bow.codes.pop_back();
-  EXPECT_ANY_THROW(index_->Apply({picture}, {}));
+TEST_P(NeighbourRankingTest, ImagesWithoutCodesAreRefused) {
+  IndexedImage image = Make(1, Random(10), 0);
+  image.bow.codes.pop_back();
+  EXPECT_ANY_THROW(index_->Apply({image}, {}));
 }
 
 }  // namespace

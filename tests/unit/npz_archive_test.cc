@@ -14,7 +14,7 @@
 
 #include "index/files/features_npz.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::testing {
 namespace {
@@ -106,7 +106,7 @@ TEST(NpzArchiveTest, NoValuesAmongOthers) {
   NpzArchive archive(file.write());
   const std::array<std::int64_t, 1> eight = {8};
   const std::size_t array = archive.Declare("a", "|u1", eight);
-  archive.Append(array, {});  // of a picture without key points
+  archive.Append(array, {});  // of an image without keypoints
   archive.Append(array, std::string(8, '\7'));
   archive.Append(array, {});
   archive.Finish();
@@ -126,7 +126,7 @@ TEST(NpzArchiveTest, AsManyValuesAsWereDeclared) {
               [&] { many.Append(array, std::string(17, '\0')); });
 }
 
-TEST(NpzArchiveTest, FeaturesOfNoPicture) {
+TEST(NpzArchiveTest, FeaturesOfNoImage) {
   const TemporaryFolder folder;
   SparseFile file(folder / "a.npz");
   FeatureTotals totals;

@@ -13,7 +13,7 @@
 
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::testing {
 

@@ -10,13 +10,13 @@
 #include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/image/cv_image.h"
-#include "tests/unit/picture_files.h"
+#include "tests/unit/image_files.h"
 
 namespace pliant {
 namespace {
 
 std::vector<std::uint8_t> NoiseFile(int width, int height, std::uint64_t seed) {
-  return testing::EncodeAs(testing::NoisePicture(width, height, seed), ".png");
+  return testing::EncodeAs(testing::NoiseImage(width, height, seed), ".png");
 }
 
 FeatureExtractor Extractor(const ExtractionOptions& options = {}) {
@@ -34,7 +34,7 @@ int Shared(const std::vector<Keypoint>& few, const std::vector<Keypoint>& many) 
   }));
 }
 
-TEST(Region, IsScaledAroundThePicturesCornerAndNotItsFirstPixelsCentre) {
+TEST(Region, IsScaledAroundTheImagesCornerAndNotItsFirstPixelsCentre) {
   const Region half = Scaled({-0.5, 9.5, 100, 20}, 0.5);
   EXPECT_DOUBLE_EQ(half.x, -0.5);
   EXPECT_DOUBLE_EQ(half.y, 4.5);
@@ -73,21 +73,21 @@ TEST(DecodePart, IsNoLargerThanAskedForAndDecodesOnceWhereThatIsEnough) {
   };
   const auto bytes = NoiseFile(2000, 1000, 2);
   const auto half = DecodePart(bytes, {0, 0, 1000, 1000}, 512, counting, {});
-  EXPECT_EQ(decoded, 1) << "the whole picture is decoded that large already";
+  EXPECT_EQ(decoded, 1) << "the whole image is decoded that large already";
   EXPECT_DOUBLE_EQ(half->decoded.scale, 0.512);
   EXPECT_EQ(half->decoded.image.width, 512 + 64);
   EXPECT_EQ(half->decoded.image.height, 512);
   const auto more = DecodePart(bytes, {0, 0, 1000, 1000}, 800, counting, {.thumbnail_side_px = 64});
   EXPECT_EQ(decoded, 3);
   EXPECT_DOUBLE_EQ(more->decoded.scale, 0.8);
-  EXPECT_EQ(more->decoded.thumbnail.width, 64) << "of the whole picture";
+  EXPECT_EQ(more->decoded.thumbnail.width, 64) << "of the whole image";
   // One that is never enlarged.
   const auto small = DecodePart(NoiseFile(100, 80, 3), {10, 10, 20, 20}, 1024, counting, {});
   EXPECT_EQ(decoded, 4);
   EXPECT_EQ(small->decoded.scale, 1);
 }
 
-TEST(DecodePart, TheWholePictureHasALimitOfItsOwn) {
+TEST(DecodePart, TheWholeImageHasALimitOfItsOwn) {
   const auto bytes = NoiseFile(6000, 20, 4);
   const auto view = DecodePart(bytes, {100, 0, 50, 20}, 1024, DecodeImage, {});
   EXPECT_NEAR(view->decoded.scale, 4096.0 / 6000, 1e-3);
@@ -115,7 +115,7 @@ TEST(DecodePart, CutsOffWhatLiesOutside) {
   EXPECT_DOUBLE_EQ(corner->inside.x + corner->inside.width, 300 - 186 - 0.5);
 }
 
-TEST(ExtractPart, SeesWhatTheWholePictureSeesThereAndMore) {
+TEST(ExtractPart, SeesWhatTheWholeImageSeesThereAndMore) {
   const auto bytes = NoiseFile(800, 600, 6);
   ExtractionOptions options;
   options.keypoints.max_keypoints = 300;
@@ -136,7 +136,7 @@ TEST(ExtractPart, SeesWhatTheWholePictureSeesThereAndMore) {
   EXPECT_GT(Shared(there, seen.keypoints), static_cast<int>(there.size()) * 9 / 10);
 }
 
-TEST(ExtractPart, LargePicturesShowMoreInAPart) {
+TEST(ExtractPart, LargeImagesShowMoreInAPart) {
   const auto bytes = NoiseFile(2400, 1600, 7);
   const Region part{2000, 1200, 300, 300};
   ExtractionOptions options;

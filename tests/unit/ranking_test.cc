@@ -25,17 +25,17 @@ RankOptions Best(std::size_t keep, GroupBy group_by = GroupBy::kImage) {
   return options;
 }
 
-TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
+TEST(Ranking, EqualImagesComeInOrderOfTheirIds) {
   InvertedIndex index(ByteQuantizer(300));
-  std::vector<IndexedPicture> pictures;
+  std::vector<IndexedImage> images;
   for (std::int64_t key = 1; key <= 200; ++key) {
-    pictures.push_back(Picture(key, {{0, 3}, {7, 300}, {9, 1}}));
-    pictures.back().id = "id" + std::to_string(1000 + (key * 37) % 200);
+    images.push_back(MakeImage(key, {{0, 3}, {7, 300}, {9, 1}}));
+    images.back().id = "id" + std::to_string(1000 + (key * 37) % 200);
   }
   // One by one and all at once: other segments, same scores to the last bit.
   InvertedIndex one_by_one(ByteQuantizer(300));
-  for (const IndexedPicture& picture : pictures) one_by_one.Apply({picture}, {});
-  index.Apply(pictures, {});
+  for (const IndexedImage& image : images) one_by_one.Apply({image}, {});
+  index.Apply(images, {});
   for (const InvertedIndex* each : {&index, &one_by_one}) {
     const Ranking ranking =
         RankByHistogram(*each->snapshot(), Counted({{0, 1}, {7, 5}, {200, 2}}), Best(50));
@@ -47,10 +47,10 @@ TEST(Ranking, EqualPicturesComeInOrderOfTheirIds) {
   }
 }
 
-TEST(Ranking, ItselfIsOneAndEveryPictureIsAHit) {
+TEST(Ranking, ItselfIsOneAndEveryImageIsAHit) {
   InvertedIndex index(ByteQuantizer(100));
-  const IndexedPicture a = Picture(1, {{0, 3}, {7, 4000}, {9, 1}});
-  index.Apply({a, Picture(2, {{50, 3}})}, {});
+  const IndexedImage a = MakeImage(1, {{0, 3}, {7, 4000}, {9, 1}});
+  index.Apply({a, MakeImage(2, {{50, 3}})}, {});
   const Ranking ranking = RankByHistogram(*index.snapshot(), a.bow, Best(0));
   ASSERT_EQ(ranking.best.size(), 2u);
   EXPECT_EQ(ranking.best[0].ref.version, 1);
@@ -60,9 +60,9 @@ TEST(Ranking, ItselfIsOneAndEveryPictureIsAHit) {
   EXPECT_EQ(RankByHistogram(*index.snapshot(), a.bow, strict).total, 1u);
 }
 
-TEST(Ranking, ASinglePictureAnswers) {
+TEST(Ranking, ASingleImageAnswers) {
   InvertedIndex index(ByteQuantizer(10));
-  index.Apply({Picture(1, {{3, 2}})}, {});
+  index.Apply({MakeImage(1, {{3, 2}})}, {});
   const Ranking ranking = RankByHistogram(*index.snapshot(), Counted({{3, 1}}), Best(0));
   ASSERT_EQ(ranking.best.size(), 1u);
   EXPECT_NEAR(ranking.best[0].score, 1, 1e-6);
@@ -71,11 +71,11 @@ TEST(Ranking, ASinglePictureAnswers) {
 TEST(Ranking, ThreadsChangeNothing) {
   std::mt19937_64 random(8);
   InvertedIndex index(ByteQuantizer(400));
-  std::vector<IndexedPicture> pictures;
+  std::vector<IndexedImage> images;
   for (std::int64_t key = 1; key <= 12000; ++key) {
-    pictures.push_back({key, static_cast<std::int64_t>(random() % 500), "id" + std::to_string(key),
-                        ToBow(RandomCounts(random, 400, 60))});
-    if (pictures.size() == 3000) index.Apply(std::exchange(pictures, {}), {});
+    images.push_back({key, static_cast<std::int64_t>(random() % 500), "id" + std::to_string(key),
+                      ToBow(RandomCounts(random, 400, 60))});
+    if (images.size() == 3000) index.Apply(std::exchange(images, {}), {});
   }
   const Bow query = ToBow(RandomCounts(random, 400, 400));
   RankOptions options = Best(100, GroupBy::kObject);
@@ -100,7 +100,7 @@ TEST(Ranking, CandidatesAndTheRestAreThePlainRankingInTwo) {
   }
   const auto snapshot = index.snapshot();
   const Bow query = ToBow(RandomCounts(random, 150, 100));
-  const std::vector<RankedPicture> all = RankByHistogram(*snapshot, query, Best(0)).best;
+  const std::vector<RankedImage> all = RankByHistogram(*snapshot, query, Best(0)).best;
   ASSERT_EQ(all.size(), 250U);
   for (const std::size_t depth : {1U, 17U, 100U, 10'000U}) {
     for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {

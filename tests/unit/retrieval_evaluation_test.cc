@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {
@@ -29,7 +29,7 @@ class RetrievalEvaluationTest : public ::testing::Test {
  protected:
   static constexpr int kObjects = 6;
 
-  // oN/ref.png, its view, and a picture that shows something else but is said to show oN.
+  // oN/ref.png, its view, and an image that shows something else but is said to show oN.
   RetrievalEvaluationTest() {
     for (std::uint64_t i = 1; i <= kObjects; ++i) {
       const std::string folder = "set/o" + std::to_string(i);
@@ -52,12 +52,12 @@ class RetrievalEvaluationTest : public ::testing::Test {
     engine_options.descriptor = "rootsift";
     Engine engine(engine_options);
     const RetrievalSet set = Set();
-    for (const RetrievalPicture& picture : set.pictures) {
-      if (!picture.is_searched) continue;
+    for (const RetrievalImage& image : set.images) {
+      if (!image.is_searched) continue;
       AddRequest request;
-      const auto bytes = ReadBytes(picture.path);
+      const auto bytes = ReadBytes(image.path);
       request.bytes = bytes;
-      request.object = picture.object;
+      request.object = image.object;
       engine.Add(request);
     }
     search.group_by = GroupBy::kImage;
@@ -68,12 +68,12 @@ class RetrievalEvaluationTest : public ::testing::Test {
       train.words = words;
       train.seed = seed;
       engine.UseVocabulary(kDefaultCollection, engine.TrainVocabulary(train).id);
-      for (const RetrievalPicture& picture : set.pictures) {
-        if (!picture.is_query) continue;
+      for (const RetrievalImage& image : set.images) {
+        if (!image.is_query) continue;
         RetrievalAnswer answer{{}, 2};
-        const auto bytes = ReadBytes(picture.path);
+        const auto bytes = ReadBytes(image.path);
         for (const Hit& hit : engine.Search(bytes, search).hits)
-          answer.right.push_back(hit.object == picture.object);
+          answer.right.push_back(hit.object == image.object);
         all.push_back(MeasureAnswer(answer));
       }
     }
@@ -94,7 +94,7 @@ TEST_F(RetrievalEvaluationTest, EveryProtocolGivesWhatTheEngineGives) {
   options_.protocols = {RetrievalProtocol::kPaper, RetrievalProtocol::kDefault,
                         RetrievalProtocol::kUnverified};
   const RetrievalReport report = EvaluateRetrieval(Set(), options_);
-  EXPECT_EQ(report.pictures, 2U * kObjects);
+  EXPECT_EQ(report.images, 2U * kObjects);
   EXPECT_EQ(report.queries, 1U * kObjects);
   EXPECT_EQ(report.objects, 1U * kObjects);
   EXPECT_EQ(report.distractors, 0U);
@@ -116,8 +116,8 @@ TEST_F(RetrievalEvaluationTest, EveryProtocolGivesWhatTheEngineGives) {
     ASSERT_TRUE(row.object.has_value());
     EXPECT_GT(row.times.detect, 0);
     EXPECT_GT(row.times.rank, 0);
-    EXPECT_GT(row.stored_bytes_per_picture, 1000);
-    EXPECT_GT(row.index_bytes_per_picture, 0);
+    EXPECT_GT(row.stored_bytes_per_image, 1000);
+    EXPECT_GT(row.index_bytes_per_image, 0);
   }
   // The true view comes first, the stranger that bears the object's name does not.
   EXPECT_DOUBLE_EQ(report.results[1].object->top1, 1);
@@ -135,7 +135,7 @@ TEST_F(RetrievalEvaluationTest, AQueryIsNoAnswerToItselfUnlessTheLayoutSaysSo) {
   options_.protocols = {RetrievalProtocol::kDefault};
   const RetrievalReport report =
       EvaluateRetrieval(ReadRetrievalSet(folder_ / "bench", RetrievalLayout::kAuto), options_);
-  EXPECT_EQ(report.queries, 8U);  // pictures with the same bytes count each
+  EXPECT_EQ(report.queries, 8U);  // images with the same bytes count each
   ASSERT_TRUE(report.results[0].ns_score.has_value());
   EXPECT_DOUBLE_EQ(*report.results[0].ns_score, 4);
   EXPECT_FALSE(report.results[0].object.has_value());
@@ -155,11 +155,11 @@ TEST_F(RetrievalEvaluationTest, AQueryIsNoAnswerToItselfUnlessTheLayoutSaysSo) {
 TEST_F(RetrievalEvaluationTest, NamesWhatCannotBeUsedAndCountsItAsMissed) {
   WriteText(folder_ / "set/o1/broken.png", "\x89PNG\r\n\x1a\n and no more");
   WriteBytes(folder_ / "set/o2/plain.png", EncodePng({64, 64, 1, std::vector<std::uint8_t>(4096)}));
-  WriteText(folder_ / "set/o6/ref.png", "no picture");  // o6 is then missed
+  WriteText(folder_ / "set/o6/ref.png", "no image");  // o6 is then missed
   options_.protocols = {RetrievalProtocol::kUnverified};
   const RetrievalReport report = EvaluateRetrieval(Set(), options_);
   EXPECT_EQ(report.queries, 1U * kObjects);
-  EXPECT_EQ(report.pictures, 2U * kObjects + 2);
+  EXPECT_EQ(report.images, 2U * kObjects + 2);
   EXPECT_EQ(report.results[0].refused, 1U);
   EXPECT_DOUBLE_EQ(report.results[0].mean.top1, (kObjects - 1.0) / kObjects);
   EXPECT_LT(report.results[0].mean.map, (kObjects - 1.0) / kObjects);  // o1, o2 have three each
@@ -172,8 +172,8 @@ TEST_F(RetrievalEvaluationTest, NamesWhatCannotBeUsedAndCountsItAsMissed) {
 TEST_F(RetrievalEvaluationTest, AbsentObjectsAreFalseAlarmsWhenTheyAreFound) {
   for (std::uint64_t i = 1; i <= 5; ++i)
     WriteBytes(folder_ / ("absent/" + std::to_string(i) + ".png"), RandomPng(300 + i));
-  WriteText(folder_ / "absent/broken.png", "no picture");
-  // Not absent at all: another picture of an object that is searched.
+  WriteText(folder_ / "absent/broken.png", "no image");
+  // Not absent at all: another image of an object that is searched.
   WriteBytes(folder_ / "alarming/1.png", OtherViewPng(3));
   options_.protocols = {RetrievalProtocol::kDefault, RetrievalProtocol::kUnverified};
   options_.words = {0};
@@ -208,7 +208,7 @@ TEST_F(RetrievalEvaluationTest, TheCacheChangesNothing) {
   const RetrievalReport plain = EvaluateRetrieval(Set(), options_);
   const RetrievalReport plain_more = EvaluateRetrieval(Set({more.path()}), options_);
   EXPECT_EQ(plain_more.distractors, 4U);
-  EXPECT_EQ(plain_more.pictures, 2U * kObjects + 4);
+  EXPECT_EQ(plain_more.images, 2U * kObjects + 4);
   options_.cache = folder_ / "cache";
   for (int run = 0; run < 2; ++run) {  // the second describes nothing
     const RetrievalReport with_more = EvaluateRetrieval(Set({more.path()}), options_);
@@ -219,7 +219,7 @@ TEST_F(RetrievalEvaluationTest, TheCacheChangesNothing) {
       ExpectEqual(with_more.results[i].mean, plain_more.results[i].mean);
     }
   }
-  // One as the paper describes pictures, one as the product does.
+  // One as the paper describes images, one as the product does.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(options_.cache), {}), 2);
 }
 

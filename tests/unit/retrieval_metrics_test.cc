@@ -52,7 +52,7 @@ TEST(RetrievalMetricsTest, PerfectAndEmptyAnswers) {
   EXPECT_DOUBLE_EQ(m.ns, 0);
 }
 
-// A right picture far beyond rank 20 counts for the average precision.
+// A right image far beyond rank 20 counts for the average precision.
 TEST(RetrievalMetricsTest, WhatIsSaidToBeFoundIsRightOrWrong) {
   RetrievalAnswer answer{{false, true}, 1};
   RetrievalMetrics m = MeasureAnswer(answer);

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {
@@ -31,10 +31,10 @@ class RetrievalSetTest : public ::testing::Test {
                     const std::vector<std::filesystem::path>& distractors = {}) {
     return ReadRetrievalSet(folder_.path(), layout, distractors);
   }
-  // "name object roles" of each picture: q = query, s = searched.
+  // "name object roles" of each image: q = query, s = searched.
   std::vector<std::string> Lines(const RetrievalSet& set) {
     std::vector<std::string> lines;
-    for (const RetrievalPicture& p : set.pictures) {
+    for (const RetrievalImage& p : set.images) {
       lines.push_back(p.path.lexically_relative(folder_.path()).string() + " " + p.object + " " +
                       (p.is_query ? "q" : "") + (p.is_searched ? "s" : ""));
     }
@@ -116,10 +116,10 @@ TEST_F(RetrievalSetTest, DistractorsAreSearchedAndNeverRight) {
   TemporaryFolder more;
   WriteText(more / "sub/d.jpg", "x");
   const RetrievalSet set = Read(RetrievalLayout::kAuto, {more.path()});
-  ASSERT_THAT(set.pictures, SizeIs(4));
-  EXPECT_EQ(set.pictures[3].object, "");
-  EXPECT_TRUE(set.pictures[3].is_searched);
-  EXPECT_FALSE(set.pictures[3].is_query);
+  ASSERT_THAT(set.images, SizeIs(4));
+  EXPECT_EQ(set.images[3].object, "");
+  EXPECT_TRUE(set.images[3].is_searched);
+  EXPECT_FALSE(set.images[3].is_query);
   EXPECT_THAT(CountRightAnswers(set), ElementsAre(1U, 1U, 2U, 0U));
 }
 
@@ -135,7 +135,7 @@ TEST_F(RetrievalSetTest, BadFoldersAreRefusedWithTheReason) {
   Touch({"a/ref.jpg", "a/1.jpg"});
   ExpectError(ErrorCode::kUnprocessable, "one_object", [&] { Read(); });
   Touch({"b/1.jpg"});
-  EXPECT_THAT(Read().pictures, SizeIs(3));
+  EXPECT_THAT(Read().images, SizeIs(3));
   TemporaryFolder empty;
   ExpectError(ErrorCode::kUnprocessable, "no_distractors",
               [&] { Read(RetrievalLayout::kAuto, {empty.path()}); });

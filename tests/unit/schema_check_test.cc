@@ -13,7 +13,7 @@
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {
@@ -27,24 +27,24 @@ constexpr const char* kEndless =
 
 // What somebody else may have made of a database, each alone.
 const std::array<std::string, 8> kForeign = {
-    std::string("DROP TABLE pictures; CREATE VIEW pictures AS ") + kEndless +
+    std::string("DROP TABLE images; CREATE VIEW images AS ") + kEndless +
         "SELECT key, 1 AS collection, 1 AS keypoints FROM n",
-    std::string("CREATE TRIGGER mine AFTER INSERT ON pictures BEGIN ") +
-        "INSERT INTO removals (picture) VALUES (1); END",
-    "DROP TRIGGER picture_counted; CREATE TRIGGER picture_counted AFTER INSERT ON pictures BEGIN "
-    "DELETE FROM pictures; END",
-    "DROP TABLE removals; CREATE TABLE removals (seq INTEGER PRIMARY KEY AUTOINCREMENT, picture "
+    std::string("CREATE TRIGGER mine AFTER INSERT ON images BEGIN ") +
+        "INSERT INTO removals (image) VALUES (1); END",
+    "DROP TRIGGER image_counted; CREATE TRIGGER image_counted AFTER INSERT ON images BEGIN "
+    "DELETE FROM images; END",
+    "DROP TABLE removals; CREATE TABLE removals (seq INTEGER PRIMARY KEY AUTOINCREMENT, image "
     "INTEGER NOT NULL, more AS (hex(zeroblob(100000000))))",
-    "ALTER TABLE pictures ADD COLUMN more CHECK (length(hex(zeroblob(100000000))) > 1)",
-    "DROP TABLE pictures",
-    "DROP INDEX pictures_by_object",
-    "DROP TRIGGER picture_removed",
+    "ALTER TABLE images ADD COLUMN more CHECK (length(hex(zeroblob(100000000))) > 1)",
+    "DROP TABLE images",
+    "DROP INDEX images_by_object",
+    "DROP TRIGGER image_removed",
 };
 // What does no harm, but is not Pliant's either.
 const std::array<std::string, 4> kAdded = {
     std::string("CREATE VIEW other AS ") + kEndless + "SELECT key FROM n",
     "CREATE TABLE other (x)",
-    "CREATE INDEX other ON pictures (hex(id))",
+    "CREATE INDEX other ON images (hex(id))",
     "CREATE VIRTUAL TABLE other USING fts5(x)",
 };
 

@@ -10,7 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "server/app/options.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
 namespace {

@@ -196,7 +196,7 @@ TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
   for (const ProblemCode& code : AllCodes()) {
     const std::string name = code.code;
     // Of no route, or of a job.
-    const std::set<std::string> elsewhere = {"route_not_found", "method_not_allowed", "no_pictures",
+    const std::set<std::string> elsewhere = {"route_not_found", "method_not_allowed", "no_images",
                                              "interrupted"};
     if (elsewhere.contains(name)) continue;
     EXPECT_TRUE(codes_seen.contains(name)) << name << " is a code of no route";

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What pictures may be fetched from: kinds of network addresses, the operator's list, and which
+// What images may be fetched from: kinds of network addresses, the operator's list, and which
 // addresses on the web are taken at all. No network.
 #include <map>
 #include <string>

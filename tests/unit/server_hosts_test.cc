@@ -26,7 +26,7 @@ TEST(AllowedHosts, TakesAddressesAndOwnNames) {
     EXPECT_TRUE(hosts.Allows(machine.data()));
     EXPECT_TRUE(hosts.Allows(std::string(machine.data()) + ":8080"));
   }
-  EXPECT_TRUE(AllowedHosts("pictures.lan", {}).Allows("pictures.lan:8080"));
+  EXPECT_TRUE(AllowedHosts("images.lan", {}).Allows("images.lan:8080"));
 }
 
 TEST(AllowedHosts, RefusesOtherNamesAndWhatIsMalformed) {
@@ -57,17 +57,17 @@ TEST(AllowedHosts, RefusesOtherNamesAndWhatIsMalformed) {
 }
 
 TEST(AllowedHosts, TakesWhatTheOperatorNames) {
-  const AllowedHosts hosts("127.0.0.1", {"pictures.example", "Shop.Example"});
-  EXPECT_TRUE(hosts.Allows("pictures.example"));
-  EXPECT_TRUE(hosts.Allows("PICTURES.example.:443"));
+  const AllowedHosts hosts("127.0.0.1", {"images.example", "Shop.Example"});
+  EXPECT_TRUE(hosts.Allows("images.example"));
+  EXPECT_TRUE(hosts.Allows("IMAGES.example.:443"));
   EXPECT_TRUE(hosts.Allows("shop.example"));
-  EXPECT_FALSE(hosts.Allows("sub.pictures.example"));
+  EXPECT_FALSE(hosts.Allows("sub.images.example"));
   EXPECT_TRUE(AllowedHosts("127.0.0.1", {"*"}).Allows("evil.example"));
 }
 
 TEST(AllowedHosts, OptionsAreNamesWithoutPortOrScheme) {
   ServerOptions options;
-  options.allowed_hosts = "pictures.example,shop_2.lan,*";
+  options.allowed_hosts = "images.example,shop_2.lan,*";
   EXPECT_NO_THROW(CheckOptions(options));
   EXPECT_EQ(MakeHttpOptions(options).allowed_hosts.size(), 3U);
   for (const char* hosts :

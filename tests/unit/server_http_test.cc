@@ -95,7 +95,7 @@ TEST_F(ParametersTest, ReadsQueryFormAndJsonAlike) {
   EXPECT_EQ(Make().Integer("n"), 5);
   request_.query.clear();
   request_.content_type = "multipart/form-data";
-  request_.parts = {{"image", "", "", "picture"}, {"n", "", "", "6"}};
+  request_.parts = {{"image", "", "", "image"}, {"n", "", "", "6"}};
   EXPECT_EQ(Make().Integer("n"), 6);
   request_.parts.clear();
   request_.content_type = "application/json";

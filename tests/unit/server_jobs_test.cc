@@ -95,7 +95,7 @@ TEST_F(JobsTest, FailAndAreCancelled) {
   JobQueue jobs(store_.get());
   jobs.Register("wait", Kind(UntilStopped));
   jobs.Register("fail", Kind([](const JobStatus&, const JobContext&) -> std::string {
-                  throw Error(ErrorCode::kConflict, "no_pictures", "none");
+                  throw Error(ErrorCode::kConflict, "no_images", "none");
                 }));
   jobs.Start();
   const JobStatus running = jobs.Add("wait", "a", Json::object());
@@ -107,7 +107,7 @@ TEST_F(JobsTest, FailAndAreCancelled) {
   const JobStatus failing = jobs.Add("fail", "a", Json::object());
   EXPECT_TRUE(jobs.WaitFor(failing.id, kPatience));
   EXPECT_EQ(jobs.Get(failing.id).state, JobState::kFailed);
-  EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_pictures");
+  EXPECT_EQ(jobs.Get(failing.id).problem->code, "no_images");
   jobs.Cancel(running.id);
   EXPECT_TRUE(jobs.WaitFor(running.id, kPatience));
   EXPECT_EQ(jobs.Get(running.id).state, JobState::kCancelled);

@@ -9,7 +9,7 @@
 #include "index/store/open_store.h"
 #include "server/jobs/auto_trainer.h"
 #include "server/jobs/training_job.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
 namespace {
@@ -43,7 +43,7 @@ class TrainerTest : public ::testing::Test {
     engine_.reset();
   }
 
-  void AddPictures(int count) {
+  void AddImages(int count) {
     for (; count > 0; --count) {
       const auto png = RandomPng(next_++);
       AddRequest request;
@@ -71,13 +71,13 @@ class TrainerTest : public ::testing::Test {
 };
 
 TEST_F(TrainerTest, TrainsAgainWhenThereIsMuchMore) {
-  EXPECT_FALSE(Train()) << "no pictures";
-  AddPictures(1);
+  EXPECT_FALSE(Train()) << "no images";
+  AddImages(1);
   EXPECT_TRUE(Train());
   EXPECT_EQ(Active(), 1);
-  AddPictures(1);
+  AddImages(1);
   EXPECT_FALSE(Train()) << "not enough more";
-  AddPictures(4);
+  AddImages(4);
   Stop();
   Start();
   EXPECT_TRUE(Train()) << "what an earlier run of the server trained is its own";
@@ -85,10 +85,10 @@ TEST_F(TrainerTest, TrainsAgainWhenThereIsMuchMore) {
 }
 
 TEST_F(TrainerTest, LeavesAChosenVocabularyAlone) {
-  AddPictures(1);
+  AddImages(1);
   EXPECT_TRUE(Train());
   engine_->UseVocabulary(kDefaultCollection, 1);  // it is in use already: now because it was chosen
-  AddPictures(5);
+  AddImages(5);
   EXPECT_FALSE(Train());
   Stop();
   Start();
@@ -97,30 +97,30 @@ TEST_F(TrainerTest, LeavesAChosenVocabularyAlone) {
 }
 
 TEST_F(TrainerTest, LeavesAnEarlierVocabularyAloneThatIsChosenAgain) {
-  AddPictures(1);
+  AddImages(1);
   EXPECT_TRUE(Train());
-  AddPictures(5);
+  AddImages(5);
   EXPECT_TRUE(Train());
   EXPECT_EQ(Active(), 2);
   engine_->UseVocabulary(kDefaultCollection, 1);
-  AddPictures(1);
+  AddImages(1);
   EXPECT_FALSE(Train());
   EXPECT_EQ(Active(), 1);
 }
 
 TEST_F(TrainerTest, LeavesAVocabularyAloneThatSomebodyTrained) {
-  AddPictures(1);
+  AddImages(1);
   TrainOptions options;
   options.seed = AutoTrainer::kSeed;  // the seed does not tell who did it
   const JobStatus job = AddTrainingJob(*jobs_, options, /*activate=*/true);
   ASSERT_TRUE(jobs_->WaitFor(job.id, kTrainingTime));
   EXPECT_EQ(Active(), 1);
-  AddPictures(5);
+  AddImages(5);
   EXPECT_FALSE(Train());
 }
 
 TEST_F(TrainerTest, AutomaticTrainingThatIsNoLongerDueTrainsNothing) {
-  AddPictures(1);
+  AddImages(1);
   EXPECT_TRUE(Train());
   TrainOptions options;
   options.automatic = true;  // as another server queued it before this one's was done

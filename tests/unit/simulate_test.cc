@@ -80,7 +80,7 @@ TEST_F(SimulateTest, SameBytesWhateverTheNumberOfJobs) {
     options.views = 3;
     const SimulateReport report = Simulate(options);
     EXPECT_EQ(report.scenes, 3);
-    EXPECT_EQ(report.pictures, 9);
+    EXPECT_EQ(report.images, 9);
     EXPECT_LT(report.worst_stretch, 0.01);
     options.out = (root_ / (preset + "3")).string();
     options.jobs = 3;
@@ -120,11 +120,11 @@ TEST_F(SimulateTest, StoppingLeavesOnlyCompleteScenes) {
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kCancelled);
   }
-  EXPECT_EQ(Contents("stopped").size(), 2U * 5U);  // two pictures, two truths, scene.json each
+  EXPECT_EQ(Contents("stopped").size(), 2U * 5U);  // two images, two truths, scene.json each
 }
 
 TEST_F(SimulateTest, BrokenTexturesAreNamedAndSkipped) {
-  Write(root_ / "textures" / "broken.jpg", "\xFF\xD8 this is no picture");
+  Write(root_ / "textures" / "broken.jpg", "\xFF\xD8 this is no image");
   Write(root_ / "textures" / "notes.txt", "words");
   Write(root_ / "textures" / "empty.png", "");
   SimulateOptions options = Options("skipping");
@@ -144,10 +144,10 @@ TEST_F(SimulateTest, FolderTruthIsSixteenBitWithChartPlusOne) {
   Simulate(options);
   const fs::path scene = root_ / "folders" / "scene_000000";
   const cv::Mat truth = cv::imread((scene / "view_00.uv.png").string(), cv::IMREAD_UNCHANGED);
-  const cv::Mat picture = cv::imread((scene / "view_00.png").string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image = cv::imread((scene / "view_00.png").string(), cv::IMREAD_UNCHANGED);
   ASSERT_EQ(truth.type(), CV_16UC3);
-  ASSERT_EQ(picture.type(), CV_8UC1);
-  ASSERT_EQ(truth.size(), picture.size());
+  ASSERT_EQ(image.type(), CV_8UC1);
+  ASSERT_EQ(truth.size(), image.size());
   double on = 0.0;
   cv::Vec2d mean(0.0, 0.0);
   for (int y = 0; y < truth.rows; ++y) {
@@ -204,7 +204,7 @@ TEST_F(SimulateTest, BadOptionsAreRefusedByName) {
       {"preset", ErrorCode::kInvalidArgument, [](auto& o) { o.preset = "cats"; }},
       {"format", ErrorCode::kInvalidArgument, [](auto& o) { o.format = "gif"; }},
       {"textures", ErrorCode::kInvalidArgument, [](auto& o) { o.textures = ""; }},
-      {"no usable picture", ErrorCode::kInvalidArgument,
+      {"no usable image", ErrorCode::kInvalidArgument,
        [&](auto& o) { o.textures = (root_ / "nothing").string(); }},
       {"no such texture", ErrorCode::kNotFound,
        [&](auto& o) { o.textures = (root_ / "missing").string(); }},

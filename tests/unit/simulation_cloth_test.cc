@@ -129,7 +129,7 @@ TEST(SimulationTexture, MipLevelsAverageInLinearLight) {
   EXPECT_NEAR(Texture("grey", odd).Sample(0.3F, 0.9F, 2.5F)[2], LinearFromSrgb(188), 1e-4F);
 }
 
-TEST(SimulationTexture, PaintedPicturesHaveContrastAndDiffer) {
+TEST(SimulationTexture, PaintedImagesHaveContrastAndDiffer) {
   std::vector<Image> images;
   for (int kind = 0; kind < kProceduralKinds; ++kind) {
     images.push_back(PaintProcedural(static_cast<ProceduralKind>(kind), 3, 160));

@@ -15,7 +15,7 @@
 namespace pliant::simulation {
 namespace {
 
-TEST(SimulationScene, SameSeedSameBytesOtherSeedOtherPicture) {
+TEST(SimulationScene, SameSeedSameBytesOtherSeedOtherImage) {
   const SceneOptions options = SmallOptions(Preset::kPairs);
   const Scene first = MakeScene(Textures(), options, 21, 4);
   (void)MakeScene(Textures(), options, 21, 5);
@@ -39,16 +39,16 @@ TEST(SimulationScene, SuccessiveScenesShowAllTextures) {
 }
 
 TEST(SimulationScene, ReferencesOfObjectsStandAlone) {
-  int before_pictures = 0;
+  int before_images = 0;
   for (std::uint64_t index = 0; index < 6; ++index) {
     SCOPED_TRACE("seed 3 object " + std::to_string(index));
     const Scene scene = MakeScene(Textures(), SmallOptions(Preset::kObjects), 3, index);
     EXPECT_EQ(scene.views.front().backdrop, "");
     for (std::size_t v = 1; v < scene.views.size(); ++v) {
-      before_pictures += scene.views[v].backdrop.empty() ? 0 : 1;
+      before_images += scene.views[v].backdrop.empty() ? 0 : 1;
     }
   }
-  EXPECT_GT(before_pictures, 0);
+  EXPECT_GT(before_images, 0);
 }
 
 TEST(SimulationScene, SweepsChangeWhatTheySay) {

@@ -74,7 +74,7 @@ TEST(SimulationDevelop, NothingMovesHoweverManyPixelsWereLost) {
   }
 }
 
-TEST(SimulationDevelop, EnlargingKeepsFlatAndSlantedPictures) {
+TEST(SimulationDevelop, EnlargingKeepsFlatAndSlantedImages) {
   Image ramp{12, 9, 3, {}};
   for (int y = 0; y < 9; ++y) {
     for (int x = 0; x < 12; ++x) {
@@ -135,11 +135,11 @@ TEST(SimulationRelief, HasTheSteepnessThatIsAskedFor) {
 }
 
 TEST(SimulationArtwork, InksStayWithinTheirCoverAndLeaveGroundBare) {
-  const auto picture = Textures().Get(1);
+  const auto image = Textures().Get(1);
   for (std::uint64_t seed = 0; seed < 16; ++seed) {
     SCOPED_TRACE(seed);
     Random random(seed);
-    const Artwork artwork = DrawArtwork(random, seed % 2 == 0 ? picture.get() : nullptr);
+    const Artwork artwork = DrawArtwork(random, seed % 2 == 0 ? image.get() : nullptr);
     ASSERT_EQ(artwork.inks.size(),
               static_cast<std::size_t>(artwork.width) * static_cast<std::size_t>(artwork.height));
     for (const Array4f& ink : artwork.inks) {

@@ -83,7 +83,7 @@ TEST(SimulationTruth, PlanarViewsAreTheCamerasHomographies) {
 }
 
 TEST(SimulationTruth, VisiblePointsCarryOverBetweenViews) {
-  // A flat sheet hides nothing of itself: each of its points that falls into another picture is
+  // A flat sheet hides nothing of itself: each of its points that falls into another image is
   // seen there, with the same coordinates, at the pixel where the grid says.
   SceneOptions options = SmallOptions(Preset::kPlanar);
   options.views = 4;

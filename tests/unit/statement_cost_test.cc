@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is asked of one picture must not read them all. SQLite chooses indexes by itself, and a
+// What is asked of one image must not read them all. SQLite chooses indexes by itself, and a
 // wrong choice answers rightly, only ever more slowly; so the steps of its virtual machine are
 // counted.
 #include <algorithm>
@@ -58,16 +58,16 @@ class Statements {
   static inline std::map<std::string, Cost> costs_;
 };
 
-constexpr std::uint64_t kPictures = 1200;
+constexpr std::uint64_t kImages = 1200;
 // Reading one row takes two steps at the least: the next one, and something of it.
-constexpr std::uint64_t kAllOfThem = 2 * kPictures;
+constexpr std::uint64_t kAllOfThem = 2 * kImages;
 
 class StatementCostTest : public testing::EngineTest {
  protected:
   static void SetUpTestSuite() { Statements::Watch(); }
   static void TearDownTestSuite() { sqlite3_reset_auto_extension(); }
 
-  // Twelve described pictures, and many more with their features.
+  // Twelve described images, and many more with their features.
   void SetUp() override {
     {
       Engine engine(Options());
@@ -79,19 +79,19 @@ class StatementCostTest : public testing::EngineTest {
         "BEGIN;"
         "CREATE TEMP TABLE many AS WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n "
         "WHERE i < " +
-        std::to_string(kPictures) +
+        std::to_string(kImages) +
         ") SELECT i, 100 + i AS key, "
-        "(SELECT key FROM pictures WHERE id = 'p' || (1 + i % 12)) AS alike FROM n;"
+        "(SELECT key FROM images WHERE id = 'p' || (1 + i % 12)) AS alike FROM n;"
         "INSERT INTO objects (key, collection, name) SELECT key, 1, 'many' || i FROM many;"
-        "INSERT INTO pictures (key, collection, id, object, sha256, media_type, width, height, "
+        "INSERT INTO images (key, collection, id, object, sha256, media_type, width, height, "
         "bytes, keypoints, metadata, source, added_ms, updated_ms) SELECT m.key, 1, 'm' || m.i, "
         "m.key, randomblob(32), p.media_type, p.width, p.height, p.bytes, p.keypoints, p.metadata, "
-        "p.source, p.added_ms + m.i, p.updated_ms + m.i FROM many m JOIN pictures p ON p.key = "
+        "p.source, p.added_ms + m.i, p.updated_ms + m.i FROM many m JOIN images p ON p.key = "
         "m.alike;"
         "INSERT INTO features SELECT m.key, f.model, f.data FROM many m JOIN features f ON "
-        "f.picture = m.alike;"
-        "INSERT INTO picture_words (vocabulary, picture, data) SELECT w.vocabulary, m.key, w.data "
-        "FROM many m JOIN picture_words w ON w.picture = m.alike;"
+        "f.image = m.alike;"
+        "INSERT INTO image_words (vocabulary, image, data) SELECT w.vocabulary, m.key, w.data "
+        "FROM many m JOIN image_words w ON w.image = m.alike;"
         "COMMIT");
   }
 
@@ -103,7 +103,7 @@ class StatementCostTest : public testing::EngineTest {
   }
 };
 
-TEST_F(StatementCostTest, WhatIsAskedOfOnePictureDoesNotReadAll) {
+TEST_F(StatementCostTest, WhatIsAskedOfOneImageDoesNotReadAll) {
   Engine engine(Options());
   Engine other(Options());
   SearchOptions search = ByImage();
@@ -121,7 +121,7 @@ TEST_F(StatementCostTest, WhatIsAskedOfOnePictureDoesNotReadAll) {
   expect("adding again");
   EXPECT_EQ(Add(engine, bytes, "newer", "m3").outcome, AddOutcome::kReplaced);
   expect("replacing");
-  PictureChange change;
+  ImageChange change;
   change.object = "newer";
   engine.Change("default", "m4", change);
   expect("changing");
@@ -145,14 +145,14 @@ TEST_F(StatementCostTest, WhatIsAskedOfOnePictureDoesNotReadAll) {
 TEST_F(StatementCostTest, APageReadsNoMoreThanAPage) {
   Engine engine(Options());
   Statements::Clear();
-  for (const auto order : {PictureOrder::kId, PictureOrder::kCreated, PictureOrder::kUpdated}) {
-    PictureListing pictures;
-    pictures.limit = 20;
-    pictures.order = order;
-    pictures.after = engine.ListPage(pictures).next.value_or("");
-    EXPECT_EQ(engine.ListPage(pictures).records.size(), 20U);
+  for (const auto order : {ImageOrder::kId, ImageOrder::kCreated, ImageOrder::kUpdated}) {
+    ImageListing images;
+    images.limit = 20;
+    images.order = order;
+    images.after = engine.ListPage(images).next.value_or("");
+    EXPECT_EQ(engine.ListPage(images).records.size(), 20U);
   }
-  ExpectSteps("a page of pictures", kAllOfThem);
+  ExpectSteps("a page of images", kAllOfThem);
   ObjectListing objects;
   objects.limit = 20;
   objects.after = engine.ListPage(objects).next.value_or("");
@@ -168,12 +168,12 @@ TEST_F(StatementCostTest, APageReadsNoMoreThanAPage) {
 }
 
 // Everything is read, but once: not again for every batch.
-TEST_F(StatementCostTest, TrainingReadsEachPictureAFewTimes) {
+TEST_F(StatementCostTest, TrainingReadsEachImageAFewTimes) {
   Engine engine(Options());
   Statements::Clear();
   Train(engine, 60, 2);
   for (const auto& [sql, cost] : Statements::Costs()) {
-    EXPECT_LT(cost.all, 100 * kPictures) << sql;
+    EXPECT_LT(cost.all, 100 * kImages) << sql;
   }
 }
 

@@ -13,7 +13,7 @@ namespace {
 constexpr int kWidth = 120;
 constexpr int kHeight = 90;
 
-// A picture of a surface: coordinates by pixel position.
+// An image of a surface: coordinates by pixel position.
 template <typename At>
 SurfaceMap MakeMap(const At& at) {
   SurfaceMap map{kWidth, kHeight, {}};
@@ -80,7 +80,7 @@ TEST(SurfaceMap, HiddenPointsAreNotFound) {
   const SurfaceIndex index(map);
   EXPECT_FALSE(index.Find(Bent(55, 40)));
   EXPECT_FALSE(index.Find(Bent(2, 40)));
-  EXPECT_FALSE(index.Find(Bent(-5, 40)));  // outside the picture
+  EXPECT_FALSE(index.Find(Bent(-5, 40)));  // outside the image
   EXPECT_FALSE(index.Find({0, {}}));
   EXPECT_FALSE(index.Find({3, Bent(70, 40).at}));
   EXPECT_LT(Off(index.Find(Bent(48.7, 40)), 48.7, 40), 0.01);
@@ -92,7 +92,7 @@ TEST(SurfaceMap, HiddenPointsAreNotFound) {
 }
 
 TEST(SurfaceMap, FoldsDoNotMixTheirTwoSides) {
-  // From x = 60 on the picture shows a part of the surface far away.
+  // From x = 60 on the image shows a part of the surface far away.
   const auto folded = [](double x, double y) {
     SurfacePoint point = Bent(x, y);
     if (x > 59.5) point.at[0] += 40;
@@ -114,7 +114,7 @@ TEST(SurfaceMap, PointsTooFarFromAnyPixelAreNotFound) {
   EXPECT_FALSE(SurfaceIndex(map, 1.0F).Find(beside));
 }
 
-TEST(SurfaceMap, EmptyPicturesFindNothing) {
+TEST(SurfaceMap, EmptyImagesFindNothing) {
   const SurfaceMap map = MakeMap([](int, int) { return SurfacePoint{}; });
   EXPECT_FALSE(SurfaceIndex(map).Find(Bent(5, 5)));
 }

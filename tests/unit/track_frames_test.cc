@@ -8,7 +8,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/tracking/pipeline.h"
-#include "index/tracking/track_picture.h"
+#include "index/tracking/track_image.h"
 #include "tests/unit/tracker_fixture.h"
 
 namespace pliant::testing {
@@ -24,8 +24,8 @@ class BentFrames : public FrameSource {
     if (at_ == fails_at_) throw Error(ErrorCode::kUnprocessable, "frames_vary", "as asked");
     if (at_ == count_) return std::nullopt;
     Frame frame{at_, at_ / 10.0, {}, {}};
-    frame.picture = at_ == 2 ? Template(99)
-                             : BentPicture(Template(), Bend{0.1 * static_cast<double>(at_), 0, {}});
+    frame.image = at_ == 2 ? Template(99)
+                           : BentImage(Template(), Bend{0.1 * static_cast<double>(at_), 0, {}});
     ++at_;
     return frame;
   }
@@ -42,15 +42,15 @@ TEST(TrackFrames, GivesEveryFrameInOrder) {
   const Tracker tracker = MakeTracker();
   BentFrames source(7);
   std::vector<std::int64_t> seen;
-  ContactSheet sheet(tracker.picture(), 3);
+  ContactSheet sheet(tracker.image(), 3);
   const TrackSummary summary = TrackFrames(source, tracker, [&](const TrackedFrame& tracked) {
     seen.push_back(tracked.frame.number);
     EXPECT_EQ(tracked.location.found, tracked.frame.number != 2);
     EXPECT_THAT(Caption(tracked),
                 ::testing::HasSubstr(tracked.frame.number != 2 ? "inliers " : "lost: "));
-    const Image picture = DrawTracked(tracked, tracker.box());
-    EXPECT_EQ(picture.height, kHeight);
-    EXPECT_GT(picture.width, 2 * kWidth);
+    const Image image = DrawTracked(tracked, tracker.box());
+    EXPECT_EQ(image.height, kHeight);
+    EXPECT_GT(image.width, 2 * kWidth);
     sheet.Add(tracked, tracker.box());
     return true;
   });
@@ -82,10 +82,10 @@ TEST(TrackFrames, PassesErrorsOnAndStopsWhenTold) {
 
 TEST(ContactSheet, KeepsFewOfManyFrames) {
   const Tracker tracker = MakeTracker();
-  ContactSheet sheet(tracker.picture(), 4);
+  ContactSheet sheet(tracker.image(), 4);
   EXPECT_THROW(sheet.Draw("none"), Error);
   TrackedFrame tracked;
-  tracked.frame.picture = Template(3);
+  tracked.frame.image = Template(3);
   int one = 0;
   for (int i = 0; i < 100; ++i) {
     tracked.frame.number = i;

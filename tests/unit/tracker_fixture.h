@@ -4,7 +4,7 @@
 #pragma once
 
 #include "index/tracking/tracker.h"
-#include "tests/unit/bent_pictures.h"
+#include "tests/unit/bent_images.h"
 #include "tests/unit/expect_error.h"
 
 namespace pliant::testing {
@@ -12,7 +12,7 @@ namespace pliant::testing {
 inline constexpr int kWidth = 400;
 inline constexpr int kHeight = 300;
 
-inline Image Template(std::uint64_t seed = 1) { return RichPicture(seed, kWidth, kHeight); }
+inline Image Template(std::uint64_t seed = 1) { return RichImage(seed, kWidth, kHeight); }
 
 inline Tracker MakeTracker(TrackerOptions options = {}, const Image& reference = Template()) {
   options.threads = 1;

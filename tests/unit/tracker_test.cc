@@ -32,7 +32,7 @@ TEST(Tracker, FollowsABendingSheet) {
   EXPECT_GT(tracker.features().keypoints.size(), 100U);
   for (int frame = 0; frame < 6; ++frame) {
     const Bend bend{0.2 * frame, 15.0 * frame, {3.0 * frame, -2.0 * frame}};
-    const Location found = tracker.Find(tracker.Describe(BentPicture(Template(), bend)));
+    const Location found = tracker.Find(tracker.Describe(BentImage(Template(), bend)));
     ASSERT_TRUE(found.found) << "frame " << frame << ": " << ToString(found.reason);
     EXPECT_EQ(found.reason, LostReason::kNone);
     EXPECT_GT(found.inlier_rate(), 0.6);
@@ -52,7 +52,7 @@ TEST(Tracker, FollowsABendingSheet) {
   }
 }
 
-// Notes what pictures are described for.
+// Notes what images are described for.
 class NotingDescriptor final : public Descriptor {
  public:
   const DescriptorInfo& info() const override { return inner_->info(); }
@@ -89,15 +89,15 @@ TEST(Tracker, ARegionIsATemplateOfItsOwn) {
   TrackerOptions options;
   options.region = PixelBox{120, 60, 200, 160};
   const Tracker tracker = MakeTracker(options);
-  EXPECT_EQ(tracker.picture().width, 200);
-  EXPECT_EQ(tracker.picture().pixels[0], Template().pixels[60 * kWidth + 120]);
+  EXPECT_EQ(tracker.image().width, 200);
+  EXPECT_EQ(tracker.image().pixels[0], Template().pixels[60 * kWidth + 120]);
   for (const Keypoint& k : tracker.features().keypoints) {
     EXPECT_GE(k.x, -0.5F);
     EXPECT_LE(k.x, 199.5F);
     EXPECT_LE(k.y, 159.5F);
   }
   const Bend bend{0.6, 25, {4, 4}};
-  const Location found = tracker.Find(tracker.Describe(BentPicture(Template(), bend)));
+  const Location found = tracker.Find(tracker.Describe(BentImage(Template(), bend)));
   ASSERT_TRUE(found.found) << ToString(found.reason);
   EXPECT_LT(MeanError(found, bend, tracker.box()), 2);
   const Vec2 corner = bend.ToFrame({120, 60});

@@ -9,7 +9,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/simulation/simulate.h"
 #include "tests/unit/expect_error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "tests/unit/bent_pictures.h"
+#include "tests/unit/bent_images.h"
 #include "tests/unit/tracker_fixture.h"
 
 namespace pliant::testing {
@@ -15,7 +15,7 @@ namespace {
 TEST(Unwarp, LaysTheBentObjectFlat) {
   const Tracker tracker = MakeTracker();
   const Bend bend{1, 20, {5, 0}};
-  const Image frame = BentPicture(Template(), bend);
+  const Image frame = BentImage(Template(), bend);
   const Location found = tracker.Find(tracker.Describe(frame));
   ASSERT_TRUE(found.found);
   const auto mean_ssim = [](const Image& a, const std::vector<bool>* known) {

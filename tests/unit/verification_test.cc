@@ -22,8 +22,8 @@ Vec2 Bend(Vec2 p) {
   return {0.6 * p.x + 12 * std::sin(p.y / 60) + 100, 0.6 * p.y + 10 * std::cos(p.x / 70) + 60};
 }
 
-// A picture of random key points with random descriptors.
-Features Picture(std::size_t n, bool binary, std::uint64_t seed) {
+// An image of random keypoints with random descriptors.
+Features MakeImage(std::size_t n, bool binary, std::uint64_t seed) {
   std::mt19937_64 generator(seed);
   std::uniform_real_distribution<float> unit(0, 1);
   Features f;
@@ -41,11 +41,11 @@ Features Picture(std::size_t n, bool binary, std::uint64_t seed) {
   return f;
 }
 
-// The first `shared` key points of `reference`, bent, with slightly changed descriptors, among
-// those of another picture.
+// The first `shared` keypoints of `reference`, bent, with slightly changed descriptors, among
+// those of another image.
 Features BentView(const Features& reference, std::size_t shared, std::uint64_t seed) {
   const bool binary = reference.descriptors.kind == DescriptorKind::kBinary;
-  Features f = Picture(reference.keypoints.size(), binary, seed);
+  Features f = MakeImage(reference.keypoints.size(), binary, seed);
   std::mt19937_64 generator(seed);
   std::normal_distribution<float> noise(0, 0.2F);
   const int dim = reference.descriptors.dim;
@@ -70,7 +70,7 @@ Features BentView(const Features& reference, std::size_t shared, std::uint64_t s
 class VerificationKinds : public ::testing::TestWithParam<bool> {};
 
 TEST_P(VerificationKinds, FindsTheBentObjectAndItsOutline) {
-  const auto reference = Picture(400, GetParam(), 1);
+  const auto reference = MakeImage(400, GetParam(), 1);
   const auto query = BentView(reference, 120, 2);
   const auto result = Verifier(query).Verify(reference);
   ASSERT_TRUE(result.verified()) << ToString(result.failure);
@@ -91,8 +91,8 @@ TEST_P(VerificationKinds, FindsTheBentObjectAndItsOutline) {
 }
 
 TEST_P(VerificationKinds, FindsTheObjectAgainElsewhere) {
-  const auto reference = Picture(300, GetParam(), 3);
-  // A view of it, then the same view once more to the right, among key points of neither.
+  const auto reference = MakeImage(300, GetParam(), 3);
+  // A view of it, then the same view once more to the right, among keypoints of neither.
   const auto view = BentView(reference, 150, 4);
   Features query = view;
   query.width = 3 * kWidth;
@@ -123,11 +123,11 @@ TEST_P(VerificationKinds, FindsTheObjectAgainElsewhere) {
   EXPECT_THROW(Verifier(query, {.max_instances = 0}), Error);
 }
 
-TEST_P(VerificationKinds, DifferentPicturesDoNotAgree) {
+TEST_P(VerificationKinds, DifferentImagesDoNotAgree) {
   int verified = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const auto query = Picture(500, GetParam(), 100 + seed);
-    const auto result = Verifier(query, {.max_ratio = 1}).Verify(Picture(500, GetParam(), seed));
+    const auto query = MakeImage(500, GetParam(), 100 + seed);
+    const auto result = Verifier(query, {.max_ratio = 1}).Verify(MakeImage(500, GetParam(), seed));
     EXPECT_LE(result.inliers.size(), 7U);
     verified += result.verified() ? 1 : 0;
   }
@@ -137,9 +137,9 @@ TEST_P(VerificationKinds, DifferentPicturesDoNotAgree) {
 INSTANTIATE_TEST_SUITE_P(Kinds, VerificationKinds, ::testing::Bool(),
                          [](const auto& test) { return test.param ? "binary" : "floats"; });
 
-TEST(Verification, ThePictureItself) {
-  const auto picture = Picture(300, false, 5);
-  const auto result = Verifier(picture).Verify(picture);
+TEST(Verification, TheImageItself) {
+  const auto image = MakeImage(300, false, 5);
+  const auto result = Verifier(image).Verify(image);
   EXPECT_EQ(result.inliers.size(), 300U);
   EXPECT_NEAR(result.outline[0].x, 0, 0.01);
   EXPECT_NEAR(result.outline[8].x, kWidth - 1, 0.01);
@@ -148,7 +148,7 @@ TEST(Verification, ThePictureItself) {
 // Shown a twelfth as wide, 50 pixels of a photograph of 640, most inliers lie within the tolerance
 // that a large object would have, and still stand apart.
 TEST(Verification, InliersOfASmallObjectStandApart) {
-  const auto reference = Picture(400, false, 1);
+  const auto reference = MakeImage(400, false, 1);
   Features query = BentView(reference, 40, 2);
   for (std::size_t i = 0; i < 40; ++i) {
     Keypoint& k = query.keypoints[query.keypoints.size() - 1 - i];
@@ -165,8 +165,8 @@ TEST(Verification, InliersOfASmallObjectStandApart) {
 }
 
 // A part of a large photograph: its own size decides, not the photograph's.
-TEST(Verification, APartOfALargePictureIsLookedAtAsFinely) {
-  const auto reference = Picture(400, false, 1);
+TEST(Verification, APartOfALargeImageIsLookedAtAsFinely) {
+  const auto reference = MakeImage(400, false, 1);
   const auto query = BentView(reference, 40, 2);
   Features part = query;
   part.width = 20 * kWidth;
@@ -183,36 +183,36 @@ TEST(Verification, APartOfALargePictureIsLookedAtAsFinely) {
 }
 
 TEST(Verification, FewOrNoKeypoints) {
-  const auto picture = Picture(100, false, 1);
+  const auto image = MakeImage(100, false, 1);
   Features empty;
   empty.width = kWidth;
   empty.height = kHeight;
   empty.model_id = "test:1";
-  EXPECT_FALSE(Verifier(picture).Verify(empty).verified());
-  EXPECT_FALSE(Verifier(empty).Verify(picture).verified());
+  EXPECT_FALSE(Verifier(image).Verify(empty).verified());
+  EXPECT_FALSE(Verifier(empty).Verify(image).verified());
   EXPECT_FALSE(Verifier(empty).Verify(empty).verified());
-  const auto three = Picture(3, false, 1);
+  const auto three = MakeImage(3, false, 1);
   const auto result = Verifier(three).Verify(three);
   EXPECT_EQ(result.failure, TpsRansacFailure::kTooFew);
   EXPECT_EQ(result.matches, 3);
 }
 
 TEST(Verification, RefusesWhatDoesNotFit) {
-  const auto picture = Picture(20, false, 1);
-  auto other = picture;
+  const auto image = MakeImage(20, false, 1);
+  auto other = image;
   other.model_id = "test:2";
-  EXPECT_THROW(Verifier(picture).Verify(other), Error);
-  EXPECT_THROW(Verifier(picture, {.tolerance = 0}), Error);
-  EXPECT_THROW(Verifier(picture, {.reference_tolerance = -1}), Error);
-  EXPECT_THROW(Verifier(picture, {.least_tolerance = -1}), Error);
-  EXPECT_THROW(Verifier(picture, {.max_ratio = 2}).Verify(picture), Error);
-  other = picture;
+  EXPECT_THROW(Verifier(image).Verify(other), Error);
+  EXPECT_THROW(Verifier(image, {.tolerance = 0}), Error);
+  EXPECT_THROW(Verifier(image, {.reference_tolerance = -1}), Error);
+  EXPECT_THROW(Verifier(image, {.least_tolerance = -1}), Error);
+  EXPECT_THROW(Verifier(image, {.max_ratio = 2}).Verify(image), Error);
+  other = image;
   other.keypoints.pop_back();
-  EXPECT_THROW(Verifier(picture).Verify(other), Error);
+  EXPECT_THROW(Verifier(image).Verify(other), Error);
   EXPECT_THROW(Verifier{other}, Error);
-  other = picture;
+  other = image;
   other.descriptors.floats[5] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(Verifier(picture).Verify(other), Error);
+  EXPECT_THROW(Verifier(image).Verify(other), Error);
 }
 
 TEST(Verification, CombinedScoresNeverFallAndStayBelowOne) {

@@ -60,7 +60,7 @@ TEST(Vocabulary, FewDifferentSamplesGiveFewerWords) {
 }
 
 TEST(Vocabulary, EveryWordIsInUseAmongManyDuplicates) {
-  // Half of the samples are one and the same descriptor, as flat regions of pictures give.
+  // Half of the samples are one and the same descriptor, as flat regions of images give.
   auto samples = RandomFloats(400, 8, 3);
   std::fill(samples.floats.begin(), samples.floats.begin() + 200 * 8, 0.25F);
   for (const int max_passes : {0, 1}) {

@@ -45,7 +45,7 @@ TEST(WarpMesh, IsTheSplineAtAGridFromCornerToCorner) {
   }
 }
 
-TEST(WarpMesh, TallAndThinPicturesHaveAtLeastTwoPointsASide) {
+TEST(WarpMesh, TallAndThinImagesHaveAtLeastTwoPointsASide) {
   const auto warp = Spline(20, 400, Wave);
   const Mesh mesh = WarpMesh(warp, 20, 400);
   EXPECT_EQ(mesh.columns, 2);

@@ -15,7 +15,7 @@
 #include "descriptor/base/error.h"
 #include "index/store/sql/access.h"
 #include "index/store/sqlite/sqlite_connection.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant {
 namespace {

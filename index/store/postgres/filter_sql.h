@@ -11,7 +11,7 @@
 
 namespace pliant::postgres {
 
-// True or false for each row of `pictures`, which the query names `table`; the same as Passes
+// True or false for each row of `images`, which the query names `table`; the same as Passes
 // (filter.h). Equality is looked up in the index on `fields`.
 std::string FilterSql(Query& query, const std::string& table, const Filter& filter);
 

@@ -20,7 +20,7 @@ namespace pliant::postgres {
 namespace {
 
 constexpr std::size_t kMostReaders = 16;  // connections that read, to the primary or a standby
-// A search reads some 30 pictures of 50 to 130 kB: as much as a network of 1 Gbit/s carries in 20
+// A search reads some 30 images of 50 to 130 kB: as much as a network of 1 Gbit/s carries in 20
 // ms.
 constexpr std::size_t kCacheBytes = std::size_t{256} << 20;
 constexpr std::size_t kMostIdle = 4;        // that are kept
@@ -168,7 +168,7 @@ class PgAccess : public Access {
 
   FeedPosition Position(Connection& db) override {
     Cursor row = db.Prepare(
-        "SELECT (SELECT coalesce(max(key), 0) FROM pictures), removals, position, history, left_at "
+        "SELECT (SELECT coalesce(max(key), 0) FROM images), removals, position, history, left_at "
         "FROM feed WHERE key = ?");
     row.Bind(part_).One();
     return {row.Int(0), row.Int(1), row.Int(2), row.Int(3), row.Int(4)};
@@ -182,7 +182,7 @@ class PgAccess : public Access {
 
   // Sequences that were left behind, as by a restore without them, would give keys that were used.
   bool CheckStructure(Connection& db, std::vector<std::string>* problems) override {
-    for (const char* table : {"collections", "objects", "pictures", "vocabularies"}) {
+    for (const char* table : {"collections", "objects", "images", "vocabularies"}) {
       const std::string name = table;
       if (db.Scalar("SELECT coalesce(max(key), 0) > coalesce(pg_sequence_last_value("
                     "pg_get_serial_sequence('" +

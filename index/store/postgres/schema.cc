@@ -55,7 +55,7 @@ CREATE TABLE objects (
   name TEXT COLLATE "C" NOT NULL CHECK (name <> ''),
   UNIQUE (collection, name)
 );
-CREATE TABLE pictures (
+CREATE TABLE images (
   key BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
   collection BIGINT NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
   id TEXT COLLATE "C" NOT NULL,
@@ -73,18 +73,18 @@ CREATE TABLE pictures (
   fields JSONB NOT NULL,               -- the metadata, for filters (filter_sql.h)
   UNIQUE (collection, id)
 );
-CREATE INDEX pictures_by_sha256 ON pictures (sha256, collection);
-CREATE INDEX pictures_by_object ON pictures (object, id);
-CREATE INDEX pictures_by_added ON pictures (collection, added_ms, id);
-CREATE INDEX pictures_by_updated ON pictures (collection, updated_ms, id);
-CREATE INDEX pictures_by_fields ON pictures USING gin (fields jsonb_path_ops);
+CREATE INDEX images_by_sha256 ON images (sha256, collection);
+CREATE INDEX images_by_object ON images (object, id);
+CREATE INDEX images_by_added ON images (collection, added_ms, id);
+CREATE INDEX images_by_updated ON images (collection, updated_ms, id);
+CREATE INDEX images_by_fields ON images USING gin (fields jsonb_path_ops);
 CREATE TABLE features (
-  picture BIGINT PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image BIGINT PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   model BIGINT NOT NULL REFERENCES models (key),
   data BYTEA NOT NULL
 );
 CREATE TABLE originals (
-  picture BIGINT PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image BIGINT PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   data BYTEA NOT NULL
 );
 CREATE TABLE vocabularies (
@@ -111,22 +111,22 @@ CREATE TABLE vocabulary_words (
   data BYTEA NOT NULL,
   PRIMARY KEY (vocabulary, word)
 );
-CREATE TABLE picture_words (
+CREATE TABLE image_words (
   key BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
   vocabulary BIGINT NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
-  picture BIGINT NOT NULL REFERENCES pictures (key) ON DELETE CASCADE,
+  image BIGINT NOT NULL REFERENCES images (key) ON DELETE CASCADE,
   data BYTEA NOT NULL,
-  UNIQUE (vocabulary, picture)
+  UNIQUE (vocabulary, image)
 );
-CREATE INDEX picture_words_by_picture ON picture_words (picture);
+CREATE INDEX image_words_by_image ON image_words (image);
 -- They do not compress, and are read whole.
 ALTER TABLE features ALTER COLUMN data SET STORAGE EXTERNAL;
 ALTER TABLE originals ALTER COLUMN data SET STORAGE EXTERNAL;
-ALTER TABLE picture_words ALTER COLUMN data SET STORAGE EXTERNAL;
+ALTER TABLE image_words ALTER COLUMN data SET STORAGE EXTERNAL;
 
 CREATE TABLE removals (
   seq BIGINT PRIMARY KEY,              -- without gaps
-  picture BIGINT NOT NULL
+  image BIGINT NOT NULL
 );
 
 CREATE TABLE originals_directory (
@@ -136,7 +136,7 @@ CREATE TABLE originals_directory (
   active BIGINT NOT NULL
 );
 CREATE TABLE original_files (
-  picture BIGINT PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image BIGINT PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   sha256 BYTEA NOT NULL CHECK (length(sha256) = 32)
 );
 CREATE INDEX original_files_by_sha256 ON original_files (sha256);
@@ -210,18 +210,18 @@ BEGIN
     THEN pliant_escaped(new.metadata)::jsonb ELSE new.metadata::jsonb END;
   RETURN new;
 END $$;
-CREATE TRIGGER picture_fields BEFORE INSERT OR UPDATE OF metadata ON pictures
+CREATE TRIGGER image_fields BEFORE INSERT OR UPDATE OF metadata ON images
   FOR EACH ROW EXECUTE FUNCTION read_metadata();
 
-CREATE FUNCTION count_pictures() RETURNS trigger LANGUAGE plpgsql AS $$
+CREATE FUNCTION count_images() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
   UPDATE collections c SET images = c.images + n.images, descriptors = c.descriptors + n.descriptors
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM added
         GROUP BY collection) n WHERE c.key = n.collection;
   RETURN NULL;
 END $$;
-CREATE TRIGGER picture_counted AFTER INSERT ON pictures REFERENCING NEW TABLE AS added
-  FOR EACH STATEMENT EXECUTE FUNCTION count_pictures();
+CREATE TRIGGER image_counted AFTER INSERT ON images REFERENCING NEW TABLE AS added
+  FOR EACH STATEMENT EXECUTE FUNCTION count_images();
 
 CREATE FUNCTION note_removals() RETURNS trigger LANGUAGE plpgsql AS $$
 DECLARE
@@ -234,13 +234,13 @@ BEGIN
   FROM (SELECT collection, count(*) AS images, sum(keypoints) AS descriptors FROM removed
         GROUP BY collection) n WHERE c.key = n.collection;
   UPDATE feed SET removals = removals + gone WHERE key = 0 RETURNING removals INTO last;
-  INSERT INTO removals (seq, picture)
+  INSERT INTO removals (seq, image)
     SELECT last - gone + row_number() OVER (ORDER BY key), key FROM removed;
   -- A reader that missed more than these loads everything again.
   DELETE FROM removals WHERE seq <= last - 10000;
   RETURN NULL;
 END $$;
-CREATE TRIGGER picture_removed AFTER DELETE ON pictures REFERENCING OLD TABLE AS removed
+CREATE TRIGGER image_removed AFTER DELETE ON images REFERENCING OLD TABLE AS removed
   FOR EACH STATEMENT EXECUTE FUNCTION note_removals();
 
 CREATE FUNCTION count_objects() RETURNS trigger LANGUAGE plpgsql AS $$

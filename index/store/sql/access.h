@@ -152,7 +152,7 @@ class Access {
 };
 
 // Which part of the database is meant: each has changes, and an order of them, of its own.
-enum class StorePart { kPictures, kService };
+enum class StorePart { kImages, kService };
 
 // Makes the tables of a new database, where `options.create` says so, and refuses what is no
 // database of Pliant's. One of the two, by what the database's name looks like.

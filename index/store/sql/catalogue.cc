@@ -19,15 +19,15 @@
 namespace pliant {
 namespace {
 
-std::optional<ImageRecord> RecordOf(std::optional<PictureRow> picture) {
-  if (!picture) return std::nullopt;
-  return std::move(picture->record);
+std::optional<ImageRecord> RecordOf(std::optional<ImageRow> image) {
+  if (!image) return std::nullopt;
+  return std::move(image->record);
 }
 
-void EachPage(Connection& db, Key collection, PictureListing list,
-              const std::function<void(const PicturePage&)>& work) {
+void EachPage(Connection& db, Key collection, ImageListing list,
+              const std::function<void(const ImagePage&)>& work) {
   while (true) {
-    const PicturePage page = SelectPicturePage(db, collection, list);
+    const ImagePage page = SelectImagePage(db, collection, list);
     work(page);
     if (!page.next) return;
     list.after = *page.next;
@@ -78,7 +78,7 @@ std::optional<ObjectRecord> Catalogue::FindObject(const std::string& collection,
   return access_.Read([&](Connection& db) -> std::optional<ObjectRecord> {
     const Key key = pliant::FindObject(db, pliant::RequireCollection(db, collection).key, object);
     if (key == 0) return std::nullopt;
-    return ObjectRecord{object, CountPicturesOf(db, key)};
+    return ObjectRecord{object, CountImagesOf(db, key)};
   });
 }
 
@@ -89,48 +89,48 @@ std::vector<ObjectRecord> Catalogue::ListObjects(const std::string& collection,
   });
 }
 
-std::optional<ImageRecord> Catalogue::FindPicture(const std::string& collection,
-                                                  const std::string& id) {
+std::optional<ImageRecord> Catalogue::FindImage(const std::string& collection,
+                                                const std::string& id) {
   return access_.Read([&](Connection& db) {
-    return RecordOf(pliant::FindPicture(db, pliant::RequireCollection(db, collection).key, id));
+    return RecordOf(pliant::FindImage(db, pliant::RequireCollection(db, collection).key, id));
   });
 }
 
 std::optional<ImageRecord> Catalogue::FindBySha256(const std::string& collection,
                                                    const std::string& sha256) {
   return access_.Read([&](Connection& db) {
-    return RecordOf(FindPictureBySha256(db, pliant::RequireCollection(db, collection).key, sha256));
+    return RecordOf(FindImageBySha256(db, pliant::RequireCollection(db, collection).key, sha256));
   });
 }
 
-std::vector<ImageRecord> Catalogue::ListPictures(const ListOptions& options) {
+std::vector<ImageRecord> Catalogue::ListImages(const ListOptions& options) {
   return access_.Read([&](Connection& db) {
-    return SelectPictures(db, pliant::RequireCollection(db, options.collection).key, options);
+    return SelectImages(db, pliant::RequireCollection(db, options.collection).key, options);
   });
 }
 
-PicturePage Catalogue::ListPicturePage(const PictureListing& list) {
+ImagePage Catalogue::ListImagePage(const ImageListing& list) {
   return access_.Read([&](Connection& db) {
-    return SelectPicturePage(db, pliant::RequireCollection(db, list.which.collection).key, list);
+    return SelectImagePage(db, pliant::RequireCollection(db, list.which.collection).key, list);
   });
 }
 
-void Catalogue::ForEachPicturePage(PictureListing list,
-                                   const std::function<void(const PicturePage&)>& work) {
+void Catalogue::ForEachImagePage(ImageListing list,
+                                 const std::function<void(const ImagePage&)>& work) {
   access_.Read([&](Connection& db) {
     EachPage(db, pliant::RequireCollection(db, list.which.collection).key, list, work);
   });
 }
 
-void Catalogue::ForEachPictureFeatures(
-    PictureListing list, const std::function<void(const PicturePage&)>& look,
+void Catalogue::ForEachImageFeatures(
+    ImageListing list, const std::function<void(const ImagePage&)>& look,
     const std::function<void(const ImageRecord&, Bytes features)>& take) {
   access_.Read([&](Connection& db) {
     const Key collection = pliant::RequireCollection(db, list.which.collection).key;
     EachPage(db, collection, list, look);
-    EachPage(db, collection, list, [&](const PicturePage& page) {
+    EachPage(db, collection, list, [&](const ImagePage& page) {
       for (const ImageRecord& record : page.records) {
-        take(record, ReadFeaturesBlob(db, KeyOfPicture(db, collection, record.id)));
+        take(record, ReadFeaturesBlob(db, KeyOfImage(db, collection, record.id)));
       }
     });
   });
@@ -144,8 +144,8 @@ ObjectPage Catalogue::ListObjectPage(const ObjectListing& list) {
 
 std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256) {
-  if (!request.id) return FindMeant(PicturesBySha256(db, collection, sha256), request);
-  auto found = FindPicture(db, collection, *request.id);
+  if (!request.id) return FindMeant(ImagesBySha256(db, collection, sha256), request);
+  auto found = FindImage(db, collection, *request.id);
   if (!found || !IsUnchanged(found->record, request, sha256)) return std::nullopt;
   return std::move(found->record);
 }
@@ -159,34 +159,34 @@ std::optional<ImageRecord> Catalogue::FindUnchanged(const AddRequest& request,
   });
 }
 
-std::optional<StoredPicture> Catalogue::FindDescribed(const std::string& sha256) {
-  return access_.Read([&](Connection& db) -> std::optional<StoredPicture> {
+std::optional<StoredImage> Catalogue::FindDescribed(const std::string& sha256) {
+  return access_.Read([&](Connection& db) -> std::optional<StoredImage> {
     const Key key = FindFeaturesOf(db, sha256, model_.key);
     if (key == 0) return std::nullopt;
-    return StoredPicture{key, FindPictureByKey(db, key)->record, ReadFeaturesBlob(db, key)};
+    return StoredImage{key, FindImageByKey(db, key)->record, ReadFeaturesBlob(db, key)};
   });
 }
 
-std::vector<std::optional<StoredPicture>> Catalogue::LoadPictures(std::span<const PictureRef> refs,
-                                                                  Load what) {
+std::vector<std::optional<StoredImage>> Catalogue::LoadImages(std::span<const ImageRef> refs,
+                                                              Load what) {
   return access_.Read([&](Connection& db) {
-    std::vector<std::optional<StoredPicture>> pictures(refs.size());
-    std::multimap<Key, std::size_t> wanted;  // places in `pictures`
-    const auto fill = [&](Key key, StoredPicture picture) {
+    std::vector<std::optional<StoredImage>> images(refs.size());
+    std::multimap<Key, std::size_t> wanted;  // places in `images`
+    const auto fill = [&](Key key, StoredImage image) {
       const auto [begin, end] = wanted.equal_range(key);
-      for (auto at = std::next(begin); at != end; ++at) pictures[at->second] = picture;
-      pictures[begin->second] = std::move(picture);
+      for (auto at = std::next(begin); at != end; ++at) images[at->second] = image;
+      images[begin->second] = std::move(image);
     };
     for (std::size_t i = 0; i < refs.size(); ++i) wanted.emplace(refs[i].version, i);
     SelectStored(db, wanted, what, fill);
     wanted.clear();
     for (std::size_t i = 0; i < refs.size(); ++i) {
-      if (pictures[i]) continue;
-      const Key other = KeyOfPicture(db, refs[i].collection, refs[i].id);  // in its place
+      if (images[i]) continue;
+      const Key other = KeyOfImage(db, refs[i].collection, refs[i].id);  // in its place
       if (other != 0) wanted.emplace(other, i);
     }
     if (!wanted.empty()) SelectStored(db, wanted, what, fill);
-    return pictures;
+    return images;
   });
 }
 
@@ -208,14 +208,14 @@ Admission Catalogue::Admit(Key collection, const std::optional<std::string>& obj
       admission.nothing = *admission.object_key == 0 && !object->empty();
     }
     for (const std::string& id : without) {
-      if (const Key key = KeyOfPicture(db, collection, id)) {
+      if (const Key key = KeyOfImage(db, collection, id)) {
         admission.without_versions.push_back(key);
       }
     }
     std::sort(admission.without_versions.begin(), admission.without_versions.end());
     if (filter.empty() || admission.nothing) return;
     admission.versions =
-        std::make_shared<const std::vector<std::int64_t>>(PicturesPassing(db, collection, filter));
+        std::make_shared<const std::vector<std::int64_t>>(ImagesPassing(db, collection, filter));
   });
   return admission;
 }
@@ -237,13 +237,13 @@ std::shared_ptr<const Vocabulary> Catalogue::ReadVocabulary(Key vocabulary) {
   return access_.Read([&](Connection& db) { return pliant::ReadVocabulary(db, vocabulary); });
 }
 
-std::uint64_t Catalogue::CountPictures(Key collection) {
-  return access_.Read([&](Connection& db) { return CountPicturesIn(db, collection); });
+std::uint64_t Catalogue::CountImages(Key collection) {
+  return access_.Read([&](Connection& db) { return CountImagesIn(db, collection); });
 }
 
 std::uint64_t Catalogue::CountUnquantized(const std::string& collection, Key vocabulary) {
   return access_.Read([&](Connection& db) {
-    return CountPicturesWithoutWords(db, pliant::RequireCollection(db, collection).key, vocabulary);
+    return CountImagesWithoutWords(db, pliant::RequireCollection(db, collection).key, vocabulary);
   });
 }
 
@@ -257,8 +257,8 @@ std::map<Key, Bow> Catalogue::LoadWords(Key vocabulary, std::size_t words,
                                         std::span<const Key> versions) {
   return access_.Read([&](Connection& db) {
     std::map<Key, Bow> found;
-    Cursor row = db.Prepare("SELECT picture, data FROM picture_words WHERE vocabulary = ?1 AND " +
-                            db.IsAmong("picture", "?2"));
+    Cursor row = db.Prepare("SELECT image, data FROM image_words WHERE vocabulary = ?1 AND " +
+                            db.IsAmong("image", "?2"));
     row.Bind(vocabulary, versions);
     while (row.Next()) found.emplace(row.Int(0), DecodeBow(row.Blob(1), words));
     return found;
@@ -268,11 +268,11 @@ std::map<Key, Bow> Catalogue::LoadWords(Key vocabulary, std::size_t words,
 DescriptorSample Catalogue::SampleDescriptors(Key collection, std::size_t count,
                                               std::uint64_t seed) {
   return access_.Read([&](Connection& db) {
-    std::vector<StoredCount> pictures;
-    Cursor row = db.Prepare("SELECT key, keypoints FROM pictures WHERE collection = ? ORDER BY id");
+    std::vector<StoredCount> images;
+    Cursor row = db.Prepare("SELECT key, keypoints FROM images WHERE collection = ? ORDER BY id");
     row.Bind(collection);
-    while (row.Next()) pictures.push_back({row.Int(0), row.Count(1)});
-    return DrawDescriptors(model_.model.info, pictures, count, seed,
+    while (row.Next()) images.push_back({row.Int(0), row.Count(1)});
+    return DrawDescriptors(model_.model.info, images, count, seed,
                            [&](std::span<const Key> keys) { return ReadFeaturesBlobs(db, keys); });
   });
 }

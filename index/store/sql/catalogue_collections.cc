@@ -142,20 +142,20 @@ void RenameObject(Connection& db, Key object, const std::string& name) {
   db.Prepare("UPDATE objects SET name = ? WHERE key = ?").Bind(name, object).Run();
 }
 
-std::uint64_t CountPicturesOf(Connection& db, Key object) {
-  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE object = ?");
+std::uint64_t CountImagesOf(Connection& db, Key object) {
+  Cursor images = db.Prepare("SELECT count(*) FROM images WHERE object = ?");
   return static_cast<std::uint64_t>(images.Bind(object).One().Int(0));
 }
 
-std::uint64_t CountPicturesIn(Connection& db, Key collection) {
-  Cursor images = db.Prepare("SELECT count(*) FROM pictures WHERE collection = ?");
+std::uint64_t CountImagesIn(Connection& db, Key collection) {
+  Cursor images = db.Prepare("SELECT count(*) FROM images WHERE collection = ?");
   return static_cast<std::uint64_t>(images.Bind(collection).One().Int(0));
 }
 
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
                                         int limit) {
   Cursor row = db.Prepare(
-      "SELECT o.name, (SELECT count(*) FROM pictures p WHERE p.object = o.key) FROM objects o "
+      "SELECT o.name, (SELECT count(*) FROM images p WHERE p.object = o.key) FROM objects o "
       "WHERE o.collection = ? AND o.name > ? ORDER BY o.name LIMIT ?");
   row.Bind(collection, after, limit);
   std::vector<ObjectRecord> objects;

@@ -57,17 +57,17 @@ struct OrderColumn {
   bool is_text;
 };
 
-OrderColumn ColumnOf(PictureOrder order) {
+OrderColumn ColumnOf(ImageOrder order) {
   switch (order) {
-    case PictureOrder::kId:
+    case ImageOrder::kId:
       break;
-    case PictureOrder::kCreated:
+    case ImageOrder::kCreated:
       return {"p.added_ms", false};
-    case PictureOrder::kUpdated:
+    case ImageOrder::kUpdated:
       return {"p.updated_ms", false};
-    case PictureOrder::kObject:
+    case ImageOrder::kObject:
       return {"coalesce(o.name, '')", true};
-    case PictureOrder::kSource:
+    case ImageOrder::kSource:
       return {"p.source", true};
   }
   return {"p.id", true};
@@ -131,15 +131,14 @@ void ReadPage(Connection& db, const Place& place, const Query& query, const Read
   }
 }
 
-// `select` and the conditions on pictures; o is the object of p, where one is joined.
-Query PicturesOf(Connection& db, const std::string& select, Key collection,
-                 const Selection& which) {
+// `select` and the conditions on images; o is the object of p, where one is joined.
+Query ImagesOf(Connection& db, const std::string& select, Key collection, const Selection& which) {
   Query query{select};
   const std::string in = query.Bind(collection);
   if (!which.object) {
     query.sql += "WHERE p.collection = " + in;
   } else {
-    // +: by the index of objects, else all pictures are read where each has one.
+    // +: by the index of objects, else all images are read where each has one.
     query.sql += "WHERE +p.collection = " + in;
     query.sql += which.object->empty()
                      ? " AND p.object IS NULL"
@@ -161,7 +160,7 @@ Query ObjectsOf(Connection& db, const std::string& select, Key collection, const
   }
   if (!which.text.empty()) query.sql += " AND " + db.Contains(query, which.text, {"o.name"});
   if (!which.filter.empty()) {
-    query.sql += " AND EXISTS (SELECT 1 FROM pictures p WHERE p.object = o.key AND " +
+    query.sql += " AND EXISTS (SELECT 1 FROM images p WHERE p.object = o.key AND " +
                  db.Passes(query, "p", which.filter) + ")";
   }
   return query;
@@ -170,21 +169,21 @@ Query ObjectsOf(Connection& db, const std::string& select, Key collection, const
 // ListedObject's columns.
 constexpr const char* kSelectObjects =
     "SELECT o.name AS name, "
-    "(SELECT count(*) FROM pictures p WHERE p.object = o.key) AS images, "
-    "(SELECT min(p.id) FROM pictures p WHERE p.object = o.key) AS first, "
-    "(SELECT min(p.added_ms) FROM pictures p WHERE p.object = o.key) AS created, "
-    "(SELECT max(p.updated_ms) FROM pictures p WHERE p.object = o.key) AS updated "
+    "(SELECT count(*) FROM images p WHERE p.object = o.key) AS images, "
+    "(SELECT min(p.id) FROM images p WHERE p.object = o.key) AS first, "
+    "(SELECT min(p.added_ms) FROM images p WHERE p.object = o.key) AS created, "
+    "(SELECT max(p.updated_ms) FROM images p WHERE p.object = o.key) AS updated "
     "FROM objects o ";
 
-constexpr const char* kFromPictures = " FROM pictures p LEFT JOIN objects o ON o.key = p.object ";
+constexpr const char* kFromImages = " FROM images p LEFT JOIN objects o ON o.key = p.object ";
 
-ImageRecord ReadPicture(const Cursor& row, PictureOrder order, ListPlace* place) {
-  ImageRecord record = ToPicture(row).record;
+ImageRecord ReadImage(const Cursor& row, ImageOrder order, ListPlace* place) {
+  ImageRecord record = ToImage(row).record;
   place->tie = record.id;
-  place->text = order == PictureOrder::kObject   ? record.object
-                : order == PictureOrder::kSource ? record.source
-                                                 : record.id;
-  place->number = order == PictureOrder::kUpdated ? record.updated_ms : record.added_ms;
+  place->text = order == ImageOrder::kObject   ? record.object
+                : order == ImageOrder::kSource ? record.source
+                                               : record.id;
+  place->number = order == ImageOrder::kUpdated ? record.updated_ms : record.added_ms;
   return record;
 }
 
@@ -203,15 +202,15 @@ ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) 
 
 }  // namespace
 
-PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListing& list) {
-  PicturePage page;
+ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list) {
+  ImagePage page;
   ReadPage(
       db, {ColumnOf(list.order), "p.id", list},
-      PicturesOf(db, SelectPictureSql(), collection, list.which),
-      [&](const Cursor& row, ListPlace* place) { return ReadPicture(row, list.order, place); },
+      ImagesOf(db, SelectImageSql(), collection, list.which),
+      [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list.order, place); },
       &page);
   const auto select = [&](const std::string& columns) {
-    return PicturesOf(db, "SELECT " + columns + kFromPictures, collection, list.which);
+    return ImagesOf(db, "SELECT " + columns + kFromImages, collection, list.which);
   };
   if (list.count) page.total = db.Prepare(select("count(*)")).One().Count(0);
   if (!list.facets.empty()) {
@@ -239,7 +238,7 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
   if (!list.facets.empty()) {
     query = ObjectsOf(db,
                       "SELECT p.object AS item, " + db.MetadataOf("p") +
-                          " AS metadata FROM objects o JOIN pictures p ON p.object = o.key ",
+                          " AS metadata FROM objects o JOIN images p ON p.object = o.key ",
                       collection, list.which);
     if (!list.which.filter.empty()) {
       query.sql += " AND " + db.Passes(query, "p", list.which.filter);
@@ -250,16 +249,16 @@ ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing&
   return page;
 }
 
-std::uint64_t DeletePicturesWhere(Connection& db, Key collection, const Selection& which) {
+std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection& which) {
   std::vector<Key> keys;  // a statement must not see what it deletes
   {
     Cursor row =
-        db.Prepare(PicturesOf(db, std::string("SELECT p.key") + kFromPictures, collection, which));
+        db.Prepare(ImagesOf(db, std::string("SELECT p.key") + kFromImages, collection, which));
     while (row.Next()) keys.push_back(row.Int(0));
   }
-  db.Prepare("DELETE FROM pictures WHERE " + db.IsAmong("key", "?1")).Bind(std::span(keys)).Run();
+  db.Prepare("DELETE FROM images WHERE " + db.IsAmong("key", "?1")).Bind(std::span(keys)).Run();
   db.Prepare(
-        "DELETE FROM objects WHERE collection = ? AND NOT EXISTS (SELECT 1 FROM pictures p WHERE "
+        "DELETE FROM objects WHERE collection = ? AND NOT EXISTS (SELECT 1 FROM images p WHERE "
         "p.object = objects.key)")
       .Bind(collection)
       .Run();

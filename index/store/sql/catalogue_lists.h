@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lists of pictures and objects in SQL, and what is removed by the same conditions. Private to
+// Lists of images and objects in SQL, and what is removed by the same conditions. Private to
 // index/store/; each in the transaction of `db`.
 #pragma once
 
@@ -13,10 +13,10 @@
 namespace pliant {
 
 // Throw kInvalidArgument "after_invalid" for a place that is none of the order asked for.
-PicturePage SelectPicturePage(Connection& db, Key collection, const PictureListing& list);
+ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list);
 ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing& list);
 
-// How many. Also removes objects that have no picture left.
-std::uint64_t DeletePicturesWhere(Connection& db, Key collection, const Selection& which);
+// How many. Also removes objects that have no image left.
+std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection& which);
 
 }  // namespace pliant

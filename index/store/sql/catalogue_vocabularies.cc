@@ -119,13 +119,13 @@ CollectionRecord RecordOf(Connection& db, const CollectionRow& collection) {
   return record;
 }
 
-void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& bow) {
+void InsertImageWords(Connection& db, Key vocabulary, Key image, const Bow& bow) {
   const std::vector<std::uint8_t> blob = EncodeBow(bow);
   db.Prepare(
-        "INSERT INTO picture_words (vocabulary, picture, data) "
-        "SELECT ?1, key, ?3 FROM pictures WHERE key = ?2 "
-        "ON CONFLICT (vocabulary, picture) DO UPDATE SET data = excluded.data")
-      .Bind(vocabulary, picture, blob)
+        "INSERT INTO image_words (vocabulary, image, data) "
+        "SELECT ?1, key, ?3 FROM images WHERE key = ?2 "
+        "ON CONFLICT (vocabulary, image) DO UPDATE SET data = excluded.data")
+      .Bind(vocabulary, image, blob)
       .Run();
 }
 
@@ -134,23 +134,23 @@ std::vector<StoredFeatures> SelectUnquantized(Connection& db, Key collection, Ke
   // The plus: by their keys. By an index of the collection all of it would be read and sorted, for
   // every batch.
   Cursor row = db.Prepare(
-      "SELECT p.key, f.data FROM pictures p LEFT JOIN features f ON f.picture = p.key "
+      "SELECT p.key, f.data FROM images p LEFT JOIN features f ON f.image = p.key "
       "WHERE +p.collection = ?1 AND p.key > ?3 AND NOT EXISTS "
-      "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key) "
+      "(SELECT 1 FROM image_words w WHERE w.vocabulary = ?2 AND w.image = p.key) "
       "ORDER BY p.key LIMIT ?4");
   row.Bind(collection, vocabulary, after, limit);
-  std::vector<StoredFeatures> pictures;
+  std::vector<StoredFeatures> images;
   while (row.Next()) {
     if (row.IsNull(1)) throw refusals::FeaturesMissing();
-    pictures.push_back({row.Int(0), row.CopyOfBlob(1)});
+    images.push_back({row.Int(0), row.CopyOfBlob(1)});
   }
-  return pictures;
+  return images;
 }
 
-std::uint64_t CountPicturesWithoutWords(Connection& db, Key collection, Key vocabulary) {
+std::uint64_t CountImagesWithoutWords(Connection& db, Key collection, Key vocabulary) {
   Cursor row = db.Prepare(
-      "SELECT count(*) FROM pictures p WHERE p.collection = ?1 AND NOT EXISTS "
-      "(SELECT 1 FROM picture_words w WHERE w.vocabulary = ?2 AND w.picture = p.key)");
+      "SELECT count(*) FROM images p WHERE p.collection = ?1 AND NOT EXISTS "
+      "(SELECT 1 FROM image_words w WHERE w.vocabulary = ?2 AND w.image = p.key)");
   return static_cast<std::uint64_t>(row.Bind(collection, vocabulary).One().Int(0));
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The catalogue's vocabularies and the words of each picture. Private to index/.
+// The catalogue's vocabularies and the words of each image. Private to index/.
 #pragma once
 
 #include <functional>
@@ -30,11 +30,11 @@ std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionR
 
 CollectionRecord RecordOf(Connection& db, const CollectionRow& collection);
 
-// Does nothing when the picture is gone.
-void InsertPictureWords(Connection& db, Key vocabulary, Key picture, const Bow& bow);
-// At most `limit` pictures without words of this vocabulary, by key after `after`; or kCorrupt.
+// Does nothing when the image is gone.
+void InsertImageWords(Connection& db, Key vocabulary, Key image, const Bow& bow);
+// At most `limit` images without words of this vocabulary, by key after `after`; or kCorrupt.
 std::vector<StoredFeatures> SelectUnquantized(Connection& db, Key collection, Key vocabulary,
                                               Key after, int limit);
-std::uint64_t CountPicturesWithoutWords(Connection& db, Key collection, Key vocabulary);
+std::uint64_t CountImagesWithoutWords(Connection& db, Key collection, Key vocabulary);
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The change feed: Access::Version says whether anybody has committed, new pictures have greater
+// The change feed: Access::Version says whether anybody has committed, new images have greater
 // keys, removed ones are in the table `removals`.
 #include "index/store/sql/change_feed.h"
 
@@ -43,7 +43,7 @@ class SqlFeedView : public FeedView {
       const FeedPosition now = access.Position(db);
       if (!now.Continues(at)) return std::nullopt;
       std::vector<std::int64_t> removed;
-      Cursor row = db.Prepare("SELECT seq, picture FROM removals WHERE seq > ? ORDER BY seq");
+      Cursor row = db.Prepare("SELECT seq, image FROM removals WHERE seq > ? ORDER BY seq");
       row.Bind(at.removal);
       std::int64_t first = now.removal + 1;
       while (row.Next()) {
@@ -60,28 +60,28 @@ class SqlFeedView : public FeedView {
     return Read([&](Connection& db, Access&) { return pliant::ReadVocabulary(db, vocabulary); });
   }
 
-  std::uint64_t CountPictures(Key collection) override {
-    return Read([&](Connection& db, Access&) { return CountPicturesIn(db, collection); });
+  std::uint64_t CountImages(Key collection) override {
+    return Read([&](Connection& db, Access&) { return CountImagesIn(db, collection); });
   }
 
-  void ForEachPicture(Key vocabulary, std::size_t words, std::int64_t after, std::size_t chunk,
-                      const std::function<void(std::vector<IndexedPicture>)>& work) override {
+  void ForEachImage(Key vocabulary, std::size_t words, std::int64_t after, std::size_t chunk,
+                    const std::function<void(std::vector<IndexedImage>)>& work) override {
     Read([&](Connection& db, Access&) {
-      std::vector<IndexedPicture> pictures;
+      std::vector<IndexedImage> images;
       for (std::size_t rows = kRowsAtOnce; rows == kRowsAtOnce;) {
         rows = 0;
         Cursor row = db.Prepare(
-            "SELECT p.key, p.object, p.id, w.data FROM picture_words w JOIN pictures p ON p.key = "
-            "w.picture WHERE w.vocabulary = ? AND w.picture > ? ORDER BY w.picture LIMIT ?");
+            "SELECT p.key, p.object, p.id, w.data FROM image_words w JOIN images p ON p.key = "
+            "w.image WHERE w.vocabulary = ? AND w.image > ? ORDER BY w.image LIMIT ?");
         row.Bind(vocabulary, after, kRowsAtOnce);
         for (; row.Next(); ++rows) {
-          pictures.push_back({row.Int(0), row.IsNull(1) ? 0 : row.Int(1), row.Text(2),
-                              DecodeBow(row.Blob(3), words)});
-          after = pictures.back().key;
-          if (pictures.size() == chunk) work(std::exchange(pictures, {}));
+          images.push_back({row.Int(0), row.IsNull(1) ? 0 : row.Int(1), row.Text(2),
+                            DecodeBow(row.Blob(3), words)});
+          after = images.back().key;
+          if (images.size() == chunk) work(std::exchange(images, {}));
         }
       }
-      if (!pictures.empty()) work(std::move(pictures));
+      if (!images.empty()) work(std::move(images));
     });
   }
 

@@ -18,8 +18,8 @@
 
 #include "descriptor/image/image.h"
 #include "index/records/filter.h"
+#include "index/records/image_ref.h"
 #include "index/records/listing.h"
-#include "index/records/picture_ref.h"
 
 namespace pliant {
 
@@ -174,7 +174,7 @@ class Connection {
   // Whether `expression` is one of the keys bound to `parameter`.
   virtual std::string IsAmong(const std::string& expression,
                               const std::string& parameter) const = 0;
-  // Whether the metadata of picture `table` pass. The filter must outlive the query's run.
+  // Whether the metadata of image `table` pass. The filter must outlive the query's run.
   virtual std::string Passes(Query& query, const std::string& table,
                              const Filter& filter) const = 0;
   // Counts values of metadata over a query whose columns are `item`, which a value counts once for,
@@ -182,7 +182,7 @@ class Connection {
   virtual std::string MetadataOf(const std::string& table) const { return table + ".metadata"; }
   virtual std::vector<Facet> CountFacets(const Query& listed, const std::vector<std::string>& keys);
   // Whether each of the words of `text` occurs in one of the columns, whatever its case. The
-  // columns are names of `pictures` (p) or `objects` (o).
+  // columns are names of `images` (p) or `objects` (o).
   virtual std::string Contains(Query& query, const std::string& text,
                                const std::vector<std::string>& columns) const = 0;
 

@@ -13,25 +13,25 @@ void FeatureCache::Follow(std::uint64_t epoch) {
   bytes_ = 0;
 }
 
-std::optional<std::vector<std::uint8_t>> FeatureCache::Find(Key picture, std::uint64_t epoch) {
+std::optional<std::vector<std::uint8_t>> FeatureCache::Find(Key image, std::uint64_t epoch) {
   const std::lock_guard lock(mutex_);
   Follow(epoch);
-  const auto place = places_.find(picture);
+  const auto place = places_.find(image);
   if (place == places_.end()) return std::nullopt;
   entries_.splice(entries_.begin(), entries_, place->second);
   return place->second->encoded;
 }
 
-void FeatureCache::Add(Key picture, std::vector<std::uint8_t> encoded, std::uint64_t epoch) {
+void FeatureCache::Add(Key image, std::vector<std::uint8_t> encoded, std::uint64_t epoch) {
   const std::lock_guard lock(mutex_);
   Follow(epoch);
-  if (places_.contains(picture)) return;
+  if (places_.contains(image)) return;
   bytes_ += encoded.size();
-  entries_.push_front({picture, std::move(encoded)});
-  places_[picture] = entries_.begin();
+  entries_.push_front({image, std::move(encoded)});
+  places_[image] = entries_.begin();
   while (bytes_ > max_bytes_) {
     bytes_ -= entries_.back().encoded.size();
-    places_.erase(entries_.back().picture);
+    places_.erase(entries_.back().image);
     entries_.pop_back();
   }
 }

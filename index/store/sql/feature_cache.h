@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Candidate cache: encoded features of pictures that were verified lately, for databases that are
-// not on this machine. A picture's key stands for one state of it, so what is kept stays true.
+// Candidate cache: encoded features of images that were verified lately, for databases that are
+// not on this machine. An image's key stands for one state of it, so what is kept stays true.
 // Thread-safe.
 #pragma once
 
@@ -13,7 +13,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "index/records/picture_ref.h"
+#include "index/records/image_ref.h"
 
 namespace pliant {
 
@@ -23,12 +23,12 @@ class FeatureCache {
 
   // `epoch`: another one than before empties the cache, as a database that lost commits may give
   // the keys of these again.
-  std::optional<std::vector<std::uint8_t>> Find(Key picture, std::uint64_t epoch);
-  void Add(Key picture, std::vector<std::uint8_t> encoded, std::uint64_t epoch);
+  std::optional<std::vector<std::uint8_t>> Find(Key image, std::uint64_t epoch);
+  void Add(Key image, std::vector<std::uint8_t> encoded, std::uint64_t epoch);
 
  private:
   struct Entry {
-    Key picture = 0;
+    Key image = 0;
     std::vector<std::uint8_t> encoded;
   };
   void Follow(std::uint64_t epoch);

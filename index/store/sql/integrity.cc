@@ -38,28 +38,28 @@ void EachRow(Connection& db, const char* select, int key, const Work& work) {
 void CheckFeatures(Connection& db, Problems& problems) {
   const char* select =
       "SELECT p.id, p.width, p.height, p.keypoints, f.data, m.kind, m.dim, f.model = c.model, "
-      "p.key FROM pictures p JOIN collections c ON c.key = p.collection "
-      "LEFT JOIN features f ON f.picture = p.key LEFT JOIN models m ON m.key = f.model "
+      "p.key FROM images p JOIN collections c ON c.key = p.collection "
+      "LEFT JOIN features f ON f.image = p.key LEFT JOIN models m ON m.key = f.model "
       "WHERE p.key > ? ORDER BY p.key LIMIT ?";
   EachRow(db, select, 8, [&](const Cursor& row) {
-    const std::string picture = "picture \"" + row.Text(0) + "\": ";
+    const std::string image = "image \"" + row.Text(0) + "\": ";
     if (row.IsNull(4)) {
-      problems.push_back(picture + "its features are missing");
+      problems.push_back(image + "its features are missing");
       return;
     }
-    if (row.Int(7) == 0) problems.push_back(picture + "its features are of another model");
+    if (row.Int(7) == 0) problems.push_back(image + "its features are of another model");
     try {
       const Features features = DecodeFeatures(row.Blob(4));
       if (features.width != row.Int(1) || features.height != row.Int(2) ||
           static_cast<std::int64_t>(features.keypoints.size()) != row.Int(3)) {
-        problems.push_back(picture + "its features differ from its record");
+        problems.push_back(image + "its features differ from its record");
       }
       if (static_cast<std::int64_t>(features.descriptors.kind) != row.Int(5) ||
           features.descriptors.dim != row.Int(6)) {
-        problems.push_back(picture + "its descriptors are not of their model's form");
+        problems.push_back(image + "its descriptors are not of their model's form");
       }
     } catch (const Error& error) {
-      problems.push_back(picture + error.what());
+      problems.push_back(image + error.what());
     }
   });
 }
@@ -89,51 +89,51 @@ void CheckVocabularies(Connection& db, Problems& problems) {
 
 void CheckWords(Connection& db, Problems& problems) {
   Cursor missing = db.Prepare(
-      "SELECT p.id FROM pictures p JOIN collections c ON c.key = p.collection "
-      "WHERE c.active_vocabulary IS NOT NULL AND NOT EXISTS (SELECT 1 FROM picture_words w "
-      "WHERE w.vocabulary = c.active_vocabulary AND w.picture = p.key)");
+      "SELECT p.id FROM images p JOIN collections c ON c.key = p.collection "
+      "WHERE c.active_vocabulary IS NOT NULL AND NOT EXISTS (SELECT 1 FROM image_words w "
+      "WHERE w.vocabulary = c.active_vocabulary AND w.image = p.key)");
   while (missing.Next()) {
-    problems.push_back("picture \"" + missing.Text(0) +
+    problems.push_back("image \"" + missing.Text(0) +
                        "\": it has no words of the active vocabulary");
   }
   const char* select =
       "SELECT p.id, v.words, p.keypoints, w.data, v.collection = p.collection, w.key "
-      "FROM picture_words w "
-      "JOIN pictures p ON p.key = w.picture JOIN vocabularies v ON v.key = w.vocabulary "
+      "FROM image_words w "
+      "JOIN images p ON p.key = w.image JOIN vocabularies v ON v.key = w.vocabulary "
       "WHERE w.key > ? ORDER BY w.key LIMIT ?";
   EachRow(db, select, 5, [&](const Cursor& row) {
-    const std::string picture = "picture \"" + row.Text(0) + "\": ";
+    const std::string image = "image \"" + row.Text(0) + "\": ";
     if (row.Int(4) == 0)
-      problems.push_back(picture + "its words are of another collection's vocabulary");
+      problems.push_back(image + "its words are of another collection's vocabulary");
     try {
       const Bow bow = DecodeBow(row.Blob(3), static_cast<std::size_t>(row.Int(1)));
       if (bow.total != row.Int(2))
-        problems.push_back(picture + "it has more or fewer words than key points");
+        problems.push_back(image + "it has more or fewer words than keypoints");
     } catch (const Error& error) {
-      problems.push_back(picture + error.what());
+      problems.push_back(image + error.what());
     }
   });
 }
 
 void CheckOriginals(Connection& db, Problems& problems) {
   const char* select =
-      "SELECT p.id, p.sha256, o.data, o.picture FROM originals o JOIN pictures p ON p.key = "
-      "o.picture WHERE o.picture > ? ORDER BY o.picture LIMIT ?";
+      "SELECT p.id, p.sha256, o.data, o.image FROM originals o JOIN images p ON p.key = "
+      "o.image WHERE o.image > ? ORDER BY o.image LIMIT ?";
   EachRow(db, select, 3, [&](const Cursor& row) {
     if (Sha256Hex(row.Blob(2)) != ToHex(row.Blob(1))) {
-      problems.push_back("picture \"" + row.Text(0) + "\": its original does not have its hash");
+      problems.push_back("image \"" + row.Text(0) + "\": its original does not have its hash");
     }
   });
 }
 
 void CheckObjects(Connection& db, Problems& problems) {
   Cursor row = db.Prepare(
-      "SELECT name FROM objects o WHERE NOT EXISTS (SELECT 1 FROM pictures p WHERE p.object = "
+      "SELECT name FROM objects o WHERE NOT EXISTS (SELECT 1 FROM images p WHERE p.object = "
       "o.key)");
-  while (row.Next()) problems.push_back("object \"" + row.Text(0) + "\" has no picture");
-  if (db.Scalar("SELECT count(*) FROM pictures p JOIN objects o ON o.key = p.object "
+  while (row.Next()) problems.push_back("object \"" + row.Text(0) + "\" has no image");
+  if (db.Scalar("SELECT count(*) FROM images p JOIN objects o ON o.key = p.object "
                 "WHERE o.collection <> p.collection") != 0) {
-    problems.emplace_back("a picture shows an object of another collection");
+    problems.emplace_back("an image shows an object of another collection");
   }
 }
 
@@ -147,12 +147,12 @@ void CheckNames(Connection& db, Problems& problems) {
     }
   };
   const char* select =
-      "SELECT id, metadata, source, key FROM pictures WHERE key > ? ORDER BY key LIMIT ?";
-  EachRow(db, select, 3, [&](const Cursor& picture) {
-    const std::string whose = "picture \"" + picture.Text(0) + "\"";
-    check(whose, CheckImageId, picture.Text(0));
-    check(whose, CheckSource, picture.Text(2));
-    check(whose, CanonicalMetadata, picture.Text(1));
+      "SELECT id, metadata, source, key FROM images WHERE key > ? ORDER BY key LIMIT ?";
+  EachRow(db, select, 3, [&](const Cursor& image) {
+    const std::string whose = "image \"" + image.Text(0) + "\"";
+    check(whose, CheckImageId, image.Text(0));
+    check(whose, CheckSource, image.Text(2));
+    check(whose, CanonicalMetadata, image.Text(1));
   });
   Cursor object = db.Prepare("SELECT name FROM objects");
   while (object.Next()) {
@@ -178,15 +178,15 @@ void CheckNames(Connection& db, Problems& problems) {
 void CheckCounts(Connection& db, std::vector<std::string>& problems) {
   Cursor row = db.Prepare(
       "SELECT name FROM collections c WHERE "
-      "images <> (SELECT count(*) FROM pictures p WHERE p.collection = c.key) OR "
+      "images <> (SELECT count(*) FROM images p WHERE p.collection = c.key) OR "
       "objects <> (SELECT count(*) FROM objects o WHERE o.collection = c.key) OR descriptors <> "
-      "(SELECT coalesce(sum(keypoints), 0) FROM pictures p WHERE p.collection = c.key)");
+      "(SELECT coalesce(sum(keypoints), 0) FROM images p WHERE p.collection = c.key)");
   while (row.Next()) {
     problems.push_back("collection \"" + row.Text(0) + "\": its counts are not what it holds");
   }
   // An index in memory follows the removals.
-  if (db.Scalar("SELECT count(*) FROM removals r JOIN pictures p ON p.key = r.picture") != 0) {
-    problems.emplace_back("a picture is recorded as removed but is there");
+  if (db.Scalar("SELECT count(*) FROM removals r JOIN images p ON p.key = r.image") != 0) {
+    problems.emplace_back("an image is recorded as removed but is there");
   }
   if (db.Scalar("SELECT count(*) FROM models") != 1) {
     problems.emplace_back("the database is not of exactly one model");
@@ -210,23 +210,23 @@ std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore*
   Problems problems;
   Cursor row = db.Prepare(
       "SELECT p.id, f.sha256, f.sha256 = p.sha256, p.bytes FROM original_files f "
-      "JOIN pictures p ON p.key = f.picture ORDER BY f.sha256");
-  std::string last;  // pictures that share a file are one line
+      "JOIN images p ON p.key = f.image ORDER BY f.sha256");
+  std::string last;  // images that share a file are one line
   while (row.Next()) {
-    const std::string picture = "picture \"" + row.Text(0) + "\": ";
+    const std::string image = "image \"" + row.Text(0) + "\": ";
     const std::string sha256 = ToHex(row.Blob(1));
-    if (row.Int(2) == 0) problems.push_back(picture + "its original is of another picture");
+    if (row.Int(2) == 0) problems.push_back(image + "its original is of another image");
     if (sha256 == std::exchange(last, sha256)) continue;
     if (files == nullptr) {
-      problems.push_back(picture + "the directory with its original is not known");
+      problems.push_back(image + "the directory with its original is not known");
       continue;
     }
     try {
       if (!files->Read(sha256, static_cast<std::uint64_t>(row.Int(3)))) {
-        problems.push_back(picture + "its original is not in " + files->directory().string());
+        problems.push_back(image + "its original is not in " + files->directory().string());
       }
     } catch (const Error& error) {
-      problems.push_back(picture + error.what());
+      problems.push_back(image + error.what());
     }
   }
   return problems;

@@ -12,10 +12,10 @@
 
 namespace pliant {
 
-// What the schema cannot say: every picture has features that decode, match their checksum, their
-// record and their model; vocabularies are whole and of the collection's model; every picture has
-// words of the active vocabulary, inside it, as many as it has key points; originals have the hash
-// of their picture; no object without pictures; names and metadata are what the engine accepts; and
+// What the schema cannot say: every image has features that decode, match their checksum, their
+// record and their model; vocabularies are whole and of the collection's model; every image has
+// words of the active vocabulary, inside it, as many as it has keypoints; originals have the hash
+// of their image; no object without images; names and metadata are what the engine accepts; and
 // CheckCounts. Adds a sentence a problem.
 void CheckRows(Connection& db, std::vector<std::string>* problems);
 
@@ -23,7 +23,7 @@ void CheckRows(Connection& db, std::vector<std::string>* problems);
 void CheckCounts(Connection& db, std::vector<std::string>& problems);
 
 // Whether the originals that are files of `files` (nullptr: there is no such directory) are there
-// and have their hash. A file that is removed meanwhile, with its picture, is a problem only in
+// and have their hash. A file that is removed meanwhile, with its image, is a problem only in
 // the transaction that was begun before.
 std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore* files);
 

@@ -8,34 +8,34 @@
 namespace pliant {
 namespace {
 
-constexpr int kBatch = 8;  // pictures in memory and in a transaction
+constexpr int kBatch = 8;  // images in memory and in a transaction
 
-// One picture on its way.
+// One image on its way.
 struct Moving {
-  Key picture = 0;
+  Key image = 0;
   std::vector<std::uint8_t> bytes;
   std::unique_ptr<IncomingOriginal> file;  // nullptr: into the database
 };
 
 // nullopt: there is none, or it is not as it should be.
 std::optional<std::vector<std::uint8_t>> FileOf(const Originals& originals,
-                                                const ImageRecord& picture) {
+                                                const ImageRecord& image) {
   try {
-    return originals.store()->Read(picture.sha256, picture.bytes);
+    return originals.store()->Read(image.sha256, image.bytes);
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kCorrupt) throw;
     return std::nullopt;
   }
 }
 
-// The next pictures whose originals are files; moves `after` behind them. Empty = no more.
+// The next images whose originals are files; moves `after` behind them. Empty = no more.
 std::vector<ImageRecord> NextInFiles(Connection& db, Key* after) {
-  std::vector<ImageRecord> pictures;
+  std::vector<ImageRecord> images;
   for (const Key key : SelectOriginals(db, true, *after, kBatch)) {
-    if (const auto picture = FindPictureByKey(db, key)) pictures.push_back(picture->record);
+    if (const auto image = FindImageByKey(db, key)) images.push_back(image->record);
     *after = key;
   }
-  return pictures;
+  return images;
 }
 
 }  // namespace
@@ -52,14 +52,14 @@ void OriginalsKeeper::CopyFiles(const Originals& from, const Originals& to, cons
   while (true) {
     std::vector<std::unique_ptr<IncomingOriginal>> batch;
     const std::size_t seen = access_.Read([&](Connection& db) {
-      const std::vector<ImageRecord> pictures = NextInFiles(db, &after);
-      for (const ImageRecord& picture : pictures) {
-        if (picture.sha256 == last) continue;
-        if (const auto bytes = FileOf(from, picture)) {
-          batch.push_back(to.Receive(picture.sha256, *bytes));
+      const std::vector<ImageRecord> images = NextInFiles(db, &after);
+      for (const ImageRecord& image : images) {
+        if (image.sha256 == last) continue;
+        if (const auto bytes = FileOf(from, image)) {
+          batch.push_back(to.Receive(image.sha256, *bytes));
         }
       }
-      return pictures.size();
+      return images.size();
     });
     if (seen == 0) return;
     access_.Write([&](Connection& db) {
@@ -84,14 +84,14 @@ MoveOriginalsResult OriginalsKeeper::Carry(const Originals& from, Originals* to,
       [&](Connection& db) {
         result = {};
         Key after = 0;
-        for (auto pictures = NextInFiles(db, &after); !pictures.empty();
-             pictures = NextInFiles(db, &after)) {
-          for (const ImageRecord& picture : pictures) {
+        for (auto images = NextInFiles(db, &after); !images.empty();
+             images = NextInFiles(db, &after)) {
+          for (const ImageRecord& image : images) {
             const bool there =
-                picture.sha256 != last && to->store()->Holds(picture.sha256, picture.bytes);
-            if (there) to->store()->Secure(picture.sha256);
-            const auto bytes = there ? std::nullopt : FileOf(from, picture);
-            if (bytes) to->store()->Publish(*to->Receive(picture.sha256, *bytes));
+                image.sha256 != last && to->store()->Holds(image.sha256, image.bytes);
+            if (there) to->store()->Secure(image.sha256);
+            const auto bytes = there ? std::nullopt : FileOf(from, image);
+            if (bytes) to->store()->Publish(*to->Receive(image.sha256, *bytes));
             ++(there || bytes ? result.moved : result.left);
           }
         }
@@ -102,13 +102,13 @@ MoveOriginalsResult OriginalsKeeper::Carry(const Originals& from, Originals* to,
   for (bool more = true; more;) {
     access_.Write(
         [&](Connection& db) {
-          const std::vector<ImageRecord> pictures = NextInFiles(db, &after);
-          for (const ImageRecord& picture : pictures) {
-            if (to->store()->Holds(picture.sha256, picture.bytes)) {
-              from.store()->Remove(picture.sha256);
+          const std::vector<ImageRecord> images = NextInFiles(db, &after);
+          for (const ImageRecord& image : images) {
+            if (to->store()->Holds(image.sha256, image.bytes)) {
+              from.store()->Remove(image.sha256);
             }
           }
-          more = !pictures.empty();
+          more = !images.empty();
         },
         {.alone = true});
   }
@@ -142,12 +142,12 @@ MoveOriginalsResult OriginalsKeeper::Move(const std::filesystem::path& directory
     const std::vector<Key> keys = access_.Read([&](Connection& db) {
       const std::vector<Key> next = SelectOriginals(db, from_files, after, kBatch);
       for (const Key key : next) {
-        const auto picture = FindPictureByKey(db, key);
-        if (!picture) continue;
-        auto bytes = from_files ? FileOf(target, picture->record) : ReadOriginal(db, key);
+        const auto image = FindImageByKey(db, key);
+        if (!image) continue;
+        auto bytes = from_files ? FileOf(target, image->record) : ReadOriginal(db, key);
         if (!bytes) continue;
         Moving moving{key, *std::move(bytes), nullptr};
-        moving.file = target.Receive(picture->record.sha256, moving.bytes);
+        moving.file = target.Receive(image->record.sha256, moving.bytes);
         batch.push_back(std::move(moving));
       }
       return next;
@@ -160,8 +160,8 @@ MoveOriginalsResult OriginalsKeeper::Move(const std::filesystem::path& directory
         [&](Connection& db) {
           moved = 0;
           for (const Moving& moving : batch) {
-            if (!DeleteOriginal(db, moving.picture, from_files)) continue;  // removed meanwhile
-            target.Keep(db, moving.picture, moving.bytes, moving.file.get());
+            if (!DeleteOriginal(db, moving.image, from_files)) continue;  // removed meanwhile
+            target.Keep(db, moving.image, moving.bytes, moving.file.get());
             ++moved;
           }
         },

@@ -17,7 +17,7 @@
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/durable_file.h"
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 
 namespace pliant {
 namespace {
@@ -243,10 +243,9 @@ std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& 
     throw Error(ErrorCode::kCorrupt, "original_corrupt", reading.what());
   }
   if (Sha256Hex(bytes) != sha256) {
-    throw Error(
-        ErrorCode::kCorrupt, "original_corrupt",
-        DisplayPath(path) +
-            " does not have the hash that is its name; remove it and add the picture again");
+    throw Error(ErrorCode::kCorrupt, "original_corrupt",
+                DisplayPath(path) +
+                    " does not have the hash that is its name; remove it and add the image again");
   }
   return bytes;
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A directory of uploaded files named by their SHA-256. It knows files only; which of them belong
-// to a picture is in the database (originals.h). Private to index/.
+// to an image is in the database (originals.h). Private to index/.
 //
 //   DIR/pliant-originals    whose directory it is: two lines, the database's id and its path
 //   DIR/incoming/...        files being written, each locked (flock) by its writer

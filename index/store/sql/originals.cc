@@ -53,26 +53,24 @@ void StoreOriginalsDirectory(Connection& db, const OriginalsDirectoryRow& row) {
       .Run();
 }
 
-void InsertOriginal(Connection& db, Key picture, Bytes bytes) {
-  db.Prepare("INSERT INTO originals (picture, data) VALUES (?, ?)").Bind(picture, bytes).Run();
+void InsertOriginal(Connection& db, Key image, Bytes bytes) {
+  db.Prepare("INSERT INTO originals (image, data) VALUES (?, ?)").Bind(image, bytes).Run();
 }
 
-std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key picture) {
-  Cursor row = db.Prepare("SELECT data FROM originals WHERE picture = ?");
-  if (!row.Bind(picture).Next()) return std::nullopt;
+std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key image) {
+  Cursor row = db.Prepare("SELECT data FROM originals WHERE image = ?");
+  if (!row.Bind(image).Next()) return std::nullopt;
   return row.CopyOfBlob(0);
 }
 
-void InsertOriginalFile(Connection& db, Key picture, const std::string& sha256) {
+void InsertOriginalFile(Connection& db, Key image, const std::string& sha256) {
   const std::vector<std::uint8_t> hash = HashBytes(sha256);
-  db.Prepare("INSERT INTO original_files (picture, sha256) VALUES (?, ?)")
-      .Bind(picture, hash)
-      .Run();
+  db.Prepare("INSERT INTO original_files (image, sha256) VALUES (?, ?)").Bind(image, hash).Run();
 }
 
-bool HasOriginalFile(Connection& db, Key picture) {
-  Cursor row = db.Prepare("SELECT 1 FROM original_files WHERE picture = ?");
-  return row.Bind(picture).Next();
+bool HasOriginalFile(Connection& db, Key image) {
+  Cursor row = db.Prepare("SELECT 1 FROM original_files WHERE image = ?");
+  return row.Bind(image).Next();
 }
 
 bool IsOriginalFile(Connection& db, const std::string& sha256) {
@@ -91,9 +89,9 @@ std::string AnyOriginalFile(Connection& db) {
 }
 
 std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit) {
-  Cursor row = db.Prepare(
-      files ? "SELECT picture FROM original_files WHERE picture > ? ORDER BY picture LIMIT ?"
-            : "SELECT picture FROM originals WHERE picture > ? ORDER BY picture LIMIT ?");
+  Cursor row =
+      db.Prepare(files ? "SELECT image FROM original_files WHERE image > ? ORDER BY image LIMIT ?"
+                       : "SELECT image FROM originals WHERE image > ? ORDER BY image LIMIT ?");
   row.Bind(after, limit);
   std::vector<Key> keys;
   while (row.Next()) keys.push_back(row.Int(0));
@@ -105,10 +103,10 @@ std::uint64_t CountOriginals(Connection& db, bool files) {
       db.Scalar(files ? "SELECT count(*) FROM original_files" : "SELECT count(*) FROM originals"));
 }
 
-bool DeleteOriginal(Connection& db, Key picture, bool file) {
-  return db.Prepare(file ? "DELETE FROM original_files WHERE picture = ?"
-                         : "DELETE FROM originals WHERE picture = ?")
-             .Bind(picture)
+bool DeleteOriginal(Connection& db, Key image, bool file) {
+  return db.Prepare(file ? "DELETE FROM original_files WHERE image = ?"
+                         : "DELETE FROM originals WHERE image = ?")
+             .Bind(image)
              .Run() > 0;
 }
 
@@ -215,13 +213,12 @@ void Originals::TakeOver(Connection& db, const std::string& was) {
   RequireNotForeign(db);
   const std::string sample = AnyOriginalFile(db);
   if (!sample.empty() && !store_->SizeOf(sample)) {
-    throw Error(
-        ErrorCode::kNotFound, "originals_missing",
-        "the directory " + DisplayPath(store_->directory()) + " does not have the originals of " +
-            std::to_string(CountOriginalFiles(db)) +
-            " pictures; mount it, move the files there, or name the directory that has them "
-            "with originals_dir (it was " +
-            was + ")");
+    throw Error(ErrorCode::kNotFound, "originals_missing",
+                "the directory " + DisplayPath(store_->directory()) +
+                    " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
+                    " images; mount it, move the files there, or name the directory that has them "
+                    "with originals_dir (it was " +
+                    was + ")");
   }
   if (store_->Owner() != self_) store_->Claim(self_);
   owned_ = true;
@@ -232,10 +229,10 @@ std::unique_ptr<IncomingOriginal> Originals::Receive(const std::string& sha256, 
   return std::make_unique<IncomingOriginal>(store_->directory(), sha256, bytes);
 }
 
-void Originals::Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const {
-  if (incoming == nullptr || Moved(db)) return InsertOriginal(db, picture, bytes);
+void Originals::Keep(Connection& db, Key image, Bytes bytes, IncomingOriginal* incoming) const {
+  if (incoming == nullptr || Moved(db)) return InsertOriginal(db, image, bytes);
   store_->Publish(*incoming);
-  InsertOriginalFile(db, picture, incoming->sha256());
+  InsertOriginalFile(db, image, incoming->sha256());
 }
 
 void Originals::RemoveDropped(Connection& db) const {
@@ -269,22 +266,22 @@ void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory
 std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
                                                 const std::string& id) {
   std::string directory;
-  // A picture that is removed after it was looked up has lost its file when it is looked up again.
+  // An image that is removed after it was looked up has lost its file when it is looked up again.
   for (int attempt = 0; attempt < 2; ++attempt) {
     ImageRecord record;
     std::optional<std::vector<std::uint8_t>> bytes;
     std::optional<OriginalStore> store;
     access_.Read([&](Connection& db) {
-      const PictureRow picture = RequirePicture(db, collection, id);
-      record = picture.record;
-      bytes = ReadOriginal(db, picture.key);
-      if (!bytes && HasOriginalFile(db, picture.key)) store = originals_.Present(db);
+      const ImageRow image = RequireImage(db, collection, id);
+      record = image.record;
+      bytes = ReadOriginal(db, image.key);
+      if (!bytes && HasOriginalFile(db, image.key)) store = originals_.Present(db);
     });
     if (bytes) {
       if (Sha256Hex(*bytes) == record.sha256) return *std::move(bytes);
       throw Error(ErrorCode::kCorrupt, "original_corrupt",
                   "the stored bytes of \"" + ToDisplayText(id) +
-                      "\" are damaged; remove the picture and add it again");
+                      "\" are damaged; remove the image and add it again");
     }
     if (!store) {
       throw refusals::ContentNotKept(id);
@@ -294,7 +291,7 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
   }
   throw Error(ErrorCode::kCorrupt, "original_missing",
               "the original of \"" + ToDisplayText(id) + "\" is not in " + directory +
-                  "; add the same picture again, or restore the directory");
+                  "; add the same image again, or restore the directory");
 }
 
 void OriginalsKeeper::Restore(const ImageRecord& stored, Bytes bytes) {
@@ -319,7 +316,7 @@ void OriginalsKeeper::Tidy() {
   try {
     RemoveDropped();
   } catch (const Error&) {
-    // The pictures are gone, which is what was asked for. Their files stay noted in the database:
+    // The images are gone, which is what was asked for. Their files stay noted in the database:
     // the next removal, sweep or check tries again, and the check reports what it cannot remove.
   }
 }
@@ -360,7 +357,7 @@ std::vector<std::string> OriginalsKeeper::Check() {
   };
   std::vector<std::string> problems = access_.Read(check);
   if (problems.empty()) return problems;
-  // Pictures that were removed while the files were read look as if they had lost theirs; they are
+  // Images that were removed while the files were read look as if they had lost theirs; they are
   // not there when looked for again.
   const std::vector<std::string> again = access_.Read(check);
   std::erase_if(problems, [&](const std::string& problem) {

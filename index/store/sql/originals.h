@@ -36,23 +36,23 @@ struct OriginalsDirectoryRow {
 std::optional<OriginalsDirectoryRow> FindOriginalsDirectory(Connection& db);
 void StoreOriginalsDirectory(Connection& db, const OriginalsDirectoryRow& row);
 
-void InsertOriginal(Connection& db, Key picture, Bytes bytes);
-std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key picture);
+void InsertOriginal(Connection& db, Key image, Bytes bytes);
+std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key image);
 
-void InsertOriginalFile(Connection& db, Key picture, const std::string& sha256);
-bool HasOriginalFile(Connection& db, Key picture);
-bool IsOriginalFile(Connection& db, const std::string& sha256);  // of any picture
+void InsertOriginalFile(Connection& db, Key image, const std::string& sha256);
+bool HasOriginalFile(Connection& db, Key image);
+bool IsOriginalFile(Connection& db, const std::string& sha256);  // of any image
 std::uint64_t CountOriginalFiles(Connection& db);                // different ones
 std::string AnyOriginalFile(Connection& db);                     // hash of one; "" = there is none
 
-// Pictures after `after`, in order of their keys, whose bytes are in the database (`files` false)
+// Images after `after`, in order of their keys, whose bytes are in the database (`files` false)
 // or in a file. An original has bytes in one place only.
 std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit);
 std::uint64_t CountOriginals(Connection& db, bool files);
 // False = it is not there (any more).
-bool DeleteOriginal(Connection& db, Key picture, bool file);
+bool DeleteOriginal(Connection& db, Key image, bool file);
 
-// Files whose last picture is gone, and which may still be there.
+// Files whose last image is gone, and which may still be there.
 std::vector<std::string> DroppedOriginals(Connection& db);
 void ForgetDroppedOriginal(Connection& db, const std::string& sha256);
 
@@ -67,7 +67,7 @@ class Originals {
   bool Settled(Connection& db, const std::optional<std::filesystem::path>& directory) const;
   // Makes `directory` (absent: the one the database remembers; empty: the database itself) the
   // place of new originals, in the transaction of `db`. Throws kConflict "originals_foreign" for
-  // another database's directory, kNotFound "originals_missing" when the files that pictures refer
+  // another database's directory, kNotFound "originals_missing" when the files that images refer
   // to are not in it, and kNotFound "no_such_directory".
   void Claim(Connection& db, const std::optional<std::filesystem::path>& directory);
 
@@ -88,14 +88,14 @@ class Originals {
 
   // The flushed file for Keep; nullptr when new originals go into the database.
   std::unique_ptr<IncomingOriginal> Receive(const std::string& sha256, Bytes bytes) const;
-  // In the writer's transaction: `picture` has `bytes`, which are `incoming` if there is one. They
+  // In the writer's transaction: `image` has `bytes`, which are `incoming` if there is one. They
   // go into the database where another process has moved the files meanwhile.
-  void Keep(Connection& db, Key picture, Bytes bytes, IncomingOriginal* incoming) const;
-  // Removes files whose last picture is gone. In a transaction of its own (WriteOptions::alone),
-  // after the commit that dropped it: in one with others' work it would remove files of pictures
+  void Keep(Connection& db, Key image, Bytes bytes, IncomingOriginal* incoming) const;
+  // Removes files whose last image is gone. In a transaction of its own (WriteOptions::alone),
+  // after the commit that dropped it: in one with others' work it would remove files of images
   // whose removal is not committed, and may never be.
   void RemoveDropped(Connection& db) const;
-  // Removes the file unless a picture refers to it. In a transaction of its own, too.
+  // Removes the file unless an image refers to it. In a transaction of its own, too.
   bool RemoveUnreferenced(Connection& db, const std::string& sha256) const;
 
  private:
@@ -111,21 +111,21 @@ class Originals {
   bool takes_new_ = false;
 };
 
-// The uploaded bytes of an opened store: kept with a picture, read, restored, tidied, moved.
+// The uploaded bytes of an opened store: kept with an image, read, restored, tidied, moved.
 // Private to index/store/. Thread-safe after Open.
 class OriginalsKeeper {
  public:
   explicit OriginalsKeeper(Access* access) : access_(*access) {}
 
-  // A program that adds pictures makes the directory its own (`claim`); any other only reads and
+  // A program that adds images makes the directory its own (`claim`); any other only reads and
   // tidies.
   void Open(const std::optional<std::filesystem::path>& directory, bool claim);
 
   const Originals& originals() const { return originals_; }
   std::vector<std::uint8_t> Read(const std::string& collection, const std::string& id);
-  // Writes the file of a stored picture again if it has been lost.
+  // Writes the file of a stored image again if it has been lost.
   void Restore(const ImageRecord& stored, Bytes bytes);
-  // After a commit that removed or replaced pictures; the second never fails.
+  // After a commit that removed or replaced images; the second never fails.
   void RemoveDropped();
   void Tidy();
   void Forget(const std::string& sha256);  // after a failed transaction; never fails

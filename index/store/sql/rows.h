@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The catalogue's collections, objects and pictures: one function a statement or two. Private to
+// The catalogue's collections, objects and images: one function a statement or two. Private to
 // index/store/. Functions that write must run inside a transaction (WriteQueue).
 #pragma once
 
@@ -41,8 +41,8 @@ inline CollectionState StateOf(const CollectionRow& row) {
   return {row.key, row.name, row.active_vocabulary, row.created_ms};
 }
 
-struct PictureRow {
-  Key key = 0;  // the picture's version
+struct ImageRow {
+  Key key = 0;  // the image's version
   Key object = 0;
   ImageRecord record;
 };
@@ -70,54 +70,54 @@ void ChangeAliases(Connection& db, const AliasChanges& changes);
 Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 = none
 Key FindOrInsertObject(Connection& db, Key collection, const std::string& name);
 void RenameObject(Connection& db, Key object, const std::string& name);
-std::uint64_t CountPicturesOf(Connection& db, Key object);
-std::uint64_t CountPicturesIn(Connection& db, Key collection);
+std::uint64_t CountImagesOf(Connection& db, Key object);
+std::uint64_t CountImagesIn(Connection& db, Key collection);
 std::vector<ObjectRecord> SelectObjects(Connection& db, Key collection, const std::string& after,
                                         int limit);
 
-// pictures (catalogue_pictures.cc)
-// SELECT ... FROM pictures p, with its collection c and its object o, and what a row of it is.
-std::string SelectPictureSql();
-PictureRow ToPicture(const Cursor& row);
-PictureRow RequirePicture(Connection& db, const std::string& collection,
-                          const std::string& id);  // or kNotFound
-std::optional<PictureRow> FindPicture(Connection& db, Key collection, const std::string& id);
-Key KeyOfPicture(Connection& db, Key collection, const std::string& id);  // 0 = none
-std::optional<PictureRow> FindPictureByKey(Connection& db, Key key);
-std::optional<PictureRow> FindPictureBySha256(Connection& db, Key collection,
-                                              const std::string& sha256);
-// Keys, ascending, of the pictures whose metadata pass. Reads the metadata of the whole collection.
-std::vector<Key> PicturesPassing(Connection& db, Key collection, const Filter& filter);
-std::vector<ImageRecord> PicturesBySha256(Connection& db, Key collection,
-                                          const std::string& sha256);  // in order of id
+// images (catalogue_images.cc)
+// SELECT ... FROM images p, with its collection c and its object o, and what a row of it is.
+std::string SelectImageSql();
+ImageRow ToImage(const Cursor& row);
+ImageRow RequireImage(Connection& db, const std::string& collection,
+                      const std::string& id);  // or kNotFound
+std::optional<ImageRow> FindImage(Connection& db, Key collection, const std::string& id);
+Key KeyOfImage(Connection& db, Key collection, const std::string& id);  // 0 = none
+std::optional<ImageRow> FindImageByKey(Connection& db, Key key);
+std::optional<ImageRow> FindImageBySha256(Connection& db, Key collection,
+                                          const std::string& sha256);
+// Keys, ascending, of the images whose metadata pass. Reads the metadata of the whole collection.
+std::vector<Key> ImagesPassing(Connection& db, Key collection, const Filter& filter);
+std::vector<ImageRecord> ImagesBySha256(Connection& db, Key collection,
+                                        const std::string& sha256);  // in order of id
 // `check` of the object as it is.
 void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
                     const ObjectCheck& check);
-std::vector<ImageRecord> SelectPictures(Connection& db, Key collection, const ListOptions& options);
-// A picture of any collection with these bytes whose features were made by `model`; 0 = none.
+std::vector<ImageRecord> SelectImages(Connection& db, Key collection, const ListOptions& options);
+// An image of any collection with these bytes whose features were made by `model`; 0 = none.
 Key FindFeaturesOf(Connection& db, const std::string& sha256, Key model);
-// `picture.record` with `picture.object` as its object; returns the new key.
-Key InsertPicture(Connection& db, Key collection, const PictureRow& picture);
-std::vector<PictureRow> PicturesOf(Connection& db, Key object);
+// `image.record` with `image.object` as its object; returns the new key.
+Key InsertImage(Connection& db, Key collection, const ImageRow& image);
+std::vector<ImageRow> ImagesOf(Connection& db, Key object);
 // Its metadata, its source and when they changed.
-void DescribePicture(Connection& db, Key picture, const ImageRecord& record);
+void DescribeImage(Connection& db, Key image, const ImageRecord& record);
 // Makes it one of `object` (0 = none), by a new key, so that indexes in memory hear of it, with its
-// features, words and original. Also removes an object that has no picture left.
-void MovePicture(Connection& db, Key collection, const PictureRow& picture, Key object);
-// Also removes an object that has no picture left.
-void DeletePicture(Connection& db, const PictureRow& picture);
+// features, words and original. Also removes an object that has no image left.
+void MoveImage(Connection& db, Key collection, const ImageRow& image, Key object);
+// Also removes an object that has no image left.
+void DeleteImage(Connection& db, const ImageRow& image);
 // How many. Also removes the object.
-std::uint64_t DeletePicturesOf(Connection& db, Key object);
-void InsertFeatures(Connection& db, Key picture, Key model, Bytes blob);
-std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key picture);  // or kCorrupt
+std::uint64_t DeleteImagesOf(Connection& db, Key object);
+void InsertFeatures(Connection& db, Key image, Key model, Bytes blob);
+std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key image);  // or kCorrupt
 // In the order of the keys, none of which comes twice; or kCorrupt.
 std::vector<std::vector<std::uint8_t>> ReadFeaturesBlobs(Connection& db,
-                                                         std::span<const Key> pictures);
+                                                         std::span<const Key> images);
 // Gives those of the keys that are there, once each; or kCorrupt where features are asked for and
 // missing.
 void SelectStored(Connection& db, const std::multimap<Key, std::size_t>& keys, Load what,
-                  const std::function<void(Key, StoredPicture)>& take);
-// The picture that `request` would only store once more.
+                  const std::function<void(Key, StoredImage)>& take);
+// The image that `request` would only store once more.
 std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256);
 

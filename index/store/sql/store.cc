@@ -46,7 +46,7 @@ std::jthread Store::FollowOthers(std::function<void()> wake) {
 std::unique_ptr<ChangeFeed> Store::OpenFeed() { return std::make_unique<SqlFeed>(access_.get()); }
 
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
-  return std::make_unique<Store>(OpenAccess(options, StorePart::kPictures));
+  return std::make_unique<Store>(OpenAccess(options, StorePart::kImages));
 }
 
 }  // namespace pliant

@@ -20,9 +20,9 @@
 namespace pliant {
 namespace {
 
-void InsertWords(Connection& db, Key vocabulary, std::span<const PictureWords> pictures) {
-  for (const PictureWords& picture : pictures) {
-    InsertPictureWords(db, vocabulary, picture.version, picture.bow);
+void InsertWords(Connection& db, Key vocabulary, std::span<const ImageWords> images) {
+  for (const ImageWords& image : images) {
+    InsertImageWords(db, vocabulary, image.version, image.bow);
   }
 }
 
@@ -30,34 +30,34 @@ void InsertWords(Connection& db, Key vocabulary, std::span<const PictureWords> p
 void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantizer& quantizer) {
   while (true) {
     const std::vector<StoredFeatures> batch =
-        SelectUnquantized(db, collection, vocabulary, 0, kPicturesABatch);
+        SelectUnquantized(db, collection, vocabulary, 0, kImagesABatch);
     if (batch.empty()) return;
     InsertWords(db, vocabulary, QuantizeBatch(quantizer, batch, 0));
   }
 }
 
-// What a moved picture is written again with: MovePicture gives it a new key.
-std::uint64_t StoredBytes(Connection& db, const PictureRow& picture) {
+// What a moved image is written again with: MoveImage gives it a new key.
+std::uint64_t StoredBytes(Connection& db, const ImageRow& image) {
   Cursor row = db.Prepare(
-      "SELECT coalesce((SELECT length(data) FROM features WHERE picture = ?1), 0) + "
-      "coalesce((SELECT length(data) FROM originals WHERE picture = ?1), 0)");
-  return static_cast<std::uint64_t>(row.Bind(picture.key).One().Int(0));
+      "SELECT coalesce((SELECT length(data) FROM features WHERE image = ?1), 0) + "
+      "coalesce((SELECT length(data) FROM originals WHERE image = ?1), 0)");
+  return static_cast<std::uint64_t>(row.Bind(image.key).One().Int(0));
 }
 
 // The smaller of the two moves into the larger; the object that is left has the name.
 void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
            const std::string& name) {
-  const bool into_one = CountPicturesOf(db, one) >= CountPicturesOf(db, other);
+  const bool into_one = CountImagesOf(db, one) >= CountImagesOf(db, other);
   const Key kept = into_one ? one : other;
   const Key gone = into_one ? other : one;
-  const std::vector<PictureRow> moved = PicturesOf(db, gone);
+  const std::vector<ImageRow> moved = ImagesOf(db, gone);
   std::uint64_t bytes = 0;
-  for (const PictureRow& picture : moved) bytes += StoredBytes(db, picture);
+  for (const ImageRow& image : moved) bytes += StoredBytes(db, image);
   access.RequireSpace(bytes);
-  // The last picture to go takes its object along, and with it the name.
-  for (PictureRow picture : moved) {
-    picture.record.updated_ms = NowMs();
-    MovePicture(db, collection, picture, kept);
+  // The last image to go takes its object along, and with it the name.
+  for (ImageRow image : moved) {
+    image.record.updated_ms = NowMs();
+    MoveImage(db, collection, image, kept);
   }
   RenameObject(db, kept, name);
 }
@@ -66,23 +66,23 @@ bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
   return a.object == b.object && a.metadata == b.metadata && a.source == b.source;
 }
 
-void Change(Access& access, Connection& db, Key collection, PictureRow picture,
+void Change(Access& access, Connection& db, Key collection, ImageRow image,
             const ImageRecord& changed) {
-  if (changed.metadata != picture.record.metadata || changed.source != picture.record.source) {
-    DescribePicture(db, picture.key, changed);
+  if (changed.metadata != image.record.metadata || changed.source != image.record.source) {
+    DescribeImage(db, image.key, changed);
   }
-  picture.record = changed;
+  image.record = changed;
   const Key object = FindOrInsertObject(db, collection, changed.object);
-  if (object == picture.object) return;
-  access.RequireSpace(StoredBytes(db, picture));
-  MovePicture(db, collection, picture, object);
+  if (object == image.object) return;
+  access.RequireSpace(StoredBytes(db, image));
+  MoveImage(db, collection, image, object);
 }
 
 }  // namespace
 
-std::vector<PutOutcome> Writer::PutAll(std::span<const PicturePut> puts) {
+std::vector<PutOutcome> Writer::PutAll(std::span<const ImagePut> puts) {
   std::uint64_t bytes = 0;
-  for (const PicturePut& put : puts) bytes += put.request.bytes.size();
+  for (const ImagePut& put : puts) bytes += put.request.bytes.size();
   access_.RequireSpace(bytes);
   if (const OriginalStore* store = originals_.originals().store()) {
     access_.RequireSpace(bytes, store->directory());
@@ -113,52 +113,51 @@ std::vector<PutOutcome> Writer::PutAll(std::span<const PicturePut> puts) {
   return outcomes;
 }
 
-PutOutcome Writer::Store(Connection& db, const PicturePut& put, IncomingOriginal* original) const {
+PutOutcome Writer::Store(Connection& db, const ImagePut& put, IncomingOriginal* original) const {
   const AddRequest& request = put.request;
   const CollectionRow collection = RequireCollection(db, request.collection);
   refusals::CheckIsMeant(request, collection.created_ms);
-  // Somebody else may have stored the same while this picture was described.
+  // Somebody else may have stored the same while this image was described.
   if (const auto unchanged = FindUnchangedIn(db, collection.key, request, put.record.sha256)) {
     if (put.check) put.check(&*unchanged);
     return {AddOutcome::kUnchanged, *unchanged};
   }
-  PictureRow picture{0, 0, put.record};
-  auto replaced = FindPicture(db, collection.key, picture.record.id);
-  if (replaced && !request.id) {  // a generated id that was given to another picture by name
-    picture.record.id = picture.record.sha256;
-    replaced = FindPicture(db, collection.key, picture.record.id);
+  ImageRow image{0, 0, put.record};
+  auto replaced = FindImage(db, collection.key, image.record.id);
+  if (replaced && !request.id) {  // a generated id that was given to another image by name
+    image.record.id = image.record.sha256;
+    replaced = FindImage(db, collection.key, image.record.id);
   }
   if (put.check) put.check(replaced ? &replaced->record : nullptr);
-  if (replaced) DeletePicture(db, *replaced);
-  picture.object = FindOrInsertObject(db, collection.key, request.object);
-  if (!put.keep_times) picture.record.added_ms = picture.record.updated_ms = NowMs();
-  const Key key = InsertPicture(db, collection.key, picture);
+  if (replaced) DeleteImage(db, *replaced);
+  image.object = FindOrInsertObject(db, collection.key, request.object);
+  if (!put.keep_times) image.record.added_ms = image.record.updated_ms = NowMs();
+  const Key key = InsertImage(db, collection.key, image);
   InsertFeatures(db, key, model_.key, put.encoded);
   if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
   if (collection.active_vocabulary != 0) {
     if (collection.active_vocabulary == put.vocabulary) {
-      InsertPictureWords(db, collection.active_vocabulary, key, put.bow);
+      InsertImageWords(db, collection.active_vocabulary, key, put.bow);
     } else {  // switched since
       const Quantizer quantizer(ReadVocabulary(db, collection.active_vocabulary));
       const Descriptors& descriptors = put.features.descriptors;
-      InsertPictureWords(
+      InsertImageWords(
           db, collection.active_vocabulary, key,
           quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
     }
   }
-  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, picture.record};
+  return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, image.record};
 }
 
-bool Writer::Remove(const std::string& collection, const std::string& id,
-                    const PictureCheck& check) {
+bool Writer::Remove(const std::string& collection, const std::string& id, const ImageCheck& check) {
   bool removed = false;
   access_.Write(
       [&](Connection& db) {
-        const auto picture = FindPicture(db, RequireCollection(db, collection).key, id);
-        removed = picture.has_value();
-        if (!picture) return;
-        if (check) check(&picture->record);
-        DeletePicture(db, *picture);
+        const auto image = FindImage(db, RequireCollection(db, collection).key, id);
+        removed = image.has_value();
+        if (!image) return;
+        if (check) check(&image->record);
+        DeleteImage(db, *image);
       },
       {.reclaim = true});
   originals_.Tidy();
@@ -173,8 +172,8 @@ std::uint64_t Writer::RemoveObject(const std::string& collection, const std::str
         const Key in = RequireCollection(db, collection).key;
         const Key key = FindObject(db, in, object);
         if (check && key != 0)
-          pliant::CheckObjectNow(db, in, {object, CountPicturesOf(db, key)}, check);
-        removed = DeletePicturesOf(db, key);
+          pliant::CheckObjectNow(db, in, {object, CountImagesOf(db, key)}, check);
+        removed = DeleteImagesOf(db, key);
       },
       {.reclaim = true});
   originals_.Tidy();
@@ -185,7 +184,7 @@ std::uint64_t Writer::RemoveWhere(const Selection& which) {
   std::uint64_t removed = 0;
   access_.Write(
       [&](Connection& db) {
-        removed = DeletePicturesWhere(db, RequireCollection(db, which.collection).key, which);
+        removed = DeleteImagesWhere(db, RequireCollection(db, which.collection).key, which);
       },
       {.reclaim = true, .alone = true});  // it may be all there is
   originals_.Tidy();
@@ -227,8 +226,8 @@ Key Writer::AddVocabulary(Key collection, const Vocabulary& vocabulary) {
   return key;
 }
 
-void Writer::AddWords(Key vocabulary, std::span<const PictureWords> pictures) {
-  access_.Write([&](Connection& db) { InsertWords(db, vocabulary, pictures); });
+void Writer::AddWords(Key vocabulary, std::span<const ImageWords> images) {
+  access_.Write([&](Connection& db) { InsertWords(db, vocabulary, images); });
 }
 
 VocabularyRecord Writer::FinishVocabulary(const std::string& collection, Key vocabulary,
@@ -275,22 +274,22 @@ MoveOriginalsResult Writer::MoveOriginals(const std::filesystem::path& directory
 void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
                     const ObjectCheck& check) {
   const ListOptions first{/*collection=*/{}, now.object, /*after_id=*/{}, /*limit=*/1};
-  check(now, SelectPictures(db, collection, first).at(0).id);
+  check(now, SelectImages(db, collection, first).at(0).id);
 }
 
-ImageRecord Writer::ChangePicture(const std::string& collection, const std::string& id,
-                                  const PictureChange& change) {
+ImageRecord Writer::ChangeImage(const std::string& collection, const std::string& id,
+                                const ImageChange& change) {
   access_.RequireSpace(change.metadata ? change.metadata->size() : 0);
   ImageRecord changed;
   access_.Write([&](Connection& db) {
-    const PictureRow picture = RequirePicture(db, collection, id);
-    if (change.check) change.check(picture.record);
-    changed = picture.record;
+    const ImageRow image = RequireImage(db, collection, id);
+    if (change.check) change.check(image.record);
+    changed = image.record;
     if (change.object) changed.object = *change.object;
     if (change.source) changed.source = *change.source;
     if (change.metadata) changed.metadata = MergeMetadata(changed.metadata, *change.metadata);
-    if (!SameRecord(changed, picture.record)) changed.updated_ms = NowMs();
-    Change(access_, db, RequireCollection(db, collection).key, picture, changed);
+    if (!SameRecord(changed, image.record)) changed.updated_ms = NowMs();
+    Change(access_, db, RequireCollection(db, collection).key, image, changed);
   });
   return changed;
 }
@@ -321,7 +320,7 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     if (key == 0) {
       throw refusals::NoObject(object);
     }
-    changed = {object, CountPicturesOf(db, key)};
+    changed = {object, CountImagesOf(db, key)};
     if (change.check) CheckObjectNow(db, in, changed, change.check);
     if (change.name == object) return;
     changed.object = change.name;
@@ -330,7 +329,7 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
       RenameObject(db, key, change.name);
       return;
     }
-    const std::uint64_t there = CountPicturesOf(db, taken);
+    const std::uint64_t there = CountImagesOf(db, taken);
     if (!change.merge) {
       throw refusals::ObjectExists(change.name, there);
     }

@@ -48,8 +48,8 @@ CREATE TABLE two_view_geometries (
 )";
 constexpr int kSimpleRadial = 2;       // f, cx, cy, k
 constexpr double kFocalPerSide = 1.2;  // COLMAP's ImageReader.default_focal_length_factor
-constexpr std::int64_t kMostPictures = 2147483647;  // COLMAP's kMaxNumImages
-constexpr double kHalfPixel = 0.5;                  // the first pixel's centre is (0.5, 0.5) there
+constexpr std::int64_t kMostImages = 2147483647;  // COLMAP's kMaxNumImages
+constexpr double kHalfPixel = 0.5;                // the first pixel's centre is (0.5, 0.5) there
 
 template <typename Value>
 std::vector<std::uint8_t> BytesOf(std::span<const Value> values) {
@@ -69,19 +69,19 @@ class ColmapFile : public ColmapDatabase {
     });
   }
 
-  int AddPicture(const ColmapPicture& picture) override {
+  int AddImage(const ColmapImage& image) override {
     return WithDatabaseErrors(file_, [&] {
-      SQLite::Statement image(*database_, "INSERT INTO images (name, camera_id) VALUES (?, ?)");
-      image.bind(1, picture.name);
-      image.bind(2, CameraOf(picture));
-      image.exec();
+      SQLite::Statement insert(*database_, "INSERT INTO images (name, camera_id) VALUES (?, ?)");
+      insert.bind(1, image.name);
+      insert.bind(2, CameraOf(image));
+      insert.exec();
       const std::int64_t number = database_->getLastInsertRowid();
       std::vector<float> places;
-      for (const Vec2& point : picture.points) {
+      for (const Vec2& point : image.points) {
         places.push_back(static_cast<float>(point.x + kHalfPixel));
         places.push_back(static_cast<float>(point.y + kHalfPixel));
       }
-      Insert("INSERT INTO keypoints VALUES (?, ?, 2, ?)", number, picture.points.size(),
+      Insert("INSERT INTO keypoints VALUES (?, ?, 2, ?)", number, image.points.size(),
              BytesOf(std::span<const float>(places)));
       return static_cast<int>(number);
     });
@@ -95,7 +95,7 @@ class ColmapFile : public ColmapDatabase {
       rows.push_back(swapped ? b : a);
       rows.push_back(swapped ? a : b);
     }
-    const std::int64_t pair = kMostPictures * std::min(first, second) + std::max(first, second);
+    const std::int64_t pair = kMostImages * std::min(first, second) + std::max(first, second);
     WithDatabaseErrors(file_, [&] {
       Insert("INSERT INTO matches VALUES (?, ?, 2, ?)", pair, matches.size(),
              BytesOf(std::span<const std::uint32_t>(rows)));
@@ -126,16 +126,16 @@ class ColmapFile : public ColmapDatabase {
     statement.exec();
   }
 
-  std::int64_t CameraOf(const ColmapPicture& picture) {
+  std::int64_t CameraOf(const ColmapImage& image) {
     if (camera_ != 0 && one_camera_) {
-      if (picture.width == width_ && picture.height == height_) return camera_;
+      if (image.width == width_ && image.height == height_) return camera_;
       throw Error(ErrorCode::kInvalidArgument, "sizes_vary",
-                  picture.name + " has " + Size(picture.width, picture.height) +
-                      " pixels, the pictures before " + Size(width_, height_) +
-                      ": one camera takes pictures of one size");
+                  image.name + " has " + Size(image.width, image.height) +
+                      " pixels, the images before " + Size(width_, height_) +
+                      ": one camera takes images of one size");
     }
-    width_ = picture.width;
-    height_ = picture.height;
+    width_ = image.width;
+    height_ = image.height;
     const std::array<double, 4> parameters = {kFocalPerSide * std::max(width_, height_),
                                               0.5 * width_, 0.5 * height_, 0.0};
     const std::vector<std::uint8_t> bytes = BytesOf(std::span<const double>(parameters));

@@ -32,7 +32,7 @@ void CheckFile(SqliteConnection& db, Problems& problems) {
 
 // An index in memory follows the database by these: a key that is used twice would leave it wrong.
 void CheckKeys(SqliteConnection& db, Problems& problems) {
-  for (const char* table : {"collections", "objects", "pictures", "vocabularies"}) {
+  for (const char* table : {"collections", "objects", "images", "vocabularies"}) {
     const std::string name = table;
     if (db.Scalar("SELECT coalesce(max(key), 0) FROM " + name) > db.LastKey(table)) {
       problems.push_back("table " + name + ": keys that were used may be used again");

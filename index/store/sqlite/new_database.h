@@ -8,7 +8,7 @@
 namespace pliant {
 
 // A database in the making: an empty file that only its owner may read, because a database holds
-// people's pictures (whoever wants others to read it changes the mode afterwards, and SQLite's side
+// people's images (whoever wants others to read it changes the mode afterwards, and SQLite's side
 // files follow). It is locked, by flock(), which SQLite does not use: one that nobody locks is of a
 // process that was killed. Removed with its side files unless it has got another name.
 class NewDatabaseFile {

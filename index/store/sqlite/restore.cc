@@ -133,7 +133,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
-    return static_cast<std::uint64_t>(made.Scalar("SELECT count(*) FROM pictures"));
+    return static_cast<std::uint64_t>(made.Scalar("SELECT count(*) FROM images"));
   }
   ThrowDamaged(backup, problems);
 }

@@ -47,7 +47,7 @@ CREATE TABLE objects (
   name TEXT NOT NULL CHECK (name <> ''),
   UNIQUE (collection, name)
 );
-CREATE TABLE pictures (
+CREATE TABLE images (
   key INTEGER PRIMARY KEY AUTOINCREMENT,
   collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
   id TEXT NOT NULL,
@@ -64,17 +64,17 @@ CREATE TABLE pictures (
   updated_ms INTEGER NOT NULL,
   UNIQUE (collection, id)
 );
-CREATE INDEX pictures_by_sha256 ON pictures (sha256, collection);
-CREATE INDEX pictures_by_object ON pictures (object, id);
-CREATE INDEX pictures_by_added ON pictures (collection, added_ms, id);
-CREATE INDEX pictures_by_updated ON pictures (collection, updated_ms, id);
+CREATE INDEX images_by_sha256 ON images (sha256, collection);
+CREATE INDEX images_by_object ON images (object, id);
+CREATE INDEX images_by_added ON images (collection, added_ms, id);
+CREATE INDEX images_by_updated ON images (collection, updated_ms, id);
 CREATE TABLE features (
-  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image INTEGER PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   model INTEGER NOT NULL REFERENCES models (key),
   data BLOB NOT NULL
 );
 CREATE TABLE originals (
-  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image INTEGER PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   data BLOB NOT NULL
 );
 -- Originals may be files of a directory (original_store.h). The transaction that drops the last
@@ -86,7 +86,7 @@ CREATE TABLE originals_directory (
   active INTEGER NOT NULL              -- 1: new originals go there; 0: into the database
 );
 CREATE TABLE original_files (
-  picture INTEGER PRIMARY KEY REFERENCES pictures (key) ON DELETE CASCADE,
+  image INTEGER PRIMARY KEY REFERENCES images (key) ON DELETE CASCADE,
   sha256 BLOB NOT NULL CHECK (length(sha256) = 32)
 );
 CREATE INDEX original_files_by_sha256 ON original_files (sha256);
@@ -104,7 +104,7 @@ CREATE TABLE vocabularies (
   loss REAL NOT NULL,
   method TEXT NOT NULL,
   checksum INTEGER NOT NULL,           -- CRC-32 over the words' bytes in order
-  ready INTEGER NOT NULL DEFAULT 0,    -- 1 when every picture was quantised with it
+  ready INTEGER NOT NULL DEFAULT 0,    -- 1 when every image was quantised with it
   created_ms INTEGER NOT NULL,
   codebook BLOB NOT NULL               -- index/FORMAT.md
 );
@@ -115,31 +115,31 @@ CREATE TABLE vocabulary_words (
   data BLOB NOT NULL,
   PRIMARY KEY (vocabulary, word)
 ) WITHOUT ROWID;
-CREATE TABLE picture_words (
+CREATE TABLE image_words (
   key INTEGER PRIMARY KEY,
   vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE,
-  picture INTEGER NOT NULL REFERENCES pictures (key) ON DELETE CASCADE,
+  image INTEGER NOT NULL REFERENCES images (key) ON DELETE CASCADE,
   data BLOB NOT NULL,
-  UNIQUE (vocabulary, picture)
+  UNIQUE (vocabulary, image)
 );
-CREATE INDEX picture_words_by_picture ON picture_words (picture);
+CREATE INDEX image_words_by_image ON image_words (image);
 CREATE TABLE removals (
   seq INTEGER PRIMARY KEY AUTOINCREMENT,
-  picture INTEGER NOT NULL
+  image INTEGER NOT NULL
 );
-CREATE TRIGGER picture_removed AFTER DELETE ON pictures BEGIN
-  INSERT INTO removals (picture) VALUES (old.key);
+CREATE TRIGGER image_removed AFTER DELETE ON images BEGIN
+  INSERT INTO removals (image) VALUES (old.key);
   -- A reader that missed more than these loads everything again.
   DELETE FROM removals WHERE seq <= (SELECT max(seq) FROM removals) - 10000;
 END;
 CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
   INSERT OR IGNORE INTO dropped_originals (sha256) VALUES (old.sha256);
 END;
-CREATE TRIGGER picture_counted AFTER INSERT ON pictures BEGIN
+CREATE TRIGGER image_counted AFTER INSERT ON images BEGIN
   UPDATE collections SET images = images + 1, descriptors = descriptors + new.keypoints
   WHERE key = new.collection;
 END;
-CREATE TRIGGER picture_uncounted AFTER DELETE ON pictures BEGIN
+CREATE TRIGGER image_uncounted AFTER DELETE ON images BEGIN
   UPDATE collections SET images = images - 1, descriptors = descriptors - old.keypoints
   WHERE key = old.collection;
 END;

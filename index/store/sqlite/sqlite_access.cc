@@ -58,7 +58,7 @@ class SqliteAccess : public Access {
   }
   FeedPosition Position(Connection& db) override {
     auto& file = static_cast<SqliteConnection&>(db);
-    return {file.LastKey("pictures"), file.LastKey("removals")};
+    return {file.LastKey("images"), file.LastKey("removals")};
   }
 
   void RequireSpace(std::uint64_t bytes, const fs::path& directory) const override;
@@ -160,7 +160,7 @@ void SqliteAccess::RequireSpace(std::uint64_t bytes, const fs::path& directory) 
   throw Error(ErrorCode::kNoSpace, "no_space",
               "only " + FormatBytes(space.available) + " are free on the disk of " +
                   DisplayPath(where) + ", and " + FormatBytes(reserve_bytes_) +
-                  " are kept for removing pictures; nothing was stored. Remove pictures, or "
+                  " are kept for removing images; nothing was stored. Remove images, or "
                   "give it more space");
 }
 
@@ -206,7 +206,7 @@ std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart pa
   const fs::path& file = options.database;
   RequireDatabaseFile(file);
   WithDatabaseErrors(file, [&] {
-    if (part == StorePart::kPictures) {
+    if (part == StorePart::kImages) {
       RequireFile(options);
     } else {
       RequirePliant(file, options.busy_timeout_ms);

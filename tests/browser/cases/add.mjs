@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Adding pictures: many at once, names from folders and typed, labels, failures one by one.
+// Adding images: many at once, names from folders and typed, labels, failures one by one.
 import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blank, blobs } from "../pictures.mjs";
+import { blank, blobs } from "../images.mjs";
 
 const server = await house.server("add");
 
@@ -70,7 +70,7 @@ test("a folder's name is the object's name", async () => {
   rmSync(folder, { recursive: true });
 });
 
-test("pictures are called what their files are called, unless somebody says otherwise", async () => {
+test("images are called what their files are called, unless somebody says otherwise", async () => {
   const own = await house.startServer();
   const page = await house.openPage(`${own.address}/#/add`);
   const name = (of) => page.getByLabel(`Object in ${of}`);
@@ -99,7 +99,7 @@ test("pictures are called what their files are called, unless somebody says othe
   assert.deepEqual(await stored(), { "green tin.png": "green tin", "v1.2 box.jpeg": "a box",
                                      "image.png": made[0], "IMG.PNG": made[1] });
 
-  // The same picture by another file's name: nobody has said that it is something else.
+  // The same image by another file's name: nobody has said that it is something else.
   await page.locator("#add-files").setInputFiles([file("copy.png", blobs(40))]);
   await page.getByRole("button", { name: "Add 1 image" }).click();
   await house.waitForText(page, "#add-list li:last-child", /already stored under another name/);
@@ -108,7 +108,7 @@ test("pictures are called what their files are called, unless somebody says othe
   await own.stop();
 });
 
-test("pictures that others added without a name are shown by their files'", async () => {
+test("images that others added without a name are shown by their files'", async () => {
   const own = await house.startServer();
   for (const [i, source] of ["teapot.png", "kettle.png"].entries()) {
     const form = new FormData();

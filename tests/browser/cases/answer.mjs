@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs, noisyThing } from "../pictures.mjs";
+import { blobs, noisyThing } from "../images.mjs";
 
 const server = await house.server("demonstration");
 

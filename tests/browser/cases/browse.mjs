@@ -4,14 +4,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs } from "../pictures.mjs";
+import { blobs } from "../images.mjs";
 
-const kPictures = 30;
+const kImages = 30;
 
 const server = await house.server("browse", "--auto-train", "false");
 
-async function addPictures() {
-  for (let i = 0; i < kPictures; ++i) {
+async function addImages() {
+  for (let i = 0; i < kImages; ++i) {
     const query = `?object=thing%20${i % 3}`;
     const answer = await fetch(`${server.address}/v1/collections/default/images${query}`, {
       method: "POST", headers: { "Content-Type": "image/png" }, body: blobs(100 + i) });
@@ -22,15 +22,15 @@ async function addPictures() {
 const count = async () => (await (await fetch(`${server.address}/v1/collections/default`)).json()).images;
 const cards = (page, view) => page.locator(`#${view}-list .card`);
 
-test("pictures come as one scrolls, or by a button", async () => {
-  await addPictures();
+test("images come as one scrolls, or by a button", async () => {
+  await addImages();
   const page = await house.openPage(`${server.address}/#/images`);
   await cards(page, "images").first().waitFor();
   await house.eventually(async () => assert.equal(await cards(page, "images").count(), 24));
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await page.waitForFunction(() => document.querySelectorAll("#images-list .card").length === 30);
   const hrefs = await page.locator("#images-list .card > a").evaluateAll((list) => list.map((one) => one.href));
-  assert.equal(new Set(hrefs).size, kPictures, "each once");
+  assert.equal(new Set(hrefs).size, kImages, "each once");
   await house.eventually(async () => assert.equal(await page.getByRole("button", { name: "Show more" }).isVisible(), false));
   await house.shoot(page, "images");
   await house.checkAccessibility(page, "images");
@@ -52,7 +52,7 @@ test("pictures come as one scrolls, or by a button", async () => {
   await house.closePage(page);
 });
 
-test("an object leads to its pictures, a picture to its page", async () => {
+test("an object leads to its images, an image to its page", async () => {
   const page = await house.openPage(`${server.address}/#/objects`);
   await cards(page, "objects").first().waitFor();
   await house.eventually(async () => assert.equal(await cards(page, "objects").count(), 3));
@@ -67,7 +67,7 @@ test("an object leads to its pictures, a picture to its page", async () => {
   await house.closePage(page);
 });
 
-test("words find pictures and objects; the order can be chosen, and stands in the address", async () => {
+test("words find images and objects; the order can be chosen, and stands in the address", async () => {
   const page = await house.openPage(`${server.address}/#/images`);
   const names = (view) => page.locator(`#${view}-list .name`).allInnerTexts();
   await cards(page, "images").first().waitFor();
@@ -85,7 +85,7 @@ test("words find pictures and objects; the order can be chosen, and stands in th
   assert.match(page.url(), /#\/images\?q=ZEBRA\+thing$/);
   await house.checkAccessibility(page, "found by words");
   await house.checkOverlaps(page, "found by words");
-  await house.shoot(page, "find-pictures");
+  await house.shoot(page, "find-images");
   await page.getByRole("combobox", { name: "Order of the images" }).selectOption("created");
   await page.waitForFunction(() => location.hash.includes("sort=created"));
   await page.reload();
@@ -142,7 +142,7 @@ test("leaving the page deletes at once; a whole object goes too", async () => {
   await house.closePage(page);
 });
 
-test("a picture that cannot be deleted comes back with the reason", async () => {
+test("an image that cannot be deleted comes back with the reason", async () => {
   const page = await house.openPage(`${server.address}/#/images`);
   await page.route("**/images/*", (route) => (route.request().method() === "DELETE" ?
     route.fulfill({ status: 403, contentType: "application/problem+json",

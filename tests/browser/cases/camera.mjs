@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The live camera, with Chromium's own that plays a film: crumpled pictures of two demonstration objects by turns.
+// The live camera, with Chromium's own that plays a film: crumpled images of two demonstration objects by turns.
 import assert from "node:assert/strict";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -18,8 +18,8 @@ async function film(...names) {
   const parts = [];
   const objects = await house.loadDemonstration(server.address);  // not before: others begin with nothing
   for (const name of names) {
-    const picture = await house.bytesOf(server.address, objects.find(({ object }) => object === name).crumpled);
-    for (let i = 0; i < kFramesEach; ++i) parts.push(picture);
+    const image = await house.bytesOf(server.address, objects.find(({ object }) => object === name).crumpled);
+    for (let i = 0; i < kFramesEach; ++i) parts.push(image);
   }
   writeFileSync(file, Buffer.concat(parts));
   return ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", `--use-file-for-fake-video-capture=${file}`];

@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs } from "../pictures.mjs";
+import { blobs } from "../images.mjs";
 
 const kPhone = { width: 390, height: 844, hasTouch: true, isMobile: true };
 const server = await house.server("demonstration");

@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs } from "../pictures.mjs";
+import { blobs } from "../images.mjs";
 
 const server = await house.server("edit", "--auto-train", "false");
 const base = `${server.address}/v1/collections/default`;
@@ -30,7 +30,7 @@ async function prepare() {
 
 const card = (page, view, name) => page.locator(`#${view}-list .card`, { hasText: name });
 
-test("an object is renamed in place, with all its pictures", async () => {
+test("an object is renamed in place, with all its images", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/objects`);
   await page.getByRole("button", { name: "Edit mug", exact: true }).click();
@@ -74,7 +74,7 @@ test("what takes the name of something that is being deleted is not deleted with
   await gone();
   assert.deepEqual((await read("/images?limit=9")).images.map(({ id, object }) => [id, object]), [["c", "mug"]]);
 
-  // A picture that is moved there.
+  // An image that is moved there.
   await put("d", "pot", {}, 203);
   await page.reload();
   await page.getByRole("button", { name: "Delete mug with its images" }).click();
@@ -86,7 +86,7 @@ test("what takes the name of something that is being deleted is not deleted with
   await gone();
   assert.deepEqual((await read("/images?limit=9")).images.map(({ id, object }) => [id, object]), [["d", "mug"]]);
 
-  // Pictures that are added to it: another one, and the very one that is being deleted.
+  // Images that are added to it: another one, and the very one that is being deleted.
   const add = async (seed) => {
     await page.goto(`${server.address}/#/add`);
     await page.locator("#add-files").setInputFiles([{ name: "mug.png", mimeType: "image/png", buffer: blobs(seed) }]);
@@ -126,7 +126,7 @@ test("an offer holds for the name that it was made for", async () => {
   await house.closePage(page);
 });
 
-test("a picture moves to another object and gets other labels; what was not touched stays as it was", async () => {
+test("an image moves to another object and gets other labels; what was not touched stays as it was", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/images`);
   await page.getByRole("button", { name: "Edit the image a of mug" }).click();
@@ -177,7 +177,7 @@ test("two clicks open one form, also behind a proxy that makes ETags weak", asyn
   await house.closePage(page);
 });
 
-test("a picture that moves into an object on its way out does not come back", async () => {
+test("an image that moves into an object on its way out does not come back", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/images`);
   await page.getByRole("button", { name: "Edit the image c of cup" }).click();
@@ -213,7 +213,7 @@ test("what somebody else has changed meanwhile is not overwritten", async () => 
   await house.closePage(page);
 });
 
-test("a picture that is there already by another name can be renamed where it is added", async () => {
+test("an image that is there already by another name can be renamed where it is added", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/add`);
   const add = async () => {

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures that this browser does not have, or cannot read, and that are shown all the same: fetched by the server
+// Images that this browser does not have, or cannot read, and that are shown all the same: fetched by the server
 // from their addresses, and TIFFs.
 import assert from "node:assert/strict";
 import { createServer } from "node:http";
 import { after, test } from "node:test";
 import { canvasShares, correlation } from "../canvas.mjs";
 import * as house from "../house.mjs";
-import { photograph, thing, thingTiff } from "../pictures.mjs";
+import { photograph, thing, thingTiff } from "../images.mjs";
 
 // A photograph larger than a preview, in which two things lie at known places.
 const kSize = [1600, 1200];
@@ -57,7 +57,7 @@ const middleOf = (page, name) => page.locator("#stage-tags .tag", { hasText: nam
 });
 
 for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844, hasTouch: true, isMobile: true, colorScheme: "dark" }]]) {
-  test(`a picture that is searched with by its address is shown with what was found in it, ${size}`, async () => {
+  test(`an image that is searched with by its address is shown with what was found in it, ${size}`, async () => {
     await prepare();
     const page = await house.openPage(server.address, options);
     await house.waitForText(page, "#search-status", /in this collection/);
@@ -65,7 +65,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await drop(page, address);
     await house.waitForText(page, "#search-status", /^2 objects found: /);
     await house.waitForText(page, "#stage-note", /^Outlined: /);
-    assert.equal(requests, before + 1, "one fetch gives the answer and the picture");
+    assert.equal(requests, before + 1, "one fetch gives the answer and the image");
     assert.deepEqual(await sizeOf(page), [1280, 960]);
     const fetched = await gridOf(page);
     assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001);
@@ -79,9 +79,9 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
       const same = await correlation(page, "#reference-canvas", "#flat-canvas");
       assert.ok(same > 0.6, `un-crumpled from the preview: ${same}`);
     });
-    await house.checkAccessibility(page, `a fetched picture, ${size}`);
-    await house.checkWidth(page, `a fetched picture, ${size}`);
-    await house.checkOverlaps(page, `a fetched picture, ${size}`);
+    await house.checkAccessibility(page, `a fetched image, ${size}`);
+    await house.checkWidth(page, `a fetched image, ${size}`);
+    await house.checkOverlaps(page, `a fetched image, ${size}`);
     await house.shoot(page, `fetched-shown-${size}`);
     await page.locator("#stage-tags .tag", { hasText: "poster" }).click();
     await house.waitForText(page, "#compare-title", /^Compare: poster/);
@@ -102,7 +102,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
   });
 }
 
-test("a part of a fetched picture is searched in; one that cannot be fetched leaves nothing behind", async () => {
+test("a part of a fetched image is searched in; one that cannot be fetched leaves nothing behind", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/search?${new URLSearchParams({ url: address })}`);
   await house.waitForText(page, "#search-status", /^2 objects found: /);
@@ -114,7 +114,7 @@ test("a part of a fetched picture is searched in; one that cannot be fetched lea
   await page.locator("#region-height").fill("650");
   await page.keyboard.press("Tab");
   const [sent] = await Promise.all([page.waitForRequest(/\/search$/), page.getByRole("button", { name: "Search this part" }).click()]);
-  assert.equal(JSON.parse(sent.postData()).preview, undefined, "the picture is here already");
+  assert.equal(JSON.parse(sent.postData()).preview, undefined, "the image is here already");
   await house.waitForText(page, "#search-status", /^Found in this part: poster/);
   assert.deepEqual(await sizeOf(page), [1280, 960]);
   await drop(page, `http://${host}/none.png`);
@@ -127,7 +127,7 @@ test("a part of a fetched picture is searched in; one that cannot be fetched lea
 });
 
 for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844, hasTouch: true, isMobile: true, colorScheme: "dark" }]]) {
-  test(`a picture that is to be added by its address is shown before it is stored, ${size}`, async () => {
+  test(`an image that is to be added by its address is shown before it is stored, ${size}`, async () => {
     await prepare();
     const page = await house.openPage(`${server.address}/#/add`, options);
     const before = requests;
@@ -155,7 +155,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await house.shoot(page, `add-fetched-${size}`);
     await drop(page, "http://elsewhere.example/x.png", "#add-drop");
     await seen(4);
-    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*lets no pictures be fetched from this host/);
+    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*lets no images be fetched from this host/);
     await house.closePage(page);
   });
 }

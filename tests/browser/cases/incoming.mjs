@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is dropped and pasted: addresses, data, pictures of the page itself, and kinds that only a browser can read.
+// What is dropped and pasted: addresses, data, images of the page itself, and kinds that only a browser can read.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { thing, thingGif } from "../pictures.mjs";
+import { thing, thingGif } from "../images.mjs";
 
 const server = await house.server("incoming");
 const base = `${server.address}/v1/collections/default`;
 // Of thing(601), by avifenc --min 20 --max 30.
 const avif = readFileSync(new URL("../thing_601.avif", import.meta.url));
-// The first bytes of an iPhone's picture: no browser on Linux reads more of it either.
+// The first bytes of an iPhone's image: no browser on Linux reads more of it either.
 const heic = Buffer.concat([Buffer.from([0, 0, 0, 24]), Buffer.from("ftypheic\0\0\0\0mif1heic", "latin1"), Buffer.alloc(400, 7)]);
 
 let ready = null;
@@ -24,7 +24,7 @@ const prepare = () => (ready ??= (async () => {
   }
 })());
 
-// Drops or pastes what has these types, as another page's picture or a clipboard would.
+// Drops or pastes what has these types, as another page's image or a clipboard would.
 const give = (page, kind, selector, types) => page.evaluate(([how, where, list]) => {
   const transfer = new DataTransfer();
   for (const [type, text] of Object.entries(list)) transfer.setData(type, text);
@@ -35,11 +35,11 @@ const give = (page, kind, selector, types) => page.evaluate(([how, where, list])
 
 const dataUrl = (bytes, type) => `data:${type};base64,${bytes.toString("base64")}`;
 
-test("an address of a picture elsewhere is said not to be enough, and nothing is fetched", async () => {
+test("an address of an image elsewhere is said not to be enough, and nothing is fetched", async () => {
   await prepare();
   const page = await house.openPage(server.address);
   await house.waitForText(page, "#search-status", /in this collection/);
-  const address = "https://pictures.example/mug.jpg";
+  const address = "https://images.example/mug.jpg";
   await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
   await house.waitForText(page, "#search-status.error", /gave only the address of this image[^]*paste it here, or save it/);
   await house.checkAccessibility(page, "an address");
@@ -56,7 +56,7 @@ test("an address of a picture elsewhere is said not to be enough, and nothing is
   await house.closePage(page);  // which checks that nothing was asked for elsewhere
 });
 
-test("where the server fetches pictures, an address is enough: to search, after Reload, and to add", async () => {
+test("where the server fetches images, an address is enough: to search, after Reload, and to add", async () => {
   const elsewhere = createServer((request, answer) => {
     const seed = /(\d+)/.exec(request.url)?.[1];
     answer.writeHead(seed ? 200 : 404).end(seed && thing(Number(seed)));
@@ -75,7 +75,7 @@ test("where the server fetches pictures, an address is enough: to search, after 
   await give(page, "drop", "#search-drop", { "text/uri-list": address, "text/html": `<img src="${address}">` });
   await house.waitForText(page, "#search-status", /^Found: one/);
   assert.equal(new URLSearchParams(new URL(page.url()).hash.split("?")[1]).get("url"), address);
-  await house.checkAccessibility(page, "a picture that the server has fetched");
+  await house.checkAccessibility(page, "an image that the server has fetched");
   await house.shoot(page, "fetched");
   await page.reload();
   await house.waitForText(page, "#search-status", /^Found: one/);
@@ -84,7 +84,7 @@ test("where the server fetches pictures, an address is enough: to search, after 
   await give(page, "paste", "body", { "text/plain": `http://${host}/none.png` });
   await house.waitForText(page, "#search-status.error", /answered 404/);
   await give(page, "paste", "body", { "text/plain": "https://other.example/mug.png" });
-  await house.waitForText(page, "#search-status.error", /lets no pictures be fetched from this host/);
+  await house.waitForText(page, "#search-status.error", /lets no images be fetched from this host/);
 
   await page.goto(`${fetching.address}/#/add`);
   await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/tea%20cup%20604.png?size=9` });
@@ -99,7 +99,7 @@ test("where the server fetches pictures, an address is enough: to search, after 
   elsewhere.close();
 });
 
-test("data in place of an address are a picture; one of the page's own is searched with as it is stored", async () => {
+test("data in place of an address are an image; one of the page's own is searched with as it is stored", async () => {
   await prepare();
   const page = await house.openPage(server.address);
   await give(page, "drop", "#search-drop", { "text/html": `<p><img src="${dataUrl(thing(601), "image/png")}"></p>` });
@@ -138,7 +138,7 @@ test("an address that was just chosen is not lost to the search before it", asyn
   await house.closePage(page);
 });
 
-test("of two pictures that are dropped one after the other the second is searched with, however long the first takes", async () => {
+test("of two images that are dropped one after the other the second is searched with, however long the first takes", async () => {
   await prepare();
   const page = await house.openPage(server.address);
   await house.waitForText(page, "#search-status", /in this collection/);
@@ -157,7 +157,7 @@ test("of two pictures that are dropped one after the other the second is searche
   await house.closePage(page);
 });
 
-test("who goes to another view while a picture is read stays there", async () => {
+test("who goes to another view while an image is read stays there", async () => {
   await prepare();
   const page = await house.openPage(server.address);
   await house.waitForText(page, "#search-status", /in this collection/);
@@ -177,7 +177,7 @@ test("who goes to another view while a picture is read stays there", async () =>
   await house.closePage(page);
 });
 
-test("a picture that is given as soon as the search view is asked for is searched with", async () => {
+test("an image that is given as soon as the search view is asked for is searched with", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/objects`);
   await page.locator("#objects-list .card").first().waitFor();

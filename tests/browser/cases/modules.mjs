@@ -110,11 +110,11 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
                "4 objects found: a, b, c and d.");
   assert.equal(await words({ hits: hits(["a", 1], ["b", 1], ["c", 1], ["d", 1], ["e", 1]), found: 9 }),
                "9 objects found: a, b, c, d and 5 more.", "those on later pages count");
-  assert.equal(await words({ hits: hits(["a", 1], ["a", 0.95]), found: 2 }), "Found: a.", "pictures of one object");
-  const pictures = hits(["a", 1], ["a", 0.95], ["b", 0.95]);
+  assert.equal(await words({ hits: hits(["a", 1], ["a", 0.95]), found: 2 }), "Found: a.", "images of one object");
+  const images = hits(["a", 1], ["a", 0.95], ["b", 0.95]);
   assert.equal(await words({ hits: hits(["a", 1], ["b", 1]), found: 9, grouped: false }),
-               "2 or more objects found: a and b.", "nine pictures are of two objects at least");
-  assert.equal(await words({ hits: pictures, found: 3, grouped: false }), "2 objects found: a and b.");
+               "2 or more objects found: a and b.", "nine images are of two objects at least");
+  assert.equal(await words({ hits: images, found: 3, grouped: false }), "2 objects found: a and b.");
   assert.equal(await words({ hits: hits(["a", 1], ["a", 1]), found: 30, grouped: false }), "Found: a.");
   assert.equal(await words({ hits: hits(["mug", 0.89], ["tin", 0.5]), found: 0 }), "Perhaps: mug or tin.");
   assert.equal(await words({ hits: hits(["mug", 0.49]), found: 0 }), "Not found.");

@@ -30,7 +30,7 @@ test("the camera comes first; the answer is on the first screen", async () => {
   };
   for (const part of ["#search-status .verdict", "#stage", "#results .hit"]) await onScreen(part);
 
-  // One slider takes the place of three pictures.
+  // One slider takes the place of three images.
   await page.locator("#blend").waitFor();
   await house.eventually(async () => assert.equal(await page.locator("#trio figure:visible").count(), 1));
   await page.locator("#compare").scrollIntoViewIfNeeded();

@@ -6,11 +6,11 @@ import { test } from "node:test";
 import * as house from "../house.mjs";
 
 const server = await house.server("demonstration");
-let picture;
+let image;
 
 async function prepare() {
   const objects = await house.loadDemonstration(server.address);
-  picture = { name: "q.jpg", mimeType: "image/jpeg",
+  image = { name: "q.jpg", mimeType: "image/jpeg",
               buffer: await house.bytesOf(server.address, objects[0].crumpled) };
 }
 
@@ -25,7 +25,7 @@ async function answered(options) {
       return send(path, how);
     };
   });
-  await page.locator("#search-file").setInputFiles(picture);
+  await page.locator("#search-file").setInputFiles(image);
   await house.hitNames(page);
   return page;
 }

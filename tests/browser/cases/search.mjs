@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blank } from "../pictures.mjs";
+import { blank } from "../images.mjs";
 
 const server = await house.server("demonstration");
 let crumpled;
@@ -15,7 +15,7 @@ async function prepare() {
   crumpled = await house.bytesOf(server.address, poster.crumpled);
 }
 
-const picture = () => ({ name: "mine.jpg", mimeType: "image/jpeg", buffer: crumpled });
+const image = () => ({ name: "mine.jpg", mimeType: "image/jpeg", buffer: crumpled });
 
 // Gives the page a file by an event, as dropping and pasting do.
 const give = (page, selector, type) => page.evaluate(([where, kind, base64]) => {
@@ -27,11 +27,11 @@ const give = (page, selector, type) => page.evaluate(([where, kind, base64]) => 
   document.querySelector(where).dispatchEvent(event);
 }, [selector, type, crumpled.toString("base64")]);
 
-test("a chosen, a pasted and a dropped picture are searched with", async () => {
+test("a chosen, a pasted and a dropped image are searched with", async () => {
   await prepare();
   for (const how of ["choose", "paste", "drop"]) {
     const page = await house.openPage(server.address);
-    if (how === "choose") await page.locator("#search-file").setInputFiles(picture());
+    if (how === "choose") await page.locator("#search-file").setInputFiles(image());
     else await give(page, how === "drop" ? "#search-drop" : "body", how);
     assert.match((await house.hitNames(page))[0], /poster/, how);
     await house.closePage(page);
@@ -41,7 +41,7 @@ test("a chosen, a pasted and a dropped picture are searched with", async () => {
 test("a search survives Reload, Back and Forward", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await page.locator("#search-file").setInputFiles(picture());
+  await page.locator("#search-file").setInputFiles(image());
   await house.waitForText(page, "#search-status", /^Found: poster/);
   const first = page.url();
   assert.match(first, /#\/search\?photo=/);
@@ -71,7 +71,7 @@ test("a search survives Reload, Back and Forward", async () => {
   await house.closePage(page);
 });
 
-test("a stored picture has a link that can be shared", async () => {
+test("a stored image has a link that can be shared", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/search?image=demo-newspaper`);
   await house.waitForText(page, "#search-status", /^(No other similar object found|Perhaps)/);
@@ -90,7 +90,7 @@ test("a stored picture has a link that can be shared", async () => {
 test("filters limit what is found", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await page.locator("#search-file").setInputFiles(picture());
+  await page.locator("#search-file").setInputFiles(image());
   assert.equal((await house.hitNames(page)).length, 1);
   await page.locator("#filters summary").click();
   await page.locator("#filter-object").fill("town map");
@@ -116,7 +116,7 @@ test("filters limit what is found", async () => {
 test("what a search is limited to survives Reload and Back, and goes with its link", async () => {
   await prepare();
   const page = await house.openPage(server.address);
-  await page.locator("#search-file").setInputFiles(picture());
+  await page.locator("#search-file").setInputFiles(image());
   await house.waitForText(page, "#search-status", /^Found: poster/);
   await page.locator("#filters summary").click();
   await page.locator("#filter-labels").fill("made_of=cloth");
@@ -166,7 +166,7 @@ test("what goes wrong is said in words", async () => {
   const page = await house.openPage(server.address);
   const ask = (name, mimeType, buffer) =>
     page.locator("#search-file").setInputFiles({ name, mimeType, buffer });
-  await ask("notes.txt", "text/plain", Buffer.from("These are words, no picture."));
+  await ask("notes.txt", "text/plain", Buffer.from("These are words, no image."));
   await house.waitForText(page, "#search-status.error", /cannot read this file as an image/);
   await ask("blank.png", "image/png", blank());
   await house.waitForText(page, "#search-status.error", /too little detail/);
@@ -187,7 +187,7 @@ test("a server that is gone is said in words", async () => {
   const page = await house.openPage(other.address);
   await page.locator("#welcome").waitFor();
   await other.stop();
-  await page.locator("#search-file").setInputFiles(picture());
+  await page.locator("#search-file").setInputFiles(image());
   await house.waitForText(page, "#search-status.error", /cannot be reached/);
   await house.closePage(page);
 });
@@ -202,7 +202,7 @@ test("a busy server is asked again", async () => {
                            contentType: "application/problem+json",
                            body: JSON.stringify({ code: "busy", detail: "busy" }) });
   });
-  await page.locator("#search-file").setInputFiles(picture());
+  await page.locator("#search-file").setInputFiles(image());
   assert.match((await house.hitNames(page))[0], /poster/);
   assert.equal(refused, 2);
   await house.closePage(page);

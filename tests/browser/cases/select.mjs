@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Several pictures or objects at once: chosen, moved, labelled, made one, deleted; thumbnails are kept by the browser.
+// Several images or objects at once: chosen, moved, labelled, made one, deleted; thumbnails are kept by the browser.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs } from "../pictures.mjs";
+import { blobs } from "../images.mjs";
 
 const kPhone = { width: 390, height: 844, hasTouch: true, isMobile: true };
 const server = await house.server("select", "--auto-train", "false");
@@ -23,7 +23,7 @@ async function prepare() {
 
 const box = (page, name) => page.getByRole("checkbox", { name: `Select ${name}`, exact: true });
 
-test("pictures are moved and labelled together; what fails is said and stays selected", async () => {
+test("images are moved and labelled together; what fails is said and stays selected", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/images?sort=created`);
   await page.locator("#images-list .card").nth(8).waitFor();
@@ -31,7 +31,7 @@ test("pictures are moved and labelled together; what fails is said and stays sel
   await box(page, "p0").check();
   await box(page, "p3").click({ modifiers: ["Shift"] });
   await house.waitForText(page, "#images-bar + .selection", /4 images selected/);
-  await page.locator("#images-list .card > a").nth(3).click();  // the picture itself, too
+  await page.locator("#images-list .card > a").nth(3).click();  // the image itself, too
   await house.waitForText(page, "#images-bar + .selection", /3 images selected/);
   assert.match(page.url(), /#\/images\?sort=created$/);
   await house.checkAccessibility(page, "selecting");

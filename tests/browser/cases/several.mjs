@@ -8,7 +8,7 @@ import * as house from "../house.mjs";
 const server = await house.server("demonstration");
 const kObjects = ["demo-town-map", "demo-newspaper", "demo-poster"];
 
-// The stored pictures side by side, as a JPEG.
+// The stored images side by side, as a JPEG.
 async function photograph(page) {
   const base64 = await page.evaluate(async (ids) => {
     const canvas = new OffscreenCanvas(500 * ids.length, 420);
@@ -17,9 +17,9 @@ async function photograph(page) {
     context.fillRect(0, 0, canvas.width, canvas.height);
     for (const [i, id] of ids.entries()) {
       const answer = await fetch(`/v1/collections/default/images/${id}/content`);
-      const picture = await createImageBitmap(await answer.blob());
-      const scale = Math.min(460 / picture.width, 380 / picture.height);
-      context.drawImage(picture, 500 * i + 20, 20, picture.width * scale, picture.height * scale);
+      const image = await createImageBitmap(await answer.blob());
+      const scale = Math.min(460 / image.width, 380 / image.height);
+      context.drawImage(image, 500 * i + 20, 20, image.width * scale, image.height * scale);
     }
     const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/jpeg", quality: 0.9 })).arrayBuffer());
     return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));

@@ -36,7 +36,7 @@ test("an empty collection teaches what to do; the demonstration is found un-crum
     const alike = await correlation(page, "#flat-canvas", "#reference-canvas");
     const chance = await correlation(page, "#flat-canvas", "#reference-canvas", 5);
     assert.ok(alike > 0.08 && alike > 2 * Math.abs(chance),
-              `the un-crumpled picture is the object: correlation ${alike}, shifted ${chance}`);
+              `the un-crumpled image is the object: correlation ${alike}, shifted ${chance}`);
   });
   await house.checkAccessibility(page, "found");
 

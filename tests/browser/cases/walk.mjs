@@ -5,7 +5,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { photograph, thing } from "../pictures.mjs";
+import { photograph, thing } from "../images.mjs";
 
 const kSizes = { desk: { width: 1280, height: 800 }, phone: { width: 390, height: 844, hasTouch: true, isMobile: true } };
 const file = (name, buffer) => ({ name, mimeType: "image/png", buffer });
@@ -36,9 +36,9 @@ async function firstVisit(where, options) {
   await house.waitForText(page, "#objects-list", /green tin/);
   await house.shoot(page, `walk-renamed-${where}`);
 
-  const ask = async (picture, pattern) => {
+  const ask = async (image, pattern) => {
     await page.getByRole("link", { name: "Search", exact: true }).click();
-    await page.locator(options.hasTouch ? "#search-camera" : "#search-file").setInputFiles(picture);
+    await page.locator(options.hasTouch ? "#search-camera" : "#search-file").setInputFiles(image);
     await house.waitForText(page, "#search-status", pattern);
   };
   await ask(photo({ seed: 3, x: 330, y: 250, scale: 1.1, angle: 17 }), /^Found: green tin\./);

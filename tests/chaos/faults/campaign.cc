@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::chaos {
 namespace {

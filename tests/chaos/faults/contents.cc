@@ -8,7 +8,7 @@
 #include "descriptor/base/sha256.h"
 #include "descriptor/features/descriptor.h"
 #include "index/store/open_store.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::chaos {
 namespace {
@@ -62,10 +62,10 @@ std::string Line(const SearchResult& result) {
 
 }  // namespace
 
-const std::vector<std::uint8_t>& PictureBytes(std::uint64_t seed) {
-  static std::map<std::uint64_t, std::vector<std::uint8_t>> pictures;
-  std::vector<std::uint8_t>& bytes = pictures[seed];
-  if (bytes.empty()) bytes = EncodePng(testing::RandomPicture(seed, kWidthPx, kHeightPx));
+const std::vector<std::uint8_t>& ImageBytes(std::uint64_t seed) {
+  static std::map<std::uint64_t, std::vector<std::uint8_t>> images;
+  std::vector<std::uint8_t>& bytes = images[seed];
+  if (bytes.empty()) bytes = EncodePng(testing::RandomImage(seed, kWidthPx, kHeightPx));
   return bytes;
 }
 
@@ -85,7 +85,7 @@ Probes::Probes(int count) {
   options.keypoints.max_keypoints = kMostKeypoints;
   const FeatureExtractor extract(TheDescriptor(), options);
   for (int i = 1; i <= count; ++i) {
-    features_.push_back(extract.Extract(PictureBytes(static_cast<std::uint64_t>(i)), 1));
+    features_.push_back(extract.Extract(ImageBytes(static_cast<std::uint64_t>(i)), 1));
   }
 }
 
@@ -124,13 +124,13 @@ void Probes::LookInto(Engine& engine, const std::string& collection, Contents* c
   ListOptions list;
   list.collection = collection;
   list.limit = 1000;
-  for (const ImageRecord& picture : engine.List(list)) {
-    const std::string name = in + ", picture " + picture.id;
-    (*contents)[name] = Line(picture);
+  for (const ImageRecord& image : engine.List(list)) {
+    const std::string name = in + ", image " + image.id;
+    (*contents)[name] = Line(image);
     (*contents)[name + ", bytes"] =
-        Said([&] { return Sha256Hex(engine.GetContent(collection, picture.id)).substr(0, 16); });
+        Said([&] { return Sha256Hex(engine.GetContent(collection, image.id)).substr(0, 16); });
     (*contents)[name + ", features"] =
-        Said([&] { return HashOf(engine.GetFeatures(collection, picture.id)); });
+        Said([&] { return HashOf(engine.GetFeatures(collection, image.id)); });
   }
   if (!record.vocabulary) return;
   SearchOptions search;

@@ -14,13 +14,13 @@
 
 namespace pliant::chaos {
 
-// A line for each collection, picture (its record, the hashes of its bytes and of its features),
+// A line for each collection, image (its record, the hashes of its bytes and of its features),
 // vocabulary, key, job, and for the answer to each probe; by a name that says what it is. Numbers
 // and times that depend on how often something was tried are left out.
 using Contents = std::map<std::string, std::string>;
 
-// Small pictures, each unlike the others: PNG files of `seed`.
-const std::vector<std::uint8_t>& PictureBytes(std::uint64_t seed);
+// Small images, each unlike the others: PNG files of `seed`.
+const std::vector<std::uint8_t>& ImageBytes(std::uint64_t seed);
 
 // How all engines of the campaign are opened, on the database "a.db" of the folder.
 EngineOptions OptionsFor(const std::filesystem::path& folder);

@@ -8,7 +8,7 @@
 #include "index/import/folder_import.h"
 #include "index/store/open_store.h"
 #include "tests/chaos/faults/contents.h"
-#include "tests/unit/index_test_pictures.h"
+#include "tests/unit/index_test_images.h"
 
 namespace pliant::chaos {
 namespace {
@@ -22,7 +22,7 @@ void Add(Engine& engine, const std::string& collection, const std::string& id, s
   AddRequest request;
   request.collection = collection;
   request.id = id;
-  request.bytes = PictureBytes(seed);
+  request.bytes = ImageBytes(seed);
   request.object = object;
   request.metadata = R"({"seed":)" + std::to_string(seed) + "}";
   request.source = "somewhere/" + id;
@@ -39,7 +39,7 @@ void Train(Engine& engine, const std::string& collection, int words) {
 
 ApiKeyRecord Key(const std::string& id) {
   return {id,      "name of " + id,
-          "write", Sha256Hex(PictureBytes(static_cast<std::uint64_t>(id.back()))),
+          "write", Sha256Hex(ImageBytes(static_cast<std::uint64_t>(id.back()))),
           1,       0};
 }
 
@@ -53,7 +53,7 @@ JobRecord Job(const std::string& state) {
 
 void Empty(const fs::path& folder) { WriteImage({}, folder); }
 
-// Three collections; a picture that two of them have; two vocabularies, and one.
+// Three collections; an image that two of them have; two vocabularies, and one.
 void Fill(const fs::path& folder, bool into_files) {
   Empty(folder);
   EngineOptions options = OptionsFor(folder);
@@ -77,17 +77,16 @@ void Fill(const fs::path& folder, bool into_files) {
 }
 
 fs::path FileOf(const fs::path& folder, std::uint64_t seed) {
-  const std::string sha256 = Sha256Hex(PictureBytes(seed));
+  const std::string sha256 = Sha256Hex(ImageBytes(seed));
   return folder / kOriginals / sha256.substr(0, 2) / sha256;
 }
 
-// Pictures of a folder beside the simulated disk.
+// Images of a folder beside the simulated disk.
 const fs::path& ImportFolder() {
   static const testing::TemporaryFolder folder;
   static const fs::path path = [] {
     for (const std::uint64_t seed : {6, 7}) {
-      testing::WriteBytes(folder / ("picture-" + std::to_string(seed) + ".png"),
-                          PictureBytes(seed));
+      testing::WriteBytes(folder / ("image-" + std::to_string(seed) + ".png"), ImageBytes(seed));
     }
     return folder.path();
   }();
@@ -104,8 +103,8 @@ void Import(Engine& engine, const Acknowledge& done) {
     done();
     return result;
   };
-  const PictureFiles files = FindPictures({options.root}, ObjectFrom::kStem);
-  const FolderImportResult result = ImportPictures(engine, files, options);
+  const ImageFiles files = FindImages({options.root}, ObjectFrom::kStem);
+  const FolderImportResult result = ImportImages(engine, files, options);
   if (!result.skipped.empty()) throw std::runtime_error("skipped: " + result.skipped[0].reason);
 }
 
@@ -135,7 +134,7 @@ Scenario Simple(const std::string& name, bool files, const Act& act) {
   return scenario;
 }
 
-void AddPictureScenarios(bool files, std::vector<Scenario>* all) {
+void AddImageScenarios(bool files, std::vector<Scenario>* all) {
   all->push_back(Simple("upload", files, [](Engine& e) { Add(e, "default", "p6", 6, "o6"); }));
   all->back().describes = true;
   all->push_back(Simple("replace", files, [](Engine& e) { Add(e, "default", "p3", 4, "o1"); }));
@@ -143,12 +142,12 @@ void AddPictureScenarios(bool files, std::vector<Scenario>* all) {
   all->push_back(
       Simple("remove_object", files, [](Engine& e) { e.RemoveObject("default", "o1"); }));
   all->push_back(Simple("relabel", files, [](Engine& e) {
-    PictureChange change;
+    ImageChange change;
     change.metadata = R"({"shelf": 4, "seed": null})";
     e.Change("default", "p1", change);
   }));
   all->push_back(Simple("move", files, [](Engine& e) {
-    PictureChange change;
+    ImageChange change;
     change.object = "o1";
     e.Change("default", "p3", change);
   }));
@@ -238,8 +237,8 @@ void AddOriginalsScenarios(std::vector<Scenario>* all) {
   sweep.name = "sweep";
   sweep.prepare = [](const fs::path& folder) {
     Fill(folder, true);
-    testing::WriteBytes(FileOf(folder, 8), PictureBytes(8));
-    testing::WriteBytes(folder / kOriginals / "incoming" / "left.1-1", PictureBytes(9));
+    testing::WriteBytes(FileOf(folder, 8), ImageBytes(8));
+    testing::WriteBytes(folder / kOriginals / "incoming" / "left.1-1", ImageBytes(9));
   };
   all->push_back(std::move(sweep));
   Scenario create;
@@ -261,8 +260,8 @@ void AddOriginalsScenarios(std::vector<Scenario>* all) {
 const std::vector<Scenario>& Scenarios() {
   static const std::vector<Scenario> scenarios = [] {
     std::vector<Scenario> all;
-    AddPictureScenarios(false, &all);
-    AddPictureScenarios(true, &all);
+    AddImageScenarios(false, &all);
+    AddImageScenarios(true, &all);
     AddVocabularyScenarios(&all);
     AddServiceScenarios(&all);
     AddOriginalsScenarios(&all);

@@ -29,7 +29,7 @@ struct Scenario {
   bool into_files = false;
   // Opening the database is the operation.
   bool opens = false;
-  bool describes = false;  // new pictures
+  bool describes = false;  // new images
   std::string also;        // a second database that it makes, "" = none
   std::string leaves;      // a folder where files may be left that nobody needs, "" = none
 };

@@ -77,7 +77,7 @@ def profiles():
 
 @bomb(".jpg")
 def thumbnail_in_thumbnail():
-    """An EXIF block that holds a picture that holds an EXIF block, a thousand deep."""
+    """An EXIF block that holds an image that holds an EXIF block, a thousand deep."""
     inner = b"\xff\xd8\xff\xd9"
     while len(inner) < 60_000:
         inner = b"\xff\xd8" + segment(0xE1, b"Exif\0\0" + inner) + b"\xff\xd9"

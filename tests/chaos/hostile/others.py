@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile BMP files, and files that are no pictures."""
+"""Hostile BMP files, and files that are no images."""
 import struct
 
 from hostile.registry import bomb
@@ -21,7 +21,7 @@ def run_lengths():
 
 @bomb(".bmp")
 def run_lengths_that_jump():
-    """Thousands of jumps out of the picture."""
+    """Thousands of jumps out of the image."""
     return bmp(10_000, 10_000, 8, 1, b"\0\x02\xff\xff" * 100_000)
 
 

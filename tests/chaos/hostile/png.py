@@ -95,14 +95,14 @@ def empty_data_chunks():
 
 
 @bomb(".png")
-def data_beyond_the_picture():
+def data_beyond_the_image():
     """Data that unpack to a gigabyte behind the rows."""
     return png(64, 64, 8, 0, zeros(1_000_000_000))
 
 
 @bomb(".png")
-def much_data_beyond_the_picture():
-    """Twenty megabytes of data that unpack to twenty gigabytes, of a picture of ten megapixels."""
+def much_data_beyond_the_image():
+    """Twenty megabytes of data that unpack to twenty gigabytes, of an image of ten megapixels."""
     deflate = zlib.compressobj(9)
     block = deflate.compress(bytes(1 << 24)) + deflate.flush(zlib.Z_FULL_FLUSH)
     more = deflate.compress(bytes(1 << 24)) + deflate.flush(zlib.Z_FULL_FLUSH)
@@ -111,7 +111,7 @@ def much_data_beyond_the_picture():
 
 @bomb(".png")
 def archive_behind_the_end():
-    """A picture that is also a ZIP archive."""
+    """An image that is also a ZIP archive."""
     return small_png() + b"PK\x05\x06" + bytes(18)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The list of hostile pictures: file name -> function that returns its bytes."""
+"""The list of hostile images: file name -> function that returns its bytes."""
 BOMBS = {}
 
 

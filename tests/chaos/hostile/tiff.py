@@ -17,7 +17,7 @@ def tiff(entries, after=b""):
 
 
 def tiff_tags(width, height, *more):
-    """The tags of a grey, uncompressed picture whose one strip is the file's beginning."""
+    """The tags of a grey, uncompressed image whose one strip is the file's beginning."""
     tags = {256: (LONG, width), 257: (LONG, height), 258: (SHORT, 8), 259: (SHORT, 1), 262: (SHORT, 1),
             273: (LONG, 8), 277: (SHORT, 1), 278: (LONG, height), 279: (LONG, 64)}
     tags.update({tag: (kind, value) for tag, kind, value in more})
@@ -65,7 +65,7 @@ def overlapping_strips():
 
 @bomb(".tif")
 def huge_tile():
-    """A small picture in one tile of a gigapixel."""
+    """A small image in one tile of a gigapixel."""
     data = zlib.compress(bytes(16_000_000), 9)
     entries = [entry for entry in tiff_tags(200, 200, (259, SHORT, 8), (322, LONG, 32768), (323, LONG, 32768))
                if entry[0] not in (273, 278, 279)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""One client: changes pictures and objects of its own, and looks at what it has changed."""
+"""One client: changes images and objects of its own, and looks at what it has changed."""
 import http.client
 import json
 import random
@@ -9,16 +9,16 @@ import time
 import urllib.parse
 
 from kill.model import State
-from service.pictures import sha256, texture
+from service.images import sha256, texture
 from service.server import Connection, Wrong
 
 IMAGES = "/v1/collections/default/images"
 SEARCH = "/v1/collections/default/search?group_by=image&limit=100"
 OWN_IDS = 10
 OWN_OBJECTS = 3
-GENERATED = 4  # most pictures of its own without an id of its own
+GENERATED = 4  # most images of its own without an id of its own
 SHARED = [f"shared {number}" for number in range(6)]  # textures that all clients store under ids of their own
-# A descriptor that several pictures have becomes a word itself, and `neighbours` counts only what is nearer than the word.
+# A descriptor that several images have becomes a word itself, and `neighbours` counts only what is nearer than the word.
 SHARED_HASHES = {sha256(texture(name)) for name in SHARED}
 HONEST = {"busy", "starting", "stopping"}
 MERGE_PATCH = "application/merge-patch+json"
@@ -33,7 +33,7 @@ def state_of(record):
 
 
 def search_path(state):
-    """A search that finds the picture of this state by itself."""
+    """A search that finds the image of this state by itself."""
     return SEARCH + ("&rank=histogram" if state.sha256 in SHARED_HASHES else "")
 
 
@@ -68,7 +68,7 @@ class Client(threading.Thread):
 
     # What it chooses.
 
-    def new_picture(self):
+    def new_image(self):
         self.made += 1
         return texture(f"{self.name_of_life} {self.made}")
 
@@ -82,7 +82,7 @@ class Client(threading.Thread):
         return json.dumps({"life": self.model.life, "note": self.dice.randrange(1000)}, sort_keys=True)
 
     def own(self):
-        """Live pictures of this client."""
+        """Live images of this client."""
         mine = f"c{self.number}-", f"o{self.number}-"
         return {key: state for key, state in self.model.live().items()
                 if key[1].startswith(mine[0]) or state.object.startswith(mine[1])}
@@ -118,7 +118,7 @@ class Client(threading.Thread):
                 if (record["id"], state_of(record)) != (key[1], state):
                     raise Wrong(f"{method} {path} answered {record}, not {state}")
             if method == "DELETE" and status == 200 and json.loads(data)["deleted"] != len(after):
-                raise Wrong(f"{method} {path} answered {data[:300]!r}, not {len(after)} pictures")
+                raise Wrong(f"{method} {path} answered {data[:300]!r}, not {len(after)} images")
             self.model.settle(change, True)
         return True
 
@@ -132,7 +132,7 @@ class Client(threading.Thread):
     # The acts.
 
     def put_new(self):
-        self.put(self.own_key(), self.new_picture())
+        self.put(self.own_key(), self.new_image())
 
     def put_shared(self):
         self.put(self.own_key(), texture(self.dice.choice(SHARED)))
@@ -168,7 +168,7 @@ class Client(threading.Thread):
             self.model.report.count("replaces")
 
     def rename(self):
-        """All pictures of an object go to another one, or none."""
+        """All images of an object go to another one, or none."""
         old, new = (f"o{self.number}-{number}" for number in self.dice.sample(range(OWN_OBJECTS), 2))
         after = {key: state._replace(object=new) for key, state in self.own().items() if state.object == old}
         path = f"/v1/collections/default/objects/{old}?merge=true"
@@ -180,7 +180,7 @@ class Client(threading.Thread):
         """Without an id: it is made from the bytes."""
         if sum(not key[1].startswith("c") or "-" not in key[1] for key in self.own()) >= GENERATED:
             return self.delete()
-        data = self.new_picture()
+        data = self.new_image()
         state = State(sha256(data), f"o{self.number}-0", self.own_metadata())
         query = urllib.parse.urlencode({"object": state.object, "metadata": state.metadata})
         key = "default", state.sha256[:32]
@@ -195,7 +195,7 @@ class Client(threading.Thread):
             self.model.report.count("deletes")
 
     def delete_object(self):
-        """All pictures of an object, or none."""
+        """All images of an object, or none."""
         name = f"o{self.number}-{self.dice.randrange(OWN_OBJECTS)}"
         keys = [key for key, state in self.own().items() if state.object == name]
         if keys and self.change("DELETE object", f"/v1/collections/default/objects/{name}", dict.fromkeys(keys), {200}):

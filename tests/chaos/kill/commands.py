@@ -6,9 +6,9 @@ import subprocess
 import time
 
 from kill.jobs import import_states
-from service.pictures import write_folder
+from service.images import write_folder
 
-PICTURES = 4
+IMAGES = 4
 OBJECTS = 3
 
 
@@ -46,19 +46,19 @@ class Commands:
     def index(self):
         """Indexing that was killed goes on where it was."""
         folder = self.round.folder / "others" / "killed"
-        states = import_states(write_folder(folder, "killed", OBJECTS, PICTURES))
+        states = import_states(write_folder(folder, "killed", OBJECTS, IMAGES))
         arguments = ["index", folder, "--object-from", "folder"]
         for _ in range(2):
             self.killed(0.8, *arguments)
         before = self.count(states)
         said, _ = self.done(*arguments)
         if (said.get("unchanged"), said.get("indexed")) != (before, len(states) - before):
-            self.report.add("other", f"{before} of {len(states)} pictures were there, then: {said}")
+            self.report.add("other", f"{before} of {len(states)} images were there, then: {said}")
         self.model.adopt(states)
         self.model.touched.update(states)
 
     def count(self, states):
-        there = {row[0] for row in self.files.rows("SELECT id FROM pictures")}
+        there = {row[0] for row in self.files.rows("SELECT id FROM images")}
         return sum(key[1] in there for key in states)
 
     def move(self):
@@ -105,9 +105,9 @@ class Commands:
         names = [f"killed-{number}" for number in range(OBJECTS)]
         arguments = ["db", "rm", *[word for name in names for word in ("--object", name)]]
         self.killed(0.4, *arguments)
-        rows = self.files.rows("SELECT o.name, count(*) FROM pictures p JOIN objects o ON o.key = p.object GROUP BY 1")
+        rows = self.files.rows("SELECT o.name, count(*) FROM images p JOIN objects o ON o.key = p.object GROUP BY 1")
         there = {name: number for name, number in rows if name in names}
-        if any(number != PICTURES for number in there.values()):
+        if any(number != IMAGES for number in there.values()):
             self.report.add("mixtures", f"objects were removed in part: {there}")
         self.done(*arguments, may_skip=True)
         self.model.adopt({key: None for key, state in self.model.live().items() if state.object in names})

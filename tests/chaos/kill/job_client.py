@@ -6,14 +6,14 @@ import json
 from kill.client import Client
 from kill.jobs import import_states
 from kill.model import EXISTS, State
-from service.pictures import sha256, write_folder
+from service.images import sha256, write_folder
 from service.server import Wrong
 
 VOCABULARIES = "/v1/collections/default/vocabularies"
 MOST_ACTIVE = 5  # jobs at once
-MOST_LIVE = 260  # pictures; above, no imports
+MOST_LIVE = 260  # images; above, no imports
 MOST_VOCABULARIES = 12
-LEAST_TRAINED = 10  # pictures
+LEAST_TRAINED = 10  # images
 
 
 class JobClient(Client):
@@ -42,15 +42,15 @@ class JobClient(Client):
 
     def train(self):
         """Ten descriptors a word or more: with as many words as descriptors no descriptor is near its word."""
-        pictures = len(self.model.live())
-        if not self.may_start() or len(self.book.made) >= MOST_VOCABULARIES or pictures < LEAST_TRAINED:
+        images = len(self.model.live())
+        if not self.may_start() or len(self.book.made) >= MOST_VOCABULARIES or images < LEAST_TRAINED:
             return self.follow()
         activate = self.dice.random() < 0.6
         seed = self.dice.randrange(10**9) + 1000
         if activate:
             self.book.active = None
         self.start_job("train", seed, VOCABULARIES,
-                       {"words": self.dice.randrange(LEAST_TRAINED, 3 * pictures), "sample": 40 * pictures, "seed": seed,
+                       {"words": self.dice.randrange(LEAST_TRAINED, 3 * images), "sample": 40 * images, "seed": seed,
                         "activate": activate})
         return None
 
@@ -138,19 +138,19 @@ class JobClient(Client):
 
     def fill_collection(self):
         for name in self.collections()[:1]:
-            data = self.new_picture()
+            data = self.new_image()
             self.put((name, f"p{self.dice.randrange(4)}"), data,
                      State(sha256(data), "thing", json.dumps({"life": self.model.life})))
 
     def drop_collection(self):
-        """With all its pictures, as a whole."""
+        """With all its images, as a whole."""
         for name in self.collections()[:1]:
             keys = [(name, ""), *self.model.live(name)]
             if self.change("DELETE collection", f"/v1/collections/{name}", dict.fromkeys(keys), {204}):
                 self.model.report.count("deletes", len(keys))
 
     def remove_imported(self):
-        """All pictures of one object of an import that has ended."""
+        """All images of one object of an import that has ended."""
         pending = {state.object for states in [self.model.maybe, *self.book.folders.values()]
                    for state in list(states.values())}
         objects = sorted({state.object for state in self.model.live().values() if state.object.startswith("f")} - pending)

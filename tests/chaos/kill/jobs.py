@@ -14,7 +14,7 @@ ENDED = {"done", "failed", "cancelled"}
 MOST_ATTEMPTS = 3
 AUTOMATIC = "automatic"  # the mark of trainings that the server starts on its own
 # Failures that are the job's own fault.
-HONEST_FAILURES = {"train": {"no_pictures", "invalid_parameter", "words_invalid", "collection_not_found"},
+HONEST_FAILURES = {"train": {"no_images", "invalid_parameter", "words_invalid", "collection_not_found"},
                    "activate": {"vocabulary_not_found", "collection_not_found"}}
 
 
@@ -150,7 +150,7 @@ class JobBook:
             self.active = active[0] if active and steady else None
 
     def snapshot(self):
-        """Pictures that nobody is changing, and which version of each."""
+        """Images that nobody is changing, and which version of each."""
         with self.model.lock:
             open_keys = {key for change in self.model.unsure for key in change.after}
             return {key: (self.model.versions[key], state) for key, state in self.model.live().items()
@@ -158,5 +158,5 @@ class JobBook:
 
 
 def import_states(written):
-    """What an import of pictures.write_folder adds."""
+    """What an import of images.write_folder adds."""
     return {("default", sha[:32]): State(sha, named, "{}") for sha, named in written.items()}

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the server must hold: the acknowledged changes, and both outcomes of those without an answer.
 
-A key is (collection, id of the picture); (collection, "") stands for the collection itself. Thread-safe.
+A key is (collection, id of the image); (collection, "") stands for the collection itself. Thread-safe.
 """
 import collections
 import contextlib
@@ -66,7 +66,7 @@ class Model:
         self.touched = set()  # keys to be looked at in depth after the next start
         self.life = 0
         self.has_vocabulary = False  # one was seen
-        self.opaque = set()  # collections whose pictures the server makes itself
+        self.opaque = set()  # collections whose images the server makes itself
 
     def note(self, keys, text):
         for key in keys:

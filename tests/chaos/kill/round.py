@@ -12,7 +12,7 @@ from kill.job_client import JobClient
 from kill.jobs import JobBook, import_states
 from kill.model import Model
 from kill.verify import Files, Verifier
-from service.pictures import write_folder
+from service.images import write_folder
 from service.server import Connection, Server, Wrong
 
 CLIENTS = 8

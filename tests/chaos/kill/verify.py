@@ -12,13 +12,13 @@ import time
 
 from kill.client import image_path, search_path, state_of
 from kill.model import EXISTS
-from service.pictures import sha256
+from service.images import sha256
 from service.server import Wrong
 
 TEMPORARY = re.compile(r"\.new-[\d-]+(-wal|-shm|-journal)?$")
 PAGE = 37
 PATIENCE_S = 120  # for something to happen to a job, however busy the machine
-STRAYS_S = 30  # for files of removed pictures to go
+STRAYS_S = 30  # for files of removed images to go
 
 
 def everything(connection, path, name):
@@ -93,20 +93,20 @@ class Verifier:
         return found
 
     def counts(self, connection, records):
-        """Counts of collections, list of objects, metrics: all must agree with the list of pictures."""
+        """Counts of collections, list of objects, metrics: all must agree with the list of images."""
         objects = {}
-        for (name, picture), record in records.items():
+        for (name, image), record in records.items():
             per = objects.setdefault(name, {})
-            if picture and record["object"]:
-                per.setdefault(record["object"], []).append(picture)
+            if image and record["object"]:
+                per.setdefault(record["object"], []).append(image)
         for name, per in objects.items():
             listed = everything(connection, f"/v1/collections/{name}/objects", "objects")
             if {entry["object"]: entry["images"] for entry in listed} != {each: len(ids) for each, ids in per.items()}:
                 self.wrong(f"objects of {name}: {listed}, not {per}")
             if any(entry["image_id"] not in per.get(entry["object"], ()) for entry in listed):
-                self.wrong(f"objects of {name} name pictures that are not theirs: {listed}")
-            pictures = [record for key, record in records.items() if key[0] == name and key[1]]
-            wanted = len(pictures), len(per), sum(record["keypoints"] for record in pictures)
+                self.wrong(f"objects of {name} name images that are not theirs: {listed}")
+            images = [record for key, record in records.items() if key[0] == name and key[1]]
+            wanted = len(images), len(per), sum(record["keypoints"] for record in images)
             said = connection.get(f"/v1/collections/{name}")
             if (said["images"], said["objects"], said["descriptors"]) != wanted:
                 self.wrong(f"collection {name} says {said}, it has {wanted}")
@@ -114,10 +114,10 @@ class Verifier:
                        if not line.startswith("#"))
         total = sum(1 for key in records if key[1]), sum(len(per) for per in objects.values())
         if (float(metrics["pliant_images"]), float(metrics["pliant_objects"])) != total:
-            self.wrong(f"metrics: {metrics['pliant_images']} pictures, {metrics['pliant_objects']} objects, not {total}")
+            self.wrong(f"metrics: {metrics['pliant_images']} images, {metrics['pliant_objects']} objects, not {total}")
 
     def contents(self, connection, thorough):
-        """The bytes of every picture that was touched, and of some others."""
+        """The bytes of every image that was touched, and of some others."""
         with self.model.lock:
             live = {key: state for key, state in self.model.known.items() if state is not None and key[1]}
             others = self.dice.sample(sorted(live), min(8, len(live)))
@@ -145,7 +145,7 @@ class Verifier:
                 continue
             hits = {hit["image_id"]: hit["object"] for hit in answer["hits"]}
             if key[1] not in hits:
-                self.wrong(f"a search with the bytes of {key} does not find it among {len(live)} pictures: {answer}", [key])
+                self.wrong(f"a search with the bytes of {key} does not find it among {len(live)} images: {answer}", [key])
             for hit, named in hits.items():
                 state = live.get(("default", hit)) or self.model.maybe.get(("default", hit))
                 if state is None or state.object != (named or ""):
@@ -224,7 +224,7 @@ class Files:
             if "its original is not in" not in problem:  # removed since: the directory is not in the backup
                 self.report.add("other", f"pliant db check of backup {path.name}: {problem}")
         rows = {(row[0], row[1]): row[2] for row in self.rows(
-            "SELECT c.name, p.id, lower(hex(p.sha256)) FROM pictures p JOIN collections c ON c.key = p.collection", path)}
+            "SELECT c.name, p.id, lower(hex(p.sha256)) FROM images p JOIN collections c ON c.key = p.collection", path)}
         for key, (version, state) in snapshot.items():
             if model.versions[key] == version and rows.get(key) != state.sha256:
                 self.report.add("lost", f"backup {path.name} has {rows.get(key)} of {key}, not {state}", model.history[key])

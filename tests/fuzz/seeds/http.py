@@ -71,9 +71,9 @@ def conversations():
         "quoted": with_length("POST /form", form, FORM.replace("=b", '="b"')),
         "no_boundary": with_length("POST /form", form, "Content-Type: multipart/form-data\r\n"),
         "long_boundary": with_length("POST /form", form, FORM.replace("=b", "=" + "b" * 300)),
-        "plain": with_length("POST /form", "picture", "Content-Type: image/png\r\n"),
-        "expect": with_length("POST /form", "picture", "Content-Type: image/png\r\nExpect: 100-continue\r\n"),
-        "late_body": with_length("POST /form", "picture", "Content-Type: image/png\r\n")[:-3],
+        "plain": with_length("POST /form", "image", "Content-Type: image/png\r\n"),
+        "expect": with_length("POST /form", "image", "Content-Type: image/png\r\nExpect: 100-continue\r\n"),
+        "late_body": with_length("POST /form", "image", "Content-Type: image/png\r\n")[:-3],
         "two_requests": with_length("POST /x", get, small) + get,
         "smuggled": f"POST /x HTTP/1.1\r\n{HOST}Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + get,
         "no_host": "GET /x/1 HTTP/1.1\r\n\r\n",
@@ -119,9 +119,9 @@ def parameters():
         "bad_utf8": b"?object=\xff\xfe", "null": '\n{"object": null, "whole": "3"}', "deep": "\n" + '{"filter":' * 40,
         "etag": ':If-None-Match=W/"1", "0123"\n?whole=1', "any": ":If-None-Match=*",
         "control": "a\rb.jpg image=x",
-        "pictures": 'a.jpg image=x\n second={"image_url": "http://a.example/b.png"}',
-        "picture_json": '\n{"second": {"image": "AAAA", "image_url": null}, "image": "AAAA"}',
-        "picture_both": '\n{"second": {"image": "AAAA", "image_url": "x"}}', "picture_none": "?second={}",
+        "images": 'a.jpg image=x\n second={"image_url": "http://a.example/b.png"}',
+        "image_json": '\n{"second": {"image": "AAAA", "image_url": null}, "image": "AAAA"}',
+        "image_both": '\n{"second": {"image": "AAAA", "image_url": "x"}}', "image_none": "?second={}",
     })
 
 

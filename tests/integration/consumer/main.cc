@@ -1,4 +1,4 @@
-// The smallest program that uses an installed Pliant: DEAL descriptors of the picture it is given.
+// The smallest program that uses an installed Pliant: DEAL descriptors of the image it is given.
 #include <fstream>
 #include <iostream>
 #include <iterator>
@@ -15,5 +15,5 @@ int main(int, char** argv) {
   pliant::Engine engine({.database = argv[2]});
   engine.Add({.object = "first", .bytes = bytes});
   std::cout << features.descriptors.rows << " descriptors, " << engine.Stats().images
-            << " picture, version " PLIANT_VERSION "\n";
+            << " image, version " PLIANT_VERSION "\n";
 }

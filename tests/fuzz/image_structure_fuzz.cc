@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What is read of a picture file before it is decoded: its header, and whether it is whole.
+// What is read of an image file before it is decoded: its header, and whether it is whole.
 #include "descriptor/image/image_header.h"
 #include "tests/fuzz/fuzz.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Finds the picture files below given folders, names their objects, and reads them.
+// Finds the image files below given folders, names their objects, and reads them.
 #pragma once
 
 #include <cstdint>
@@ -16,14 +16,14 @@ enum class ObjectFrom {
   // kStem for a file that is given itself, and for what lies directly in a folder that is given
   // alone; else kFolder.
   kAuto,
-  // The way to the picture's folder from the one that was given ("coat/front"), so that folders of
+  // The way to the image's folder from the one that was given ("coat/front"), so that folders of
   // one name in different places are different objects; what lies directly in it has its name.
   kFolder,
   kStem,  // file name without its extension
   kNone,
 };
 
-struct PictureFile {
+struct ImageFile {
   std::filesystem::path path;
   std::string object;  // valid UTF-8; bytes that are none are written as \xHH
 };
@@ -34,8 +34,8 @@ struct SkippedFile {
   std::string reason;
 };
 
-struct PictureFiles {
-  std::vector<PictureFile> pictures;
+struct ImageFiles {
+  std::vector<ImageFile> images;
   std::vector<SkippedFile> skipped;  // folders that cannot be read
   bool by_folder = false;            // some are named so
   bool by_stem = false;
@@ -43,25 +43,25 @@ struct PictureFiles {
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
 // every machine. Links to folders are followed, each folder is visited once. Hidden files and
-// folders are ignored, and so are files that have neither a picture's name nor its content.
+// folders are ignored, and so are files that have neither an image's name nor its content.
 // Throws kNotFound for an input that does not exist, kUnavailable "too_many_open_files".
-PictureFiles FindPictures(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
+ImageFiles FindImages(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
 // Whether `path` is `directory` or below it. Both as fs::canonical gives them.
 bool IsInside(const std::filesystem::path& directory, const std::filesystem::path& path);
 
-// Whether a regular file has a picture's name (of any type, also one that Pliant does not read:
-// such a file is then refused with a reason instead of being overlooked) or a picture's content.
-bool LooksLikePicture(const std::filesystem::path& path);
+// Whether a regular file has an image's name (of any type, also one that Pliant does not read:
+// such a file is then refused with a reason instead of being overlooked) or an image's content.
+bool LooksLikeImage(const std::filesystem::path& path);
 
 // The whole file. Throws kNotFound "cannot_read", kTooLarge "image_too_large" above `max_bytes`,
 // kUnavailable "too_many_open_files".
 std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64_t max_bytes);
 
-// Whether an error affects only one picture (unreadable, not a picture, too few features), so that
+// Whether an error affects only one image (unreadable, not an image, too few features), so that
 // the job can continue without it, rather than all (disk full, database busy, model mismatch).
-bool ConcernsOnePicture(ErrorCode code);
+bool ConcernsOneImage(ErrorCode code);
 // The same, or its bytes are stored already as another object.
-bool ConcernsOnePicture(const Error& error);
+bool ConcernsOneImage(const Error& error);
 
 }  // namespace pliant

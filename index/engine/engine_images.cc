@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: adding and reading pictures.
+// Engine: adding and reading images.
 #include <memory>
 #include <utility>
 
@@ -22,7 +22,7 @@ constexpr std::size_t kGeneratedIdDigits = 32;
 void CheckEnough(std::size_t keypoints) {
   if (keypoints >= kMinKeypoints) return;
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
-              "the picture has " + std::to_string(keypoints) + " key points, " +
+              "the image has " + std::to_string(keypoints) + " keypoints, " +
                   std::to_string(kMinKeypoints) +
                   " are the least: it is too plain, too small or too blurred to be recognised");
 }
@@ -30,10 +30,10 @@ void CheckEnough(std::size_t keypoints) {
 }  // namespace
 
 std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
-                                                  const PictureCheck& check) {
+                                                  const ImageCheck& check) {
   struct Pending {
     AddRequest request;
-    std::optional<PicturePut> put;
+    std::optional<ImagePut> put;
     AddResult result;
   };
   const auto pending = std::make_shared<Pending>();
@@ -44,7 +44,7 @@ std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
   CheckSource(request.source);
   request.metadata = CanonicalMetadata(request.metadata);
   if (check && request.id) {
-    const auto now = catalogue().FindPicture(request.collection, *request.id);
+    const auto now = catalogue().FindImage(request.collection, *request.id);
     check(now ? &*now : nullptr);
   }
   const std::string sha256 = Sha256Hex(request.bytes);
@@ -67,9 +67,9 @@ std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
   };
 }
 
-PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha256,
-                                 AddTimings* timings) {
-  PicturePut put{.request = request};
+ImagePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha256,
+                               AddTimings* timings) {
+  ImagePut put{.request = request};
   ImageRecord& record = put.record;
   if (auto described = catalogue().FindDescribed(sha256)) {
     record = std::move(described->record);
@@ -110,16 +110,16 @@ PicturePut Engine::Impl::Prepare(const AddRequest& request, const std::string& s
 }
 
 ImageRecord Engine::Impl::Get(const std::string& collection, const std::string& id) {
-  auto found = catalogue().FindPicture(collection, id);
-  if (!found) throw refusals::NoPicture(collection, id);
+  auto found = catalogue().FindImage(collection, id);
+  if (!found) throw refusals::NoImage(collection, id);
   return *std::move(found);
 }
 
 ImageRecord Engine::Impl::Change(const std::string& collection, const std::string& id,
-                                 const PictureChange& change) {
+                                 const ImageChange& change) {
   if (change.object) CheckObject(*change.object);
   if (change.source) CheckSource(*change.source);
-  return writer().ChangePicture(collection, id, change);
+  return writer().ChangeImage(collection, id, change);
 }
 
 ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std::string& object,
@@ -131,18 +131,18 @@ ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std
   return writer().ChangeObject(collection, object, change);
 }
 
-Features Engine::Impl::GetFeatures(const PictureRef& ref, const std::string& collection) {
-  const auto found = catalogue().LoadPictures({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) throw refusals::NoPicture(collection, ref.id);
+Features Engine::Impl::GetFeatures(const ImageRef& ref, const std::string& collection) {
+  const auto found = catalogue().LoadImages({&ref, 1}, Load::kRecordsAndFeatures).front();
+  if (!found) throw refusals::NoImage(collection, ref.id);
   Features features = DecodeFeatures(found->features);
   features.model_id = store_->model().info.model_id;
   return features;
 }
 
 void Engine::Impl::ForEachFeatures(
-    const PictureListing& list, const std::function<void(const PicturePage&)>& look,
+    const ImageListing& list, const std::function<void(const ImagePage&)>& look,
     const std::function<void(const ImageRecord&, const Features&)>& take) {
-  catalogue().ForEachPictureFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
+  catalogue().ForEachImageFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
     Features features = DecodeFeatures(encoded);
     features.model_id = store_->model().info.model_id;
     take(record, features);

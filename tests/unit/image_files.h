@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Picture files made in memory for tests: every format, EXIF orientation, headers that lie.
+// Image files made in memory for tests: every format, EXIF orientation, headers that lie.
 #pragma once
 
 #include <algorithm>
@@ -21,33 +21,33 @@ using FileBytes = std::vector<std::uint8_t>;
 inline cv::Mat Quarters(int width, int height, const std::array<cv::Scalar, 4>& colours) {
   const int w = width / 2;
   const int h = height / 2;
-  cv::Mat picture(height, width, CV_8UC3, colours[3]);
-  picture(cv::Rect(0, 0, w, h)).setTo(colours[0]);
-  picture(cv::Rect(w, 0, width - w, h)).setTo(colours[1]);
-  picture(cv::Rect(0, h, w, height - h)).setTo(colours[2]);
-  return picture;
+  cv::Mat image(height, width, CV_8UC3, colours[3]);
+  image(cv::Rect(0, 0, w, h)).setTo(colours[0]);
+  image(cv::Rect(w, 0, width - w, h)).setTo(colours[1]);
+  image(cv::Rect(0, h, w, height - h)).setTo(colours[2]);
+  return image;
 }
 
-// A picture whose four corners can be told apart: top left bright, top right dark, ...
-inline cv::Mat CornerPicture(int width = 96, int height = 64) {
+// An image whose four corners can be told apart: top left bright, top right dark, ...
+inline cv::Mat CornerImage(int width = 96, int height = 64) {
   return Quarters(
       width, height,
       {cv::Scalar::all(250), cv::Scalar::all(10), cv::Scalar::all(90), cv::Scalar::all(170)});
 }
 
-// Smoothed noise: plenty of key points, the same for a seed everywhere.
-inline cv::Mat NoisePicture(int width, int height, std::uint64_t seed) {
+// Smoothed noise: plenty of keypoints, the same for a seed everywhere.
+inline cv::Mat NoiseImage(int width, int height, std::uint64_t seed) {
   cv::RNG rng(seed);
-  cv::Mat picture(height, width, CV_8UC1);
-  rng.fill(picture, cv::RNG::UNIFORM, 0, 256);
-  cv::GaussianBlur(picture, picture, {0, 0}, 2.5);
-  cv::normalize(picture, picture, 0, 255, cv::NORM_MINMAX);
-  return picture;
+  cv::Mat image(height, width, CV_8UC1);
+  rng.fill(image, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(image, image, {0, 0}, 2.5);
+  cv::normalize(image, image, 0, 255, cv::NORM_MINMAX);
+  return image;
 }
 
-inline FileBytes EncodeAs(const cv::Mat& picture, const std::string& extension) {
+inline FileBytes EncodeAs(const cv::Mat& image, const std::string& extension) {
   FileBytes bytes;
-  cv::imencode(extension, picture, bytes);
+  cv::imencode(extension, image, bytes);
   return bytes;
 }
 
@@ -110,7 +110,7 @@ inline FileBytes WithPngChunk(const FileBytes& png, const std::string& type,
 
 // A PNG whose header claims a size that its data do not have; the header's CRC is right.
 inline FileBytes PngClaiming(std::uint32_t width, std::uint32_t height) {
-  FileBytes png = EncodeAs(CornerPicture(), ".png");
+  FileBytes png = EncodeAs(CornerImage(), ".png");
   FileBytes size;
   Append(size, width, 4, true);
   Append(size, height, 4, true);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Small pictures and folders for the tests of the index.
+// Small images and folders for the tests of the index.
 #pragma once
 
 #include <algorithm>
@@ -38,8 +38,8 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-// A grey picture of random discs: full of key points, unlike that of any other seed.
-inline Image RandomPicture(std::uint64_t seed, int width = 160, int height = 120) {
+// A grey image of random discs: full of keypoints, unlike that of any other seed.
+inline Image RandomImage(std::uint64_t seed, int width = 160, int height = 120) {
   std::mt19937_64 random(seed);
   Image image{width, height, 1, {}};
   image.pixels.assign(static_cast<std::size_t>(width) * height, 128);
@@ -60,12 +60,12 @@ inline Image RandomPicture(std::uint64_t seed, int width = 160, int height = 120
 }
 
 inline std::vector<std::uint8_t> RandomPng(std::uint64_t seed) {
-  return EncodePng(RandomPicture(seed));
+  return EncodePng(RandomImage(seed));
 }
 
 // The same scene, seen a little brighter and shifted.
 inline std::vector<std::uint8_t> OtherViewPng(std::uint64_t seed) {
-  const Image image = RandomPicture(seed);
+  const Image image = RandomImage(seed);
   Image view{image.width, image.height, 1, {}};
   view.pixels.assign(image.pixels.size(), 128);
   for (int y = 0; y + 3 < image.height; ++y) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 
 #include <algorithm>
 #include <array>
@@ -25,18 +25,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Names that promise a picture, also of types that Pliant does not read: those are reported.
-constexpr std::array<std::string_view, 19> kPictureExtensions = {
+// Names that promise an image, also of types that Pliant does not read: those are reported.
+constexpr std::array<std::string_view, 19> kImageExtensions = {
     ".jpg", ".jpeg", ".jpe",  ".jfif", ".png", ".webp", ".bmp", ".dib", ".tif", ".tiff",
     ".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
 
-bool HasPictureName(const fs::path& path) {
+bool HasImageName(const fs::path& path) {
   const std::string extension = Lower(path.extension().string());
-  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), extension) !=
-         kPictureExtensions.end();
+  return std::find(kImageExtensions.begin(), kImageExtensions.end(), extension) !=
+         kImageExtensions.end();
 }
 
-bool HasPictureContent(const fs::path& path) {
+bool HasImageContent(const fs::path& path) {
   std::array<std::uint8_t, 64> start{};
   std::ifstream file(path, std::ios::binary);
   if (!file && FilesAreUsedUp()) ThrowOutOfFiles("cannot read " + path.string());
@@ -53,14 +53,14 @@ class Walk {
     if (fs::is_directory(status)) {
       VisitFolder(path, depth, depth == 0 ? below : below / path.filename());
     } else if (fs::is_regular_file(status)) {
-      if (depth == 0 || LooksLikePicture(path)) {
+      if (depth == 0 || LooksLikeImage(path)) {
         found_.push_back({path, depth, below});
       }
     } else if (depth == 0) {
       throw Error(ErrorCode::kNotFound, "input_not_found",
                   path.string() + " is neither a folder nor a file" +
                       (error ? " (" + error.message() + ")" : ""));
-    } else if (HasPictureName(path)) {
+    } else if (HasImageName(path)) {
       skipped_.push_back({ToDisplayText(path.string()), "cannot_read",
                           error ? error.message() : "it is neither a folder nor a file"});
     }
@@ -113,18 +113,15 @@ std::string ObjectOf(const Walk::Found& found, ObjectFrom object_from) {
 
 }  // namespace
 
-bool LooksLikePicture(const fs::path& path) {
-  return HasPictureName(path) || HasPictureContent(path);
-}
+bool LooksLikeImage(const fs::path& path) { return HasImageName(path) || HasImageContent(path); }
 
-PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object_from) {
+ImageFiles FindImages(const std::vector<fs::path>& inputs, ObjectFrom object_from) {
   Walk walk;
   for (const fs::path& input : inputs) walk.Visit(input, 0);
-  PictureFiles files;
+  ImageFiles files;
   files.skipped = std::move(walk.skipped_);
-  const int outside =
-      inputs.size() == 1 ? 1 : 0;  // the depth down to which pictures have no folder
-  std::set<fs::path> seen;         // a folder and a file in it may both be named
+  const int outside = inputs.size() == 1 ? 1 : 0;  // the depth down to which images have no folder
+  std::set<fs::path> seen;                         // a folder and a file in it may both be named
   for (const Walk::Found& found : walk.found_) {
     if (!seen.insert(found.path).second) continue;
     ObjectFrom from = object_from;
@@ -133,7 +130,7 @@ PictureFiles FindPictures(const std::vector<fs::path>& inputs, ObjectFrom object
     }
     files.by_folder = files.by_folder || from == ObjectFrom::kFolder;
     files.by_stem = files.by_stem || from == ObjectFrom::kStem;
-    files.pictures.push_back({found.path, ObjectOf(found, from)});
+    files.images.push_back({found.path, ObjectOf(found, from)});
   }
   return files;
 }
@@ -168,7 +165,7 @@ std::vector<std::uint8_t> ReadFile(const fs::path& path, std::int64_t max_bytes)
   return bytes;
 }
 
-bool ConcernsOnePicture(ErrorCode code) {
+bool ConcernsOneImage(ErrorCode code) {
   switch (code) {
     case ErrorCode::kUnsupportedMediaType:
     case ErrorCode::kTooLarge:
@@ -180,8 +177,8 @@ bool ConcernsOnePicture(ErrorCode code) {
   }
 }
 
-bool ConcernsOnePicture(const Error& error) {
-  return error.reason() == "same_bytes" || ConcernsOnePicture(error.code());
+bool ConcernsOneImage(const Error& error) {
+  return error.reason() == "same_bytes" || ConcernsOneImage(error.code());
 }
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures made here: PNG files of blobs, or of nothing at all.
+// Images made here: PNG files of blobs, or of nothing at all.
 import { deflateSync } from "node:zlib";
 
 // Node has it from version 20 only.
@@ -142,7 +142,7 @@ function randomOf(seed) {
 }
 
 // Blobs whose places, sizes and shades follow from the seed: grey(x, y). scale: of what is drawn; half the width and
-// height at scale 0.5 is the same picture at half its size.
+// height at scale 0.5 is the same image at half its size.
 function blobShades(seed, width, height, scale) {
   const random = randomOf(seed);
   const list = Array.from({ length: 60 }, () => ({

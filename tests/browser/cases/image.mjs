@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A page for every picture and every object: looked at, downloaded, compared with its copies, deleted; and
+// A page for every image and every object: looked at, downloaded, compared with its copies, deleted; and
 // the way back.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import * as house from "../house.mjs";
-import { blobs, partOfBlobs } from "../pictures.mjs";
+import { blobs, partOfBlobs } from "../images.mjs";
 
 const kPhone = { width: 390, height: 844, hasTouch: true, isMobile: true };
-const server = await house.server("picture");
+const server = await house.server("image");
 const base = `${server.address}/v1/collections/default`;
 
 async function put(id, object, body, metadata = {}) {
@@ -19,7 +19,7 @@ async function put(id, object, body, metadata = {}) {
   assert.ok(answer.ok, await answer.text());
 }
 
-// Two objects of two pictures, two copies of one of them (the same bytes; smaller), and a part of it.
+// Two objects of two images, two copies of one of them (the same bytes; smaller), and a part of it.
 let ready = null;
 const prepare = () => (ready ??= (async () => {
   const kettle = blobs(301, 480, 360);
@@ -36,7 +36,7 @@ const prepare = () => (ready ??= (async () => {
 const status = async (path) => (await fetch(base + path)).status;
 
 for (const [size, options] of Object.entries({ wide: {}, phone: kPhone })) {
-  test(`a picture's page, ${size}: large, known, downloaded, edited`, async () => {
+  test(`an image's page, ${size}: large, known, downloaded, edited`, async () => {
     await prepare();
     const page = await house.openPage(`${server.address}/#/image?id=kettle-1`, options);
     await house.waitForText(page, "#image-title", /^kettle$/);
@@ -44,10 +44,10 @@ for (const [size, options] of Object.entries({ wide: {}, phone: kPhone })) {
     await page.waitForFunction(() => document.querySelector("#image-frame img")?.naturalWidth === 480);
     await house.eventually(async () => assert.match(await house.text(page, "#image-facts"), /480 × 360[^]*Keypoints/));
     await house.eventually(async () => assert.match(await house.text(page, "#image-labels"), /colour: red\s*shelf: 4/));
-    await house.checkAccessibility(page, `picture ${size}`);
-    await house.checkWidth(page, `picture ${size}`);
-    await house.checkOverlaps(page, `picture ${size}`);
-    await house.shoot(page, `picture-page-${size}`);
+    await house.checkAccessibility(page, `image ${size}`);
+    await house.checkWidth(page, `image ${size}`);
+    await house.checkOverlaps(page, `image ${size}`);
+    await house.shoot(page, `image-page-${size}`);
 
     const waiting = page.waitForEvent("download");
     await page.getByRole("link", { name: "Download" }).click();
@@ -84,7 +84,7 @@ test("copies: the same file and the same photograph are told from parts and othe
   await page.waitForFunction(() => location.hash.includes("copy-"));
   await page.goto(`${server.address}/#/image?id=lamp-1`);
   await house.waitForText(page, "#image-title", /^lamp$/);
-  await house.eventually(async () => assert.equal(await page.locator("#copies-list li").count(), 0, "those of the picture before are gone"));
+  await house.eventually(async () => assert.equal(await page.locator("#copies-list li").count(), 0, "those of the image before are gone"));
   await page.getByRole("button", { name: "Find copies" }).click();
   await house.waitForText(page, "#copies-status", /No copies found/);
   await house.closePage(page);
@@ -117,7 +117,7 @@ test("the way back leads to where one was, however far down", async () => {
   await house.closePage(direct);
 });
 
-test("an object's page: its pictures, its name, its end", async () => {
+test("an object's page: its images, its name, its end", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/objects`);
   await page.locator("#objects-list a", { hasText: "lamp" }).click();
@@ -169,7 +169,7 @@ test("what is deleted on its page is gone from the list one comes back to, and u
   await house.closePage(page);
 });
 
-test("find similar, and \"Find similar\" of a hit: the picture that is searched with does not find itself", async () => {
+test("find similar, and \"Find similar\" of a hit: the image that is searched with does not find itself", async () => {
   await prepare();
   const demonstration = await house.server("demonstration");
   await house.loadDemonstration(demonstration.address);
@@ -189,7 +189,7 @@ test("find similar, and \"Find similar\" of a hit: the picture that is searched 
   await house.closePage(page);
 });
 
-test("a picture without an original is said to be so", async () => {
+test("an image without an original is said to be so", async () => {
   const own = await house.startServer("--keep-originals", "false");
   await fetch(`${own.address}/v1/collections/default/images/bare`, {
     method: "PUT", headers: { "Content-Type": "image/png" }, body: blobs(5) });

@@ -10,16 +10,16 @@
 
 namespace pliant::cli {
 
-struct QueryPictureOptions {
+struct QueryImageOptions {
   std::filesystem::path draw;    // PNG file; empty = none
   std::filesystem::path unwarp;  // PNG file for the best verified hit, else a folder for all
   std::string collection = kDefaultCollection;
   DecodeOptions decode;  // its limits; sizes and colour are set here
 };
 
-// Writes the requested pictures, from a result with explanations. false: no hit was verified, so
+// Writes the requested images, from a result with explanations. false: no hit was verified, so
 // there was nothing to unwarp (reported on standard error). Throws kNoSpace "write_failed".
-bool WriteQueryPictures(Engine& engine, Bytes query, const SearchResult& result,
-                        const QueryPictureOptions& options);
+bool WriteQueryImages(Engine& engine, Bytes query, const SearchResult& result,
+                      const QueryImageOptions& options);
 
 }  // namespace pliant::cli

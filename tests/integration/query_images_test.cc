@@ -13,9 +13,9 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class QueryPicturesTest : public ::testing::Test {
+class QueryImagesTest : public ::testing::Test {
  protected:
-  QueryPicturesTest() {
+  QueryImagesTest() {
     for (std::uint64_t i = 1; i <= 3; ++i) {
       WriteBytes(folder_ / ("set/o" + std::to_string(i) + "/a.png"), RandomPng(i));
     }
@@ -28,8 +28,8 @@ class QueryPicturesTest : public ::testing::Test {
     ASSERT_EQ(RunProgram(arguments).status, 0);
   }
   ProgramResult Query(const std::vector<std::string>& more,
-                      const std::string& picture = "query.png") {
-    std::vector<std::string> arguments = {"query", Path(picture), "--db", Path("x.db"), "--json"};
+                      const std::string& image = "query.png") {
+    std::vector<std::string> arguments = {"query", Path(image), "--db", Path("x.db"), "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return RunProgram(arguments);
   }
@@ -44,7 +44,7 @@ class QueryPicturesTest : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-// Where a pixel's channels differ clearly, something was drawn: the pictures are grey.
+// Where a pixel's channels differ clearly, something was drawn: the images are grey.
 int Coloured(const Image& image, int x0, int x1, int y0, int y1) {
   int count = 0;
   for (int y = y0; y < y1; ++y) {
@@ -56,7 +56,7 @@ int Coloured(const Image& image, int x0, int x1, int y0, int y1) {
   return count;
 }
 
-TEST_F(QueryPicturesTest, DrawsARowAHitWithLinesWhereItMatches) {
+TEST_F(QueryImagesTest, DrawsARowAHitWithLinesWhereItMatches) {
   Index();
   const ProgramResult result = Query({"--draw", Path("out.png")});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -71,11 +71,11 @@ TEST_F(QueryPicturesTest, DrawsARowAHitWithLinesWhereItMatches) {
   }
 }
 
-TEST_F(QueryPicturesTest, UnwarpsTheObjectOntoTheReference) {
+TEST_F(QueryImagesTest, UnwarpsTheObjectOntoTheReference) {
   Index();
   ASSERT_EQ(Query({"--unwarp", Path("flat.png")}).status, 0);
   const Image sheet = Load("flat.png");
-  // Flattened and stored picture stand side by side, each 640 pixels wide (160 x 120 scaled): well
+  // Flattened and stored image stand side by side, each 640 pixels wide (160 x 120 scaled): well
   // inside, they differ by the view's brightness (value 9 / 10 + 20) and the blur of resampling.
   const int gap = sheet.width - 2 * 640;
   const int step = 640 + gap / 3;
@@ -96,7 +96,7 @@ TEST_F(QueryPicturesTest, UnwarpsTheObjectOntoTheReference) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "flats/01-o2.png"));
 }
 
-TEST_F(QueryPicturesTest, NothingVerifiedIsSaid) {
+TEST_F(QueryImagesTest, NothingVerifiedIsSaid) {
   Index();
   WriteBytes(folder_ / "stranger.png", RandomPng(77));
   const ProgramResult result = Query({"--unwarp", Path("flat.png")}, "stranger.png");
@@ -105,21 +105,21 @@ TEST_F(QueryPicturesTest, NothingVerifiedIsSaid) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "flat.png"));
 }
 
-TEST_F(QueryPicturesTest, WithoutStoredPicturesTheRowSaysSo) {
+TEST_F(QueryImagesTest, WithoutStoredImagesTheRowSaysSo) {
   Index({"--no-originals"});
   ASSERT_EQ(Query({"--draw", Path("out.png"), "--unwarp", Path("flat.png")}).status, 0);
   EXPECT_EQ(Load("flat.png").width, 640 + 2 * 24);  // the flattened object alone
   EXPECT_GT(Load("out.png").width, 640);
 }
 
-TEST_F(QueryPicturesTest, AnUnwritableFileFails) {
+TEST_F(QueryImagesTest, AnUnwritableFileFails) {
   Index();
   const ProgramResult result = Query({"--draw", Path("absent/out.png")});
   EXPECT_EQ(result.status, 1);
   EXPECT_EQ(result.json()["error"]["code"], "write_failed");
 }
 
-TEST_F(QueryPicturesTest, TheQueryPictureIsNotOverwritten) {
+TEST_F(QueryImagesTest, TheQueryImageIsNotOverwritten) {
   Index();
   const std::vector<std::uint8_t> before = ReadBytes(folder_ / "query.png");
   std::filesystem::create_symlink("query.png", folder_ / "link.png");

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A grey picture of waves with some noise, for the network and its benchmark.
+// A grey image of waves with some noise, for the network and its benchmark.
 #pragma once
 
 #include <cmath>
@@ -12,8 +12,8 @@
 namespace pliant::testing {
 
 // Waves of `across_px` and `down_px` pixels a radian.
-inline Image WavyPicture(int width, int height, double across_px, double down_px,
-                         std::uint32_t seed) {
+inline Image WavyImage(int width, int height, double across_px, double down_px,
+                       std::uint32_t seed) {
   std::mt19937 random(seed);
   Image image;
   image.width = width;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Which files of folders are pictures, and what their objects are called.
+// Which files of folders are images, and what their objects are called.
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -8,20 +8,20 @@
 
 #include <gtest/gtest.h>
 
-#include "index/files/picture_files.h"
+#include "index/files/image_files.h"
 
 namespace pliant {
 namespace {
 
 namespace fs = std::filesystem;
 
-class FindPicturesTest : public ::testing::Test {
+class FindImagesTest : public ::testing::Test {
  protected:
-  FindPicturesTest() {
+  FindImagesTest() {
     std::string name = (fs::temp_directory_path() / "pliant-find-XXXXXX").string();
     root_ = ::mkdtemp(name.data());
   }
-  ~FindPicturesTest() override { fs::remove_all(root_); }
+  ~FindImagesTest() override { fs::remove_all(root_); }
 
   void Put(const std::string& name) {
     fs::create_directories((root_ / name).parent_path());
@@ -34,7 +34,7 @@ class FindPicturesTest : public ::testing::Test {
     std::vector<fs::path> paths;
     for (const std::string& input : inputs) paths.push_back(root_ / input);
     std::map<std::string, std::string> objects;
-    for (const PictureFile& file : FindPictures(paths, object_from).pictures) {
+    for (const ImageFile& file : FindImages(paths, object_from).images) {
       objects[file.path.lexically_relative(root_).string()] = file.object;
     }
     return objects;
@@ -45,7 +45,7 @@ class FindPicturesTest : public ::testing::Test {
 
 using Names = std::map<std::string, std::string>;
 
-TEST_F(FindPicturesTest, AFolderForEachObject) {
+TEST_F(FindImagesTest, AFolderForEachObject) {
   for (const char* name : {"shop/coat/1.jpg", "shop/coat/2.jpg", "shop/hat/1.png"}) Put(name);
   EXPECT_EQ(
       Named({"shop"}),
@@ -53,7 +53,7 @@ TEST_F(FindPicturesTest, AFolderForEachObject) {
   EXPECT_EQ(Named({"shop/coat", "shop/hat"}), Named({"shop"}));
 }
 
-TEST_F(FindPicturesTest, FoldersOfOneNameInDifferentPlacesAreDifferentObjects) {
+TEST_F(FindImagesTest, FoldersOfOneNameInDifferentPlacesAreDifferentObjects) {
   for (const char* name : {"coat/front/x.jpg", "coat/back/x.jpg", "hat/front/y.jpg"}) Put(name);
   const Names ways = {{"coat/front/x.jpg", "coat/front"},
                       {"coat/back/x.jpg", "coat/back"},
@@ -62,14 +62,14 @@ TEST_F(FindPicturesTest, FoldersOfOneNameInDifferentPlacesAreDifferentObjects) {
   EXPECT_EQ(Named({""}, ObjectFrom::kFolder), ways);
 }
 
-TEST_F(FindPicturesTest, WhatLiesBesideFoldersIsNamedByItsFile) {
+TEST_F(FindImagesTest, WhatLiesBesideFoldersIsNamedByItsFile) {
   for (const char* name : {"shop/red.jpg", "shop/blue.jpg"}) Put(name);
   const Names flat = {{"shop/blue.jpg", "blue"}, {"shop/red.jpg", "red"}};
   EXPECT_EQ(Named({"shop"}), flat);
   Put("shop/hat/1.jpg");  // what was there keeps its name
   EXPECT_EQ(Named({"shop"}),
             (Names{{"shop/blue.jpg", "blue"}, {"shop/hat/1.jpg", "hat"}, {"shop/red.jpg", "red"}}));
-  const PictureFiles files = FindPictures({root_ / "shop"}, ObjectFrom::kAuto);
+  const ImageFiles files = FindImages({root_ / "shop"}, ObjectFrom::kAuto);
   EXPECT_TRUE(files.by_folder && files.by_stem);
   EXPECT_EQ(Named({"shop/red.jpg", "shop/blue.jpg", "shop/hat"}),  // as of shop/*
             (Names{{"shop/blue.jpg", "blue"}, {"shop/hat/1.jpg", "hat"}, {"shop/red.jpg", "red"}}));

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small pictures, each of a texture of its own, as many as there are numbers."""
+"""Small images, each of a texture of its own, as many as there are numbers."""
 import hashlib
 import random
 import struct
@@ -15,7 +15,7 @@ def chunk(kind, data=b""):
 
 
 def texture(name):
-    """A PNG of random grey squares, about fifty key points. The same name gives the same bytes."""
+    """A PNG of random grey squares, about fifty keypoints. The same name gives the same bytes."""
     grey, across = random.Random(name), SIDE_PX // BLOCK_PX
     rows = []
     for _ in range(across):
@@ -29,14 +29,14 @@ def sha256(data):
     return hashlib.sha256(data).hexdigest()
 
 
-def write_folder(folder, name, objects, pictures):
+def write_folder(folder, name, objects, images):
     """Writes a folder of new textures for each object; {sha256: object}."""
     written = {}
     for number in range(objects):
         named = f"{name}-{number}"
         (folder / named).mkdir(parents=True)
-        for picture in range(pictures):
-            data = texture(f"{folder.name} {named} {picture}")
-            (folder / named / f"{picture}.png").write_bytes(data)
+        for image in range(images):
+            data = texture(f"{folder.name} {named} {image}")
+            (folder / named / f"{image}.png").write_bytes(data)
             written[sha256(data)] = named
     return written

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/tracking/track_picture.h"
+#include "index/tracking/track_image.h"
 
 #include <algorithm>
 #include <array>
@@ -47,16 +47,16 @@ void DrawMeshLines(Image& on, const Mesh& mesh) {
 }  // namespace
 
 Image DrawMesh(const Image& frame, const Location& location) {
-  Image picture = ToColour(frame);
-  if (!location.found) return picture;
-  DrawMeshLines(picture, *location.mesh);
-  DrawPolyline(picture, location.outline, true, colours::kGreen, Thickness(frame) + 1);
-  return picture;
+  Image image = ToColour(frame);
+  if (!location.found) return image;
+  DrawMeshLines(image, *location.mesh);
+  DrawPolyline(image, location.outline, true, colours::kGreen, Thickness(frame) + 1);
+  return image;
 }
 
 Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box) {
   if (location.found) return ToColour(Unwarp(frame, *location.warp, box.width, box.height).image);
-  Image nothing = BlankPicture(box.width, box.height, {40, 40, 40});
+  Image nothing = BlankImage(box.width, box.height, {40, 40, 40});
   const double right = box.width - 1.0;
   const double bottom = box.height - 1.0;
   DrawLine(nothing, {0, 0}, {right, bottom}, colours::kRed, 2);
@@ -80,7 +80,7 @@ std::string Caption(const TrackedFrame& tracked) {
 }
 
 Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box) {
-  const Image& frame = tracked.frame.picture;
+  const Image& frame = tracked.frame.image;
   Image left = DrawMesh(frame, tracked.location);
   const int letters = std::max(10, frame.height / 32);
   FillBox(left, 0, 0, std::min(frame.width, TextWidth(Caption(tracked), letters) + letters),
@@ -88,9 +88,9 @@ Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box) {
   DrawText(left, letters / 2, letters * 3 / 2, Caption(tracked),
            tracked.location.found ? colours::kGreen : colours::kRed, letters);
   const Image right = ScaledToHeight(DrawUnwarped(frame, tracked.location, box), frame.height);
-  Image both = BlankPicture(left.width + kGap + right.width, left.height, colours::kWhite);
-  PastePicture(both, left, 0, 0);
-  PastePicture(both, right, left.width + kGap, 0);
+  Image both = BlankImage(left.width + kGap + right.width, left.height, colours::kWhite);
+  PasteImage(both, left, 0, 0);
+  PasteImage(both, right, left.width + kGap, 0);
   return both;
 }
 
@@ -108,12 +108,12 @@ void ContactSheet::Add(const TrackedFrame& tracked, const PixelBox& box) {
     step_ *= 2;
     if ((seen_ - 1) % step_ != 0) return;
   }
-  const Image& frame = tracked.frame.picture;
+  const Image& frame = tracked.frame.image;
   const Image left = ScaledToHeight(DrawMesh(frame, tracked.location), kCellHeight);
   const Image right = ScaledToHeight(DrawUnwarped(frame, tracked.location, box), kCellHeight);
-  Image cell = BlankPicture(left.width + kGap / 2 + right.width, kCellHeight, colours::kWhite);
-  PastePicture(cell, left, 0, 0);
-  PastePicture(cell, right, left.width + kGap / 2, 0);
+  Image cell = BlankImage(left.width + kGap / 2 + right.width, kCellHeight, colours::kWhite);
+  PasteImage(cell, left, 0, 0);
+  PasteImage(cell, right, left.width + kGap / 2, 0);
   kept_.push_back({std::move(cell), Caption(tracked)});
 }
 
@@ -132,18 +132,18 @@ Image ContactSheet::Draw(const std::string& title) const {
 
   int cell_width = 0;
   for (const Cell* cell : shown) {
-    cell_width = std::max({cell_width, cell->picture.width, TextWidth(cell->caption, 11)});
+    cell_width = std::max({cell_width, cell->image.width, TextWidth(cell->caption, 11)});
   }
   const auto rows = static_cast<int>((shown.size() + kColumns - 1) / kColumns);
   const int row_height = kCellHeight + kCaptionHeight + kGap;
   const int head = 40;
-  Image sheet = BlankPicture(static_cast<int>(kColumns) * (cell_width + kGap) + kGap,
-                             head + rows * row_height, colours::kWhite);
+  Image sheet = BlankImage(static_cast<int>(kColumns) * (cell_width + kGap) + kGap,
+                           head + rows * row_height, colours::kWhite);
   DrawText(sheet, kGap, 26, title, colours::kBlack, 15);
   for (std::size_t i = 0; i < shown.size(); ++i) {
     const int x = kGap + static_cast<int>(i % kColumns) * (cell_width + kGap);
     const int y = head + static_cast<int>(i / kColumns) * row_height;
-    PastePicture(sheet, shown[i]->picture, x, y);
+    PasteImage(sheet, shown[i]->image, x, y);
     DrawText(sheet, x, y + kCellHeight + 15, shown[i]->caption, colours::kBlack, 11);
   }
   return sheet;

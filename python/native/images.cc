@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The pictures of an index.
+// The images of an index.
 #include <optional>
 
 #include "index/json/record_json.h"
@@ -31,7 +31,7 @@ std::pair<std::string, std::string> Add(const OpenIndex& index, const py::bytes&
   });
 }
 
-// A page of pictures after an id, in order of ids, as the JSON text of a list.
+// A page of images after an id, in order of ids, as the JSON text of a list.
 std::string List(const OpenIndex& index, const std::string& after,
                  const std::optional<std::string>& object, int limit) {
   return index.Call([&](Engine& engine, const std::string& collection) {
@@ -48,7 +48,7 @@ std::string Change(const OpenIndex& index, const std::string& id,
                    const std::optional<std::string>& object,
                    const std::optional<std::string>& metadata,
                    const std::optional<std::string>& source) {
-  PictureChange change;
+  ImageChange change;
   change.object = object;
   change.metadata = metadata;
   change.source = source;
@@ -57,7 +57,7 @@ std::string Change(const OpenIndex& index, const std::string& id,
   });
 }
 
-// How many pictures the object has by its new name.
+// How many images the object has by its new name.
 std::uint64_t RenameObject(const OpenIndex& index, const std::string& object,
                            const std::string& name, bool merge) {
   ObjectChange change;
@@ -77,7 +77,7 @@ py::bytes Content(const OpenIndex& index, const std::string& id) {
 
 }  // namespace
 
-void BindPictures(py::class_<OpenIndex>& index) {
+void BindImages(py::class_<OpenIndex>& index) {
   index.def("add", &Add, py::arg("data"), py::arg("object"), py::arg("id"), py::arg("metadata"),
             py::arg("source"), py::arg("threads"));
   index.def("list", &List, py::arg("after"), py::arg("object"), py::arg("limit"));

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/query_pictures.h"
+#include "index/cli/query_images.h"
 
 #include <algorithm>
 #include <array>
@@ -22,15 +22,15 @@
 namespace pliant::cli {
 namespace {
 
-// The result of a query as pictures: the matches, and the flattened object.
+// The result of a query as images: the matches, and the flattened object.
 struct ShownHit {
-  Hit hit;                              // with its explanation
-  std::optional<DecodedImage> picture;  // in colour; nullopt if its bytes were not kept
+  Hit hit;                            // with its explanation
+  std::optional<DecodedImage> image;  // in colour; nullopt if its bytes were not kept
 };
 
-constexpr int kBoxWidth = 480;  // each picture of a row is fitted into it
+constexpr int kBoxWidth = 480;  // each image of a row is fitted into it
 constexpr int kBoxHeight = 360;
-constexpr int kGap = 24;      // between the two pictures
+constexpr int kGap = 24;      // between the two images
 constexpr int kCaption = 30;  // pixels above a row
 constexpr int kLetters = 13;
 constexpr int kUnwarpedSide = 640;  // longer side of a flattened object
@@ -38,7 +38,7 @@ constexpr int kCheck = 12;          // of the pattern where nothing is known
 constexpr Colour kPaper{24, 26, 30};
 constexpr Colour kOutline{255, 190, 40};
 
-// A picture fitted into a box, and where points of the original upright picture lie on the sheet.
+// An image fitted into a box, and where points of the original upright image lie on the sheet.
 struct Placed {
   Image image;
   int x = 0, y = 0;  // of its top left pixel on the sheet
@@ -49,14 +49,14 @@ struct Placed {
   }
 };
 
-Placed Fit(const DecodedImage& picture, int x, int y) {
-  const Image& image = picture.image;
+Placed Fit(const DecodedImage& decoded, int x, int y) {
+  const Image& image = decoded.image;
   const double factor = std::min(static_cast<double>(kBoxWidth) / image.width,
                                  static_cast<double>(kBoxHeight) / image.height);
   const int width = std::max(1, static_cast<int>(std::lround(image.width * factor)));
   const int height = std::max(1, static_cast<int>(std::lround(image.height * factor)));
   return {ToColour(ResizeImage(image, width, height)), x + (kBoxWidth - width) / 2,
-          y + (kBoxHeight - height) / 2, static_cast<double>(width) / picture.original_width};
+          y + (kBoxHeight - height) / 2, static_cast<double>(width) / decoded.original_width};
 }
 
 std::string Caption(const Hit& hit) {
@@ -72,7 +72,7 @@ std::string Caption(const Hit& hit) {
   return text + "   not confirmed";
 }
 
-// Colours go by the place in the hit's picture, so that neighbours have like colours and a wrong
+// Colours go by the place in the hit's image, so that neighbours have like colours and a wrong
 // line stands out.
 Colour ColourOfPlace(Vec2 p, const Explanation& e) {
   const double u = std::clamp(p.x / std::max(1, e.reference_width), 0.0, 1.0);
@@ -84,21 +84,21 @@ Colour ColourOfPlace(Vec2 p, const Explanation& e) {
 void DrawRow(Image& sheet, const DecodedImage& query, const ShownHit& shown, int top) {
   DrawText(sheet, kGap, top + kCaption - 10, Caption(shown.hit), colours::kWhite, kLetters);
   Placed left = Fit(query, kGap, top + kCaption);
-  std::vector<Vec2> outline;  // drawn before pasting, so that it ends at the picture's border
+  std::vector<Vec2> outline;  // drawn before pasting, so that it ends at the image's border
   for (const Point& p : shown.hit.polygon) {
     const Vec2 at = left.OnSheet({p.x, p.y});
     outline.push_back({at.x - left.x, at.y - left.y});
   }
   if (!outline.empty()) DrawPolyline(left.image, outline, true, kOutline, 2);
-  PastePicture(sheet, left.image, left.x, left.y);
+  PasteImage(sheet, left.image, left.x, left.y);
   const int right_x = 2 * kGap + kBoxWidth;
-  if (!shown.picture) {
+  if (!shown.image) {
     DrawText(sheet, right_x + 20, top + kCaption + kBoxHeight / 2,
-             "(the picture itself was not kept in the database)", colours::kGrey, kLetters);
+             "(the image itself was not kept in the database)", colours::kGrey, kLetters);
     return;
   }
-  const Placed right = Fit(*shown.picture, right_x, top + kCaption);
-  PastePicture(sheet, right.image, right.x, right.y);
+  const Placed right = Fit(*shown.image, right_x, top + kCaption);
+  PasteImage(sheet, right.image, right.x, right.y);
   if (!shown.hit.explanation) return;
   const Explanation& e = *shown.hit.explanation;
   for (const PointPair& pair : e.inliers) {
@@ -111,7 +111,7 @@ void DrawRow(Image& sheet, const DecodedImage& query, const ShownHit& shown, int
   }
 }
 
-// Where the mesh puts a point of the reference picture; nothing where it is not to be trusted.
+// Where the mesh puts a point of the reference image; nothing where it is not to be trusted.
 std::optional<Vec2> Map(const Mesh& mesh, Vec2 p) {
   const double column = p.x / std::max(1.0, mesh.reference_width - 1.0) * (mesh.columns - 1);
   const double row = p.y / std::max(1.0, mesh.reference_height - 1.0) * (mesh.rows - 1);
@@ -154,7 +154,7 @@ bool Sample(const Image& image, Vec2 p, std::uint8_t* rgb) {
 Image Flatten(const DecodedImage& query, const Mesh& mesh, int width, int height) {
   const Image frame = ToColour(query.image);
   const double to_reference = static_cast<double>(mesh.reference_width) / width;
-  Image flat = BlankPicture(width, height);
+  Image flat = BlankImage(width, height);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       std::uint8_t* rgb = &flat.pixels[(static_cast<std::size_t>(y) * width + x) * 3];
@@ -173,25 +173,25 @@ Image Flatten(const DecodedImage& query, const Mesh& mesh, int width, int height
   return flat;
 }
 
-// One row per hit: a caption, the query with the object's outline, the hit's picture, and a line
+// One row per hit: a caption, the query with the object's outline, the hit's image, and a line
 // for each pair of matching points that agrees with the warp. 3 channels.
 Image DrawHits(const DecodedImage& query, const std::vector<ShownHit>& hits) {
   const int row = kCaption + kBoxHeight + kGap / 2;
   const auto rows = static_cast<int>(std::max<std::size_t>(1, hits.size()));
-  Image sheet = BlankPicture(3 * kGap + 2 * kBoxWidth, rows * row, kPaper);
+  Image sheet = BlankImage(3 * kGap + 2 * kBoxWidth, rows * row, kPaper);
   for (std::size_t i = 0; i < hits.size(); ++i) {
     DrawRow(sheet, query, hits[i], static_cast<int>(i) * row);
   }
   if (hits.empty()) {
     DrawText(sheet, kGap, kCaption - 10, "nothing found", colours::kWhite, kLetters);
     const Placed only = Fit(query, kGap, kCaption);
-    PastePicture(sheet, only.image, only.x, only.y);
+    PasteImage(sheet, only.image, only.x, only.y);
   }
   return sheet;
 }
 
-// The object as the query shows it, flattened through the warp to the shape of the hit's picture,
-// beside that picture. A check pattern fills the parts where the warp is not trusted or leaves the
+// The object as the query shows it, flattened through the warp to the shape of the hit's image,
+// beside that image. A check pattern fills the parts where the warp is not trusted or leaves the
 // query. Throws kInvalidArgument for a hit that was not verified.
 Image DrawUnwarped(const DecodedImage& query, const ShownHit& shown) {
   const Hit& hit = shown.hit;
@@ -204,20 +204,20 @@ Image DrawUnwarped(const DecodedImage& query, const ShownHit& shown) {
       static_cast<double>(kUnwarpedSide) / std::max(mesh.reference_width, mesh.reference_height);
   const int width = std::max(1, static_cast<int>(std::lround(mesh.reference_width * factor)));
   const int height = std::max(1, static_cast<int>(std::lround(mesh.reference_height * factor)));
-  const int pictures = shown.picture ? 2 : 1;
-  Image sheet = BlankPicture(kGap + pictures * (width + kGap), kCaption + height + kGap, kPaper);
+  const int images = shown.image ? 2 : 1;
+  Image sheet = BlankImage(kGap + images * (width + kGap), kCaption + height + kGap, kPaper);
   DrawText(sheet, kGap, kCaption - 10, Caption(hit), colours::kWhite, kLetters);
-  PastePicture(sheet, Flatten(query, mesh, width, height), kGap, kCaption);
-  if (shown.picture) {
-    PastePicture(sheet, ToColour(ResizeImage(shown.picture->image, width, height)),
-                 2 * kGap + width, kCaption);
+  PasteImage(sheet, Flatten(query, mesh, width, height), kGap, kCaption);
+  if (shown.image) {
+    PasteImage(sheet, ToColour(ResizeImage(shown.image->image, width, height)), 2 * kGap + width,
+               kCaption);
   }
   return sheet;
 }
 
 namespace fs = std::filesystem;
 
-constexpr int kMaxSide = 1280;  // of the pictures drawn from
+constexpr int kMaxSide = 1280;  // of the images drawn from
 
 DecodedImage Decode(Bytes bytes, DecodeOptions options) {
   options.max_side_px = kMaxSide;
@@ -225,10 +225,10 @@ DecodedImage Decode(Bytes bytes, DecodeOptions options) {
   return DecodeImage(bytes, options);
 }
 
-ShownHit Show(Engine& engine, const Hit& hit, const QueryPictureOptions& options) {
+ShownHit Show(Engine& engine, const Hit& hit, const QueryImageOptions& options) {
   ShownHit shown{hit, std::nullopt};
   try {
-    shown.picture = Decode(engine.GetContent(options.collection, hit.image_id), options.decode);
+    shown.image = Decode(engine.GetContent(options.collection, hit.image_id), options.decode);
   } catch (const Error& error) {
     // Not kept, or removed by another process just now: the row says so.
     if (error.code() != ErrorCode::kNotFound) throw;
@@ -247,7 +247,7 @@ std::string FileName(const Hit& hit) {
 }
 
 bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult& result,
-                   const QueryPictureOptions& options) {
+                   const QueryImageOptions& options) {
   const bool one_file = options.unwarp.extension() == ".png" || options.unwarp == kStandardOutput;
   bool any = false;
   for (const Hit& hit : result.hits) {
@@ -262,8 +262,8 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
       }
     }
     any = true;
-    WritePicture(one_file ? options.unwarp : options.unwarp / FileName(hit),
-                 DrawUnwarped(query, Show(engine, hit, options)));
+    WriteImage(one_file ? options.unwarp : options.unwarp / FileName(hit),
+               DrawUnwarped(query, Show(engine, hit, options)));
     if (one_file) break;
   }
   if (!any) {
@@ -275,14 +275,14 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
 
 }  // namespace
 
-bool WriteQueryPictures(Engine& engine, Bytes query, const SearchResult& result,
-                        const QueryPictureOptions& options) {
+bool WriteQueryImages(Engine& engine, Bytes query, const SearchResult& result,
+                      const QueryImageOptions& options) {
   if (options.draw.empty() && options.unwarp.empty()) return true;
   const DecodedImage decoded = Decode(query, options.decode);
   if (!options.draw.empty()) {
     std::vector<ShownHit> shown;
     for (const Hit& hit : result.hits) shown.push_back(Show(engine, hit, options));
-    WritePicture(options.draw, DrawHits(decoded, shown));
+    WriteImage(options.draw, DrawHits(decoded, shown));
   }
   return options.unwarp.empty() || WriteUnwarped(engine, decoded, result, options);
 }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Adding, listing and removing pictures, objects and collections.
+// Adding, listing and removing images, objects and collections.
 #include <algorithm>
 #include <filesystem>
 #include <string>
@@ -16,7 +16,7 @@ using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::Not;
 
-TEST_F(EngineTest, ANewPictureIsStoredWithAllThatIsKnownOfIt) {
+TEST_F(EngineTest, ANewImageIsStoredWithAllThatIsKnownOfIt) {
   Engine engine(Options());
   const std::vector<std::uint8_t> png = RandomPng(1);
   const AddResult added = Add(engine, png, "cup", {}, R"({"b": 1, "a": [true]})");
@@ -70,7 +70,7 @@ TEST_F(EngineTest, TheSameBytesAreNoWork) {
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 
-TEST_F(EngineTest, WhatIsNoPictureIsRefusedAndLeavesNothing) {
+TEST_F(EngineTest, WhatIsNoImageIsRefusedAndLeavesNothing) {
   Engine engine(Options());
   const auto add = [&](const std::string& text) {
     return [&engine, text] { Add(engine, {text.begin(), text.end()}, "x"); };
@@ -153,8 +153,8 @@ TEST_F(EngineTest, BadNamesAndMetadataAreNamed) {
 
 TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
   Engine engine(Options());
-  const auto stored = [&](std::uint64_t picture, const std::string& name) {
-    const std::vector<std::uint8_t> png = RandomPng(picture);
+  const auto stored = [&](std::uint64_t image, const std::string& name) {
+    const std::vector<std::uint8_t> png = RandomPng(image);
     AddRequest request;
     request.bytes = png;
     request.source = name;
@@ -167,7 +167,7 @@ TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
   EXPECT_EQ(stored(5, "mug\u009B31m"), "mug\\u{9b}31m");
   const std::string id = engine.List({}).at(0).id;
   for (const std::string name : {"shirt\u202Egpj.exe", "a\nb", "\xff"}) {
-    PictureChange change;  // said by a person, so it is refused
+    ImageChange change;  // said by a person, so it is refused
     change.source = name;
     ExpectError(ErrorCode::kInvalidArgument, "source_invalid",
                 [&] { engine.Change("default", id, change); });

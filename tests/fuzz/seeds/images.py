@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of all formats: written by OpenCV, put together byte by byte, and hostile ones."""
+"""Images of all formats: written by OpenCV, put together byte by byte, and hostile ones."""
 import struct
 import zlib
 
@@ -64,19 +64,19 @@ def pngs():
     interlaced = b"".join(b"\0" + bytes(row) for x, y, dx, dy in passes for row in grey()[y::dy, x::dx])
     palette = png.chunk(b"PLTE", bytes(range(12)))
 
-    def picture(depth, kind, data, *more, interlace=0):
+    def image(depth, kind, data, *more, interlace=0):
         return png.png(WIDTH, HEIGHT, depth, kind, zlib.compress(data), *more, interlace=interlace)
 
     return {
-        "grey.png": picture(8, 0, rows),
-        "colour.png": picture(8, 2, colours),
-        "deep.png": picture(16, 2, deep),
-        "alpha.png": picture(8, 6, with_alpha),
-        "palette.png": picture(8, 3, indices, palette, png.chunk(b"tRNS", b"\0\x80")),
+        "grey.png": image(8, 0, rows),
+        "colour.png": image(8, 2, colours),
+        "deep.png": image(16, 2, deep),
+        "alpha.png": image(8, 6, with_alpha),
+        "palette.png": image(8, 3, indices, palette, png.chunk(b"tRNS", b"\0\x80")),
         "bits.png": png.png(WIDTH, HEIGHT, 1, 0, zlib.compress(b"\0\xaa\x55\xaa" * HEIGHT)),
-        "interlaced.png": picture(8, 0, interlaced, interlace=1),
-        "exif.png": picture(8, 0, rows, png.chunk(b"eXIf", oriented(8)), png.chunk(b"tEXt", b"a\0b")),
-        "texts.png": picture(8, 0, rows, png.chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(5000))),
+        "interlaced.png": image(8, 0, interlaced, interlace=1),
+        "exif.png": image(8, 0, rows, png.chunk(b"eXIf", oriented(8)), png.chunk(b"tEXt", b"a\0b")),
+        "texts.png": image(8, 0, rows, png.chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(5000))),
                              png.chunk(b"gAMA", struct.pack(">I", 45455))),
     }
 
@@ -139,7 +139,7 @@ def hostile():
     return {f"hostile_{name}": data for name, data in made.items() if len(data) <= MOST_HOSTILE_BYTES}
 
 
-def pictures():
+def images():
     return {**jpegs(), **pngs(), **webps(), **bmps(), **tiffs(), **hostile()}
 
 
@@ -161,4 +161,4 @@ def pnms():
     }
 
 
-SEEDS = {"picture": pictures, "exif": exif_blocks, "pnm": pnms}
+SEEDS = {"image": images, "exif": exif_blocks, "pnm": pnms}

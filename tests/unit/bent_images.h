@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Pictures bent by a known smooth map, as frames of a video would show them.
+// Images bent by a known smooth map, as frames of a video would show them.
 #pragma once
 
 #include <algorithm>
@@ -46,8 +46,8 @@ struct Bend {
   }
 };
 
-// Random discs, large ones first: a key point every few pixels.
-inline Image RichPicture(std::uint64_t seed, int width = 400, int height = 300) {
+// Random discs, large ones first: a keypoint every few pixels.
+inline Image RichImage(std::uint64_t seed, int width = 400, int height = 300) {
   std::mt19937_64 random(seed);
   Image image{width, height, 1, {}};
   image.pixels.assign(static_cast<std::size_t>(width) * height, 128);
@@ -69,7 +69,7 @@ inline Image RichPicture(std::uint64_t seed, int width = 400, int height = 300) 
 }
 
 // The template as the bend shows it, on grey.
-inline Image BentPicture(const Image& reference, const Bend& bend) {
+inline Image BentImage(const Image& reference, const Bend& bend) {
   Image frame{reference.width, reference.height, 1, {}};
   frame.pixels.assign(reference.pixels.size(), 100);
   for (int y = 0; y < frame.height; ++y) {

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# demo_pictures.sh DIR: lays out demonstration pictures in DIR, from the photographs that Debian's
+# demo_images.sh DIR: lays out demonstration images in DIR, from the photographs that Debian's
 # opencv-doc package ships: DIR/objects/<object>/*, one or more views of each object, and
 # DIR/queries/<object>.*, another view of it that is never indexed.
 set -euo pipefail
-target=${1:?usage: demo_pictures.sh DIR}
+target=${1:?usage: demo_images.sh DIR}
 photos=/usr/share/doc/opencv-doc/examples/data
 [ -d "$photos" ] || {
   echo "No photographs in $photos: install Debian's opencv-doc package." >&2
@@ -14,7 +14,7 @@ photos=/usr/share/doc/opencv-doc/examples/data
 
 place() { # place SOURCE TARGET
   [ -f "$photos/$1" ] || {
-    echo "$photos/$1 is missing: this version of opencv-doc ships other pictures." >&2
+    echo "$photos/$1 is missing: this version of opencv-doc ships other images." >&2
     exit 1
   }
   mkdir -p "$(dirname "$target/$2")"

@@ -20,17 +20,17 @@ Image DrawMesh(const Image& frame, const Location& location);
 // the object is lost.
 Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box);
 
-// "frame 12  3.4 s  inliers 120/210" or "frame 12  3.4 s  lost: too few key points match".
+// "frame 12  3.4 s  inliers 120/210" or "frame 12  3.4 s  lost: too few keypoints match".
 std::string Caption(const TrackedFrame& tracked);
 
-// DrawMesh with the caption, and DrawUnwarped at the same height beside it. All pictures of one
+// DrawMesh with the caption, and DrawUnwarped at the same height beside it. All images of one
 // tracker have one size.
 Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box);
 
 // Collects any number of frames and shows a few of them.
 class ContactSheet {
  public:
-  // `reference` is the template's cut-out picture. At most `cells` frames will be shown.
+  // `reference` is the template's cut-out image. At most `cells` frames will be shown.
   ContactSheet(Image reference, int cells = 12);
 
   void Add(const TrackedFrame& tracked, const PixelBox& box);
@@ -40,7 +40,7 @@ class ContactSheet {
 
  private:
   struct Cell {
-    Image picture;
+    Image image;
     std::string caption;
   };
 

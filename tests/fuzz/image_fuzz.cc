@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Decoding of pictures under small limits. libFuzzer's -malloc_limit_mb says whether they hold.
+// Decoding of images under small limits. libFuzzer's -malloc_limit_mb says whether they hold.
 #include <algorithm>
 
 #include "descriptor/image/image.h"
@@ -34,14 +34,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const pliant::Image& image = decoded.image;
   const pliant::Image& thumbnail = decoded.thumbnail;
   Require(image.channels == (options.colour ? 3 : 1), "the channels are those asked for");
-  Require(IsWhole(image) && !image.empty(), "a picture has all its pixels");
+  Require(IsWhole(image) && !image.empty(), "an image has all its pixels");
   Require(IsWhole(thumbnail) && thumbnail.empty() == (options.thumbnail_side_px == 0) &&
               std::max(thumbnail.width, thumbnail.height) <= options.thumbnail_side_px,
           "a thumbnail is there when it was asked for, and as small");
   Require(std::min(decoded.original_width, decoded.original_height) >= options.min_side_px,
           "no side is too short");
   Require(std::int64_t{decoded.original_width} * decoded.original_height <= options.max_pixels,
-          "no picture is too large");
+          "no image is too large");
   Require(options.max_side_px == 0 || std::max(image.width, image.height) <= options.max_side_px,
           "no side is too long");
   if (!thumbnail.empty() && !options.colour) {
@@ -53,6 +53,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool turned = header.exif_orientation >= 5;
   Require((turned ? header.height : header.width) == decoded.original_width &&
               (turned ? header.width : header.height) == decoded.original_height,
-          "the header says the size of the picture");
+          "the header says the size of the image");
   return 0;
 }

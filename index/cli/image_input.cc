@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/cli/picture_input.h"
+#include "index/cli/image_input.h"
 
 #include <array>
 #include <cctype>
@@ -45,12 +45,12 @@ std::vector<std::uint8_t> AsPng(std::vector<std::uint8_t> bytes) {
 
 }  // namespace
 
-PictureInput ReadPicture(const std::filesystem::path& path, std::int64_t max_bytes) {
+ImageInput ReadImage(const std::filesystem::path& path, std::int64_t max_bytes) {
   const bool standard_input = path == "-";
-  PictureInput picture{standard_input ? "standard input" : ToDisplayText(path.string()),
-                       standard_input ? ReadStandardInput(max_bytes) : ReadFile(path, max_bytes)};
-  picture.bytes = Naming(picture, [&] { return AsPng(std::move(picture.bytes)); });
-  return picture;
+  ImageInput image{standard_input ? "standard input" : ToDisplayText(path.string()),
+                   standard_input ? ReadStandardInput(max_bytes) : ReadFile(path, max_bytes)};
+  image.bytes = Naming(image, [&] { return AsPng(std::move(image.bytes)); });
+  return image;
 }
 
 }  // namespace pliant::cli
