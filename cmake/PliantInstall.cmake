@@ -48,7 +48,6 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/features/features.h
     descriptor/features/keypoints.h
     descriptor/image/image.h
-    descriptor/image/region.h
     descriptor/match/distance.h
     descriptor/match/matching.h
     descriptor/match/stepped.h
@@ -71,8 +70,7 @@ set(PLIANT_PUBLIC_HEADERS
     vocab/k_medoids.h
     vocab/quantizer.h
     vocab/residual_codes.h
-    vocab/vocabulary.h
-    vocab/word_groups.h)
+    vocab/vocabulary.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${header})
   file(READ ${header} text)

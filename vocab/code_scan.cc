@@ -108,11 +108,6 @@ __attribute__((target("avx2"))) std::uint32_t CompareAvx2(const Sums& sums, cons
   }
   return nearer;
 }
-
-bool HasAvx2() {
-  __builtin_cpu_init();
-  return __builtin_cpu_supports("avx2") != 0;
-}
 #endif
 
 struct KernelSet {
@@ -122,7 +117,7 @@ struct KernelSet {
 
 KernelSet Choose() {
 #if defined(__x86_64__) && defined(__GNUC__)
-  if (HasAvx2()) return {SumBlockAvx2, CompareAvx2};
+  if (__builtin_cpu_supports("avx2") != 0) return {SumBlockAvx2, CompareAvx2};
 #endif
   return {};
 }

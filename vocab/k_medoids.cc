@@ -18,24 +18,99 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/match/distance.h"
-#include "vocab/distance_rows.h"
 
 namespace pliant {
 namespace {
 
-// The state and the two steps of FasterPAM (Schubert and Rousseeuw 2021, Algorithm 3). Internal
-// to vocab/; see vocab/k_medoids.h.
-//
+// Rows of the N x N distance matrix of a sample: stored if the matrix fits in memory, otherwise
+// recomputed on each access. Both give bit-identical values.
+class DistanceRows {
+ public:
+  // Keeps the whole matrix if it takes at most `max_matrix_bytes`. `samples` must outlive this.
+  // `checkpoint` is called periodically with the fraction of the matrix that is done, from this
+  // thread, and may throw to cancel.
+  DistanceRows(const Descriptors& samples, std::uint64_t max_matrix_bytes, int threads,
+               const std::function<void(double done)>& checkpoint)
+      : samples_(samples), packed_(samples), threads_(threads) {
+    constexpr std::size_t kRowsACheckpoint = 1024;
+    const std::size_t n = size();
+    if (std::uint64_t{n} * n * sizeof(float) > max_matrix_bytes) return;
+    matrix_.resize(n * n);
+    for (std::size_t first = 0; first < n; first += kRowsACheckpoint) {
+      Compute(first, std::min(kRowsACheckpoint, n - first), matrix_.data() + first * n);
+      checkpoint(static_cast<double>(first) / static_cast<double>(n));
+    }
+  }
+
+  std::size_t size() const { return samples_.rows; }
+
+  // Rows first .. first + count - 1, count x size(), from the matrix or computed into `buffer`.
+  const float* Rows(std::size_t first, std::size_t count, std::vector<float>* buffer) const {
+    if (!matrix_.empty()) return matrix_.data() + first * size();
+    buffer->resize(std::max(buffer->size(), count * size()));
+    Compute(first, count, buffer->data());
+    return buffer->data();
+  }
+
+  // out[i * columns.size() + j] = distance of sample rows[i] to sample columns[j].
+  void Gather(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> columns,
+              std::vector<float>* out) const {
+    out->resize(std::max(out->size(), rows.size() * columns.size()));
+    if (matrix_.empty()) {
+      const PackedDescriptors right(SelectRows(samples_, columns));
+      right.Distances(SelectRows(samples_, rows), 0, rows.size(), out->data());
+      return;
+    }
+    float* to = out->data();
+    for (const std::uint32_t row : rows) {
+      const float* distances = matrix_.data() + row * size();
+      for (const std::uint32_t column : columns) *to++ = distances[column];
+    }
+  }
+
+ private:
+  void Compute(std::size_t first, std::size_t count, float* out) const {
+    // Many rows share what they read of the samples; few rows a task keep all threads busy.
+    const std::size_t a_task =
+        std::clamp<std::size_t>(count / (4 * static_cast<std::size_t>(threads_)), 16, 64);
+    ParallelFor((count + a_task - 1) / a_task, threads_, [&](std::size_t t) {
+      const std::size_t begin = t * a_task;
+      packed_.Distances(samples_, first + begin, std::min(a_task, count - begin),
+                        out + begin * size());
+    });
+  }
+
+  const Descriptors& samples_;
+  PackedDescriptors packed_;
+  int threads_;
+  std::vector<float> matrix_;  // size() x size(), or empty
+};
+
 // The effect on the loss of exchanging a medoid for a candidate.
 struct Swap {
   std::uint32_t position = 0;  // of the medoid to be removed
   double change = 0;           // of the loss; below 0 is better
 };
 
+// The state and the two steps of FasterPAM (Schubert and Rousseeuw 2021, Algorithm 3).
 class FasterPam {
  public:
   // `medoids`: k >= 2 distinct rows.
-  FasterPam(const DistanceRows& rows, std::vector<std::uint32_t> medoids);
+  FasterPam(const DistanceRows& rows, std::vector<std::uint32_t> medoids)
+      : rows_(rows),
+        medoids_(std::move(medoids)),
+        is_medoid_(rows.size(), 0),
+        nearest_(rows.size()),
+        second_(rows.size()),
+        nearest_distance_(rows.size()),
+        second_distance_(rows.size()),
+        removal_loss_(medoids_.size()) {
+    for (const std::uint32_t m : medoids_) is_medoid_[m] = 1;
+    std::vector<std::uint32_t> all(rows.size());
+    std::iota(all.begin(), all.end(), 0U);
+    Search(all);
+    UpdateSums();
+  }
 
   const std::vector<std::uint32_t>& medoids() const { return medoids_; }
   bool is_medoid(std::size_t row) const { return is_medoid_[row] != 0; }
@@ -44,15 +119,121 @@ class FasterPam {
   // The best medoid to exchange for the candidate whose distances to all samples are `distances`:
   // O(N + k), since the cost of removing each medoid is maintained. `scratch` belongs to the
   // caller. Thread-safe.
-  Swap Evaluate(const float* distances, std::vector<double>* scratch) const;
+  Swap Evaluate(const float* distances, std::vector<double>* scratch) const {
+    // change[i]: of removing medoid i and adding the candidate, less what the candidate saves
+    // whichever medoid goes (`saved`). With d the distance to the candidate, a sample's share is
+    //   saved += min(d - nearest, 0),  change[its medoid] += min(max(d, nearest), second) - second,
+    // written without branches, which would be mispredicted; but few samples have the candidate
+    // nearer than their second medoid when k is large, so chunks without one are left out.
+    std::vector<double>& change = *scratch;
+    change.assign(removal_loss_.begin(), removal_loss_.end());
+    constexpr std::size_t kChunk = 16;
+    double saved[kChunk] = {};
+    double less[kChunk];
+    const std::size_t n = rows_.size();
+    for (std::size_t first = 0; first < n; first += kChunk) {
+      const std::size_t count = std::min(kChunk, n - first);
+      const float* d = distances + first;
+      const float* near = nearest_distance_.data() + first;
+      const float* second = second_distance_.data() + first;
+      const std::uint32_t* medoid = nearest_.data() + first;
+      int any = 0;
+      for (std::size_t j = 0; j < count; ++j) any |= static_cast<int>(d[j] < second[j]);
+      if (any == 0) continue;
+      for (std::size_t j = 0; j < count; ++j) {
+        saved[j] += static_cast<double>(std::min(d[j], near[j])) - static_cast<double>(near[j]);
+        less[j] = static_cast<double>(std::min(std::max(d[j], near[j]), second[j])) -
+                  static_cast<double>(second[j]);
+      }
+      for (std::size_t j = 0; j < count; ++j) change[medoid[j]] += less[j];
+    }
+    const auto best = std::min_element(change.begin(), change.end());
+    return {static_cast<std::uint32_t>(best - change.begin()),
+            *best + std::accumulate(saved, saved + kChunk, 0.0)};
+  }
 
   // Exchanges the medoid at `position` for `candidate`.
-  void Apply(std::uint32_t position, std::uint32_t candidate, const float* distances);
+  void Apply(std::uint32_t position, std::uint32_t candidate, const float* distances) {
+    is_medoid_[medoids_[position]] = 0;
+    is_medoid_[candidate] = 1;
+    medoids_[position] = candidate;
+    orphans_.clear();
+    for (std::size_t o = 0; o < rows_.size(); ++o) {
+      const float d = distances[o];
+      if (nearest_[o] == position || second_[o] == position) {
+        // One of the two went away. Where the candidate takes its place or a better one, the other
+        // of the two is still right; else the next nearest must be looked for.
+        const bool was_nearest = nearest_[o] == position;
+        const std::uint32_t kept = was_nearest ? second_[o] : nearest_[o];
+        const float kept_distance = was_nearest ? second_distance_[o] : nearest_distance_[o];
+        if (d > second_distance_[o]) {
+          orphans_.push_back(static_cast<std::uint32_t>(o));
+        } else if (d < kept_distance) {
+          nearest_[o] = position;
+          nearest_distance_[o] = d;
+          second_[o] = kept;
+          second_distance_[o] = kept_distance;
+        } else {
+          nearest_[o] = kept;
+          nearest_distance_[o] = kept_distance;
+          second_[o] = position;
+          second_distance_[o] = d;
+        }
+      } else if (d < nearest_distance_[o]) {
+        second_[o] = nearest_[o];
+        second_distance_[o] = nearest_distance_[o];
+        nearest_[o] = position;
+        nearest_distance_[o] = d;
+      } else if (d < second_distance_[o]) {
+        second_[o] = position;
+        second_distance_[o] = d;
+      }
+    }
+    Search(orphans_);
+    UpdateSums();
+  }
 
  private:
+  static constexpr std::size_t kSearchBlock =
+      512;  // samples whose distances are gathered at a time
+
   // Sets nearest and second nearest of the listed samples from the distances to all medoids.
-  void Search(const std::vector<std::uint32_t>& samples);
-  void UpdateSums();
+  void Search(const std::vector<std::uint32_t>& samples) {
+    const std::size_t k = medoids_.size();
+    for (std::size_t first = 0; first < samples.size(); first += kSearchBlock) {
+      const std::span block(samples.data() + first, std::min(kSearchBlock, samples.size() - first));
+      rows_.Gather(block, medoids_, &gathered_);
+      for (std::size_t i = 0; i < block.size(); ++i) {
+        const float* distances = gathered_.data() + i * k;
+        std::uint32_t best = 0;
+        std::uint32_t second = 1;
+        if (distances[second] < distances[best]) std::swap(best, second);
+        for (std::uint32_t m = 2; m < k; ++m) {
+          if (distances[m] >= distances[second]) continue;
+          second = m;
+          if (distances[second] < distances[best]) std::swap(best, second);
+        }
+        const std::uint32_t o = block[i];
+        nearest_[o] = best;
+        second_[o] = second;
+        nearest_distance_[o] = distances[best];
+        second_distance_[o] = distances[second];
+      }
+    }
+  }
+
+  // removal_loss_: when a medoid goes, its samples move to their second nearest, and no others move
+  // (the paper's Delta TD^-). Sums anew instead of adding changes up, so that no rounding error
+  // gathers over the swaps.
+  void UpdateSums() {
+    std::fill(removal_loss_.begin(), removal_loss_.end(), 0.0);
+    loss_ = 0;
+    for (std::size_t o = 0; o < rows_.size(); ++o) {
+      loss_ += nearest_distance_[o];
+      removal_loss_[nearest_[o]] +=
+          static_cast<double>(second_distance_[o]) - static_cast<double>(nearest_distance_[o]);
+    }
+  }
 
   const DistanceRows& rows_;
   std::vector<std::uint32_t> medoids_;
@@ -82,13 +263,12 @@ std::vector<std::uint32_t> SeedMedoids(const DistanceRows& rows, std::size_t k, 
   std::mt19937_64 generator(seed);
   std::vector<float> nearest(n, std::numeric_limits<float>::infinity());
   std::vector<char> taken(n, 0);
-  std::vector<float> buffer(rows.in_memory() ? 0 : n);
+  std::vector<float> buffer;
   std::vector<std::uint32_t> medoids;
   const auto take = [&](std::size_t row) {
     medoids.push_back(static_cast<std::uint32_t>(row));
     taken[row] = 1;
-    if (!rows.in_memory()) rows.Compute(row, 1, buffer.data());
-    const float* distances = rows.in_memory() ? rows.Stored(row) : buffer.data();
+    const float* distances = rows.Rows(row, 1, &buffer);
     for (std::size_t i = 0; i < n; ++i) nearest[i] = std::min(nearest[i], distances[i]);
   };
   take(std::min(n - 1, static_cast<std::size_t>(Uniform(&generator) * static_cast<double>(n))));
@@ -112,134 +292,6 @@ std::vector<std::uint32_t> SeedMedoids(const DistanceRows& rows, std::size_t k, 
     if (taken[i] == 0) medoids.push_back(static_cast<std::uint32_t>(i));
   }
   return medoids;
-}
-
-constexpr std::size_t kSearchBlock = 512;  // samples whose distances are gathered at a time
-
-FasterPam::FasterPam(const DistanceRows& rows, std::vector<std::uint32_t> medoids)
-    : rows_(rows),
-      medoids_(std::move(medoids)),
-      is_medoid_(rows.size(), 0),
-      nearest_(rows.size()),
-      second_(rows.size()),
-      nearest_distance_(rows.size()),
-      second_distance_(rows.size()),
-      removal_loss_(medoids_.size()) {
-  for (const std::uint32_t m : medoids_) is_medoid_[m] = 1;
-  std::vector<std::uint32_t> all(rows.size());
-  std::iota(all.begin(), all.end(), 0U);
-  Search(all);
-  UpdateSums();
-}
-
-void FasterPam::Search(const std::vector<std::uint32_t>& samples) {
-  const std::size_t k = medoids_.size();
-  for (std::size_t first = 0; first < samples.size(); first += kSearchBlock) {
-    const std::span block(samples.data() + first, std::min(kSearchBlock, samples.size() - first));
-    rows_.Gather(block, medoids_, &gathered_);
-    for (std::size_t i = 0; i < block.size(); ++i) {
-      const float* distances = gathered_.data() + i * k;
-      std::uint32_t best = 0;
-      std::uint32_t second = 1;
-      if (distances[second] < distances[best]) std::swap(best, second);
-      for (std::uint32_t m = 2; m < k; ++m) {
-        if (distances[m] >= distances[second]) continue;
-        second = m;
-        if (distances[second] < distances[best]) std::swap(best, second);
-      }
-      const std::uint32_t o = block[i];
-      nearest_[o] = best;
-      second_[o] = second;
-      nearest_distance_[o] = distances[best];
-      second_distance_[o] = distances[second];
-    }
-  }
-}
-
-// removal_loss_: when a medoid goes, its samples move to their second nearest, and no others move
-// (the paper's Delta TD^-). Sums anew instead of adding changes up, so that no rounding error
-// gathers over the swaps.
-void FasterPam::UpdateSums() {
-  std::fill(removal_loss_.begin(), removal_loss_.end(), 0.0);
-  loss_ = 0;
-  for (std::size_t o = 0; o < rows_.size(); ++o) {
-    loss_ += nearest_distance_[o];
-    removal_loss_[nearest_[o]] +=
-        static_cast<double>(second_distance_[o]) - static_cast<double>(nearest_distance_[o]);
-  }
-}
-
-Swap FasterPam::Evaluate(const float* distances, std::vector<double>* scratch) const {
-  // change[i]: of removing medoid i and adding the candidate, less what the candidate saves
-  // whichever medoid goes (`saved`). With d the distance to the candidate, a sample's share is
-  //   saved += min(d - nearest, 0),  change[its medoid] += min(max(d, nearest), second) - second,
-  // written without branches, which would be mispredicted; but few samples have the candidate
-  // nearer than their second medoid when k is large, so chunks without one are left out.
-  std::vector<double>& change = *scratch;
-  change.assign(removal_loss_.begin(), removal_loss_.end());
-  constexpr std::size_t kChunk = 16;
-  double saved[kChunk] = {};
-  double less[kChunk];
-  const std::size_t n = rows_.size();
-  for (std::size_t first = 0; first < n; first += kChunk) {
-    const std::size_t count = std::min(kChunk, n - first);
-    const float* d = distances + first;
-    const float* near = nearest_distance_.data() + first;
-    const float* second = second_distance_.data() + first;
-    const std::uint32_t* medoid = nearest_.data() + first;
-    int any = 0;
-    for (std::size_t j = 0; j < count; ++j) any |= static_cast<int>(d[j] < second[j]);
-    if (any == 0) continue;
-    for (std::size_t j = 0; j < count; ++j) {
-      saved[j] += static_cast<double>(std::min(d[j], near[j])) - static_cast<double>(near[j]);
-      less[j] = static_cast<double>(std::min(std::max(d[j], near[j]), second[j])) -
-                static_cast<double>(second[j]);
-    }
-    for (std::size_t j = 0; j < count; ++j) change[medoid[j]] += less[j];
-  }
-  const auto best = std::min_element(change.begin(), change.end());
-  return {static_cast<std::uint32_t>(best - change.begin()),
-          *best + std::accumulate(saved, saved + kChunk, 0.0)};
-}
-
-void FasterPam::Apply(std::uint32_t position, std::uint32_t candidate, const float* distances) {
-  is_medoid_[medoids_[position]] = 0;
-  is_medoid_[candidate] = 1;
-  medoids_[position] = candidate;
-  orphans_.clear();
-  for (std::size_t o = 0; o < rows_.size(); ++o) {
-    const float d = distances[o];
-    if (nearest_[o] == position || second_[o] == position) {
-      // One of the two went away. Where the candidate takes its place or a better one, the other
-      // of the two is still right; else the next nearest must be looked for.
-      const bool was_nearest = nearest_[o] == position;
-      const std::uint32_t kept = was_nearest ? second_[o] : nearest_[o];
-      const float kept_distance = was_nearest ? second_distance_[o] : nearest_distance_[o];
-      if (d > second_distance_[o]) {
-        orphans_.push_back(static_cast<std::uint32_t>(o));
-      } else if (d < kept_distance) {
-        nearest_[o] = position;
-        nearest_distance_[o] = d;
-        second_[o] = kept;
-        second_distance_[o] = kept_distance;
-      } else {
-        nearest_[o] = kept;
-        nearest_distance_[o] = kept_distance;
-        second_[o] = position;
-        second_distance_[o] = d;
-      }
-    } else if (d < nearest_distance_[o]) {
-      second_[o] = nearest_[o];
-      second_distance_[o] = nearest_distance_[o];
-      nearest_[o] = position;
-      nearest_distance_[o] = d;
-    } else if (d < second_distance_[o]) {
-      second_[o] = position;
-      second_distance_[o] = d;
-    }
-  }
-  Search(orphans_);
-  UpdateSums();
 }
 
 // Candidates whose distances are at hand at a time.
@@ -308,25 +360,13 @@ class Run {
     if (options_.progress) options_.progress(done_, loss);
   }
 
-  // Distances to all samples of the rows first .. first + count - 1, computed by all threads.
-  const float* Block(std::size_t first, std::size_t count) {
-    if (rows_.in_memory()) return rows_.Stored(first);
-    buffer_.resize(std::max(buffer_.size(), count * rows_.size()));
-    ParallelFor((count + kCandidatesATask - 1) / kCandidatesATask, threads_, [&](std::size_t t) {
-      const std::size_t begin = t * kCandidatesATask;
-      rows_.Compute(first + begin, std::min(kCandidatesATask, count - begin),
-                    buffer_.data() + begin * rows_.size());
-    });
-    return buffer_.data();
-  }
-
   // k = 1: the sample with the smallest sum of distances is the exact answer.
   void FindCentre() {
     const std::size_t n = rows_.size();
     std::vector<double> sums(n, 0.0);
     for (std::size_t first = 0; first < n; first += kBlock) {
       const std::size_t count = std::min(kBlock, n - first);
-      const float* distances = Block(first, count);
+      const float* distances = rows_.Rows(first, count, &buffer_);
       for (std::size_t r = 0; r < count; ++r) {
         for (std::size_t o = 0; o < n; ++o) sums[first + r] += distances[r * n + o];
       }
@@ -367,7 +407,7 @@ class Run {
   // Many threads look ahead together, but the first improvement in order is taken and the rest
   // tried again: the result is that of one thread.
   void TryBlock(FasterPam* pam, std::size_t first, std::size_t count) {
-    const float* distances = Block(first, count);
+    const float* distances = rows_.Rows(first, count, &buffer_);
     const std::size_t n = rows_.size();
     std::vector<Swap> swaps(count);
     for (std::size_t next = 0; next < count && quiet_ < n;) {

@@ -30,15 +30,20 @@ bool AllFinite(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
+float SquaredDistance(const float* a, const float* b, std::size_t dim) {
+  float sum = 0;
+  for (std::size_t d = 0; d < dim; ++d) {
+    const float difference = a[d] - b[d];
+    sum += difference * difference;
+  }
+  return sum;
+}
+
 std::size_t NearestCentroid(const float* part, const float* centroids, std::size_t part_dim) {
   std::size_t best = 0;
   float least = std::numeric_limits<float>::infinity();
   for (std::size_t c = 0; c < kCentroids; ++c) {
-    float distance = 0;
-    for (std::size_t d = 0; d < part_dim; ++d) {
-      const float difference = part[d] - centroids[c * part_dim + d];
-      distance += difference * difference;
-    }
+    const float distance = SquaredDistance(part, centroids + c * part_dim, part_dim);
     if (distance < least) {
       least = distance;
       best = c;
@@ -129,15 +134,6 @@ class PartClustering {
   }
 
  private:
-  float SquaredDistance(std::size_t i, const float* centroid) const {
-    float sum = 0;
-    for (std::size_t d = 0; d < dim_; ++d) {
-      const float difference = points_[i * dim_ + d] - centroid[d];
-      sum += difference * difference;
-    }
-    return sum;
-  }
-
   // k-means++ (Arthur and Vassilvitskii, SODA 2007).
   std::vector<float> Seeds(std::mt19937_64* random) const {
     std::vector<float> centroids;
@@ -147,7 +143,8 @@ class PartClustering {
       const float* point = points_.data() + chosen * dim_;
       centroids.insert(centroids.end(), point, point + dim_);
       for (std::size_t i = 0; i < size_; ++i) {
-        least[i] = std::min<double>(least[i], SquaredDistance(i, point));
+        least[i] =
+            std::min<double>(least[i], SquaredDistance(points_.data() + i * dim_, point, dim_));
       }
       double left = static_cast<double>((*random)() >> 11) * 0x1.0p-53 *
                     std::accumulate(least.begin(), least.end(), 0.0);
@@ -162,15 +159,8 @@ class PartClustering {
     std::vector<double> sums(kCentroids * dim_, 0);
     std::vector<double> counts(kCentroids, 0);
     for (std::size_t i = 0; i < size_; ++i) {
-      std::size_t nearest = 0;
-      float least = std::numeric_limits<float>::infinity();
-      for (std::size_t c = 0; c < kCentroids; ++c) {
-        const float distance = SquaredDistance(i, centroids->data() + c * dim_);
-        if (distance < least) {
-          least = distance;
-          nearest = c;
-        }
-      }
+      const std::size_t nearest =
+          NearestCentroid(points_.data() + i * dim_, centroids->data(), dim_);
       for (std::size_t d = 0; d < dim_; ++d) sums[nearest * dim_ + d] += points_[i * dim_ + d];
       ++counts[nearest];
     }
@@ -216,7 +206,11 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   if (vocabulary_->codebook.empty()) ThrowMalformed("is missing");
   CheckCodebook(vocabulary_->codebook, vocabulary_->words);
   if (binary_) return;
-  CopyRotation();
+  const Codebook& book = vocabulary_->codebook;
+  const auto rows = static_cast<Eigen::Index>(book.padded_dim());
+  columns_.resize(book.rotation.size());
+  Eigen::Map<Matrix>(columns_.data(), vocabulary_->words.dim, rows) =
+      Eigen::Map<const Matrix>(book.rotation.data(), rows, vocabulary_->words.dim).transpose();
   double largest = 0;  // squared norm of a word
   for (std::size_t w = 0; w < vocabulary_->size(); ++w) {
     const auto word = vocabulary_->words.float_row(w);
@@ -229,16 +223,6 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   // b = |x'|^2 - |w|^2. Descriptors of a kind have about one norm, so b is well within twice the
   // largest; what is not is clamped.
   bias_step_ = static_cast<float>(std::max(largest, 1e-30) * 2 / 32767);
-}
-
-void ResidualCoder::CopyRotation() {
-  const Codebook& book = vocabulary_->codebook;
-  const std::size_t rows = book.padded_dim();
-  const auto dim = static_cast<std::size_t>(vocabulary_->words.dim);
-  columns_.resize(book.rotation.size());
-  for (std::size_t r = 0; r < rows; ++r) {
-    for (std::size_t d = 0; d < dim; ++d) columns_[d * rows + r] = book.rotation[r * dim + d];
-  }
 }
 
 // Column by column: all sums at once instead of one after another.

@@ -70,7 +70,6 @@ class ResidualCoder {
   LookupTable TableOf(std::span<const float> query) const;
 
  private:
-  void CopyRotation();
   std::vector<float> Rotated(std::span<const float> vector) const;
 
   std::shared_ptr<const Vocabulary> vocabulary_;

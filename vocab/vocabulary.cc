@@ -3,7 +3,6 @@
 #include "vocab/vocabulary.h"
 
 #include <algorithm>
-#include <numeric>
 #include <string_view>
 #include <unordered_map>
 #include <utility>
@@ -11,18 +10,11 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
-#include "vocab/medoid_tree.h"
+#include "vocab/hierarchical_k_medoids.h"
 #include "vocab/residual_codes.h"
 
 namespace pliant {
 namespace {
-
-// How many of the samples differ, at most `enough`.
-std::size_t CountDistinct(const Descriptors& samples, std::size_t enough) {
-  std::vector<std::uint32_t> all(samples.rows);
-  std::iota(all.begin(), all.end(), 0U);
-  return std::min(enough, DistinctRows(samples, all).size());
-}
 
 // The codebook, which tells descriptors of one word apart.
 void LearnCodes(const Descriptors& samples, std::span<const std::uint32_t> assignment,
@@ -32,12 +24,12 @@ void LearnCodes(const Descriptors& samples, std::span<const std::uint32_t> assig
   vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, options);
 }
 
-void TrainByTree(const Descriptors& samples, const KMedoidsOptions& options,
-                 Vocabulary* vocabulary) {
-  const MedoidTreeResult tree = MedoidTree(samples, options);
-  vocabulary->words = SelectRows(samples, tree.medoids);
-  LearnCodes(SelectRows(samples, tree.judged), tree.assignment, options.seed, vocabulary);
-  vocabulary->origin.loss = tree.mean_loss;
+void TrainInLevels(const Descriptors& samples, const KMedoidsOptions& options,
+                   Vocabulary* vocabulary) {
+  const HierarchicalKMedoidsResult result = HierarchicalKMedoids(samples, options);
+  vocabulary->words = SelectRows(samples, result.medoids);
+  LearnCodes(SelectRows(samples, result.judged), result.assignment, options.seed, vocabulary);
+  vocabulary->origin.loss = result.mean_loss;
   vocabulary->origin.method = "fasterpam tree";
 }
 
@@ -71,7 +63,8 @@ Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_
   }
   KMedoidsOptions clustering = options;
   if (options.k > 1) {
-    clustering.k = static_cast<int>(CountDistinct(samples, static_cast<std::size_t>(options.k)));
+    const std::size_t distinct = DistinctRows(samples, AllRows(samples.rows)).size();
+    clustering.k = static_cast<int>(std::min(static_cast<std::size_t>(options.k), distinct));
   }
   Vocabulary vocabulary;
   vocabulary.model_id = model_id;
@@ -79,7 +72,7 @@ Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_
   vocabulary.origin.sampled = samples.rows;
   vocabulary.origin.available = std::max<std::uint64_t>(available, samples.rows);
   if (samples.rows > kMaxExactSamples) {
-    TrainByTree(samples, clustering, &vocabulary);
+    TrainInLevels(samples, clustering, &vocabulary);
   } else {
     TrainExactly(samples, clustering, &vocabulary);
   }

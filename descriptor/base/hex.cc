@@ -5,6 +5,11 @@
 #include <random>
 
 namespace pliant {
+namespace {
+
+constexpr char kDigits[] = "0123456789abcdef";
+
+}  // namespace
 
 int HexValue(char digit) {
   if (digit >= '0' && digit <= '9') return digit - '0';
@@ -14,7 +19,6 @@ int HexValue(char digit) {
 }
 
 std::string ToHex(std::span<const std::uint8_t> bytes) {
-  static constexpr char kDigits[] = "0123456789abcdef";
   std::string hex;
   hex.reserve(2 * bytes.size());
   for (const std::uint8_t byte : bytes) hex += {kDigits[byte >> 4], kDigits[byte & 15]};
@@ -35,7 +39,6 @@ std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex) {
 }
 
 std::string RandomHex(std::size_t digits) {
-  constexpr const char* kDigits = "0123456789abcdef";
   std::random_device random;
   std::string text;
   for (std::size_t i = 0; i < digits; ++i) text += kDigits[random() % 16];

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Data-parallel loops with an explicit number of threads.
+// Data-parallel loops with an explicit number of threads, which one pool of the process lends.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +14,12 @@ int ResolveThreads(int threads);
 // Calls body(i) for i = 0..n-1, handed out in order to at most `threads` threads (0 = all cores;
 // the caller's own is one of them) and returns when all are done. What a body throws is thrown
 // again here, the lowest i's first; bodies not yet started are then left out. Bodies should be
-// worth 100 microseconds or more: threads are made anew by each call.
+// worth 10 microseconds or more. Thread-safe; bodies may call it, and so may the child of a fork.
+// The pool grows to the helpers that all loops together ask for, and keeps them.
 void ParallelFor(std::size_t n, int threads, const std::function<void(std::size_t)>& body);
 
 // As ParallelFor, for bodies that need memory of their own: body(i, worker) with worker below
-// ParallelWorkers(n, threads), and never two at once with the same worker. (A thread_local would
-// start empty in every call, for the threads are new.)
+// ParallelWorkers(n, threads), and never two at once with the same worker.
 void ParallelForWorkers(std::size_t n, int threads,
                         const std::function<void(std::size_t i, std::size_t worker)>& body);
 std::size_t ParallelWorkers(std::size_t n, int threads);

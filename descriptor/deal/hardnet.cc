@@ -9,11 +9,30 @@
 #include <cstring>
 #include <utility>
 
-#include "descriptor/deal/kernels.h"
-#include "descriptor/deal/pool.h"
-#include "descriptor/deal/primitives.h"
-
 namespace pliant::deal {
+
+// The maps that a stride-1 layer reads and writes, for the patches that go through it together.
+struct HardNet::Maps {
+  int side;
+  int channels;
+  std::size_t patches;
+
+  constexpr std::size_t row() const { return static_cast<std::size_t>(side * channels); }
+  constexpr std::size_t size() const { return static_cast<std::size_t>(side) * row(); }
+  // Rows of a polar patch are angles, which close to a circle: the row above the first is the last.
+  // A map with the wrapped row above it, which is all that a stride-2 layer needs.
+  constexpr std::size_t wrapped_size() const { return size() + row(); }
+  constexpr std::size_t tiles() const {
+    return static_cast<std::size_t>((side / kTileSide) * (side / kTileSide));
+  }
+  // Of one patch in a plane.
+  constexpr std::size_t tile_values() const { return tiles() * static_cast<std::size_t>(channels); }
+  // One row more than the tiles need: planes a power of two apart would all fall into the same set
+  // of the cache, which halves the speed of the transforms.
+  constexpr std::size_t plane_rows() const { return tiles() * patches + 1; }
+  constexpr std::size_t plane() const { return plane_rows() * static_cast<std::size_t>(channels); }
+};
+
 namespace {
 
 // Toom and Cook's scheme at the points 0, 1, -1, 2, -2 and infinity (Lavin and Gray 2016, section
@@ -32,38 +51,12 @@ using Tag = memory::format_tag;
 constexpr std::size_t kGroup = 4;
 static_assert(HardNet::kBatch % kGroup == 0);
 
-constexpr int kSide2 = 32;  // of the maps that the stride-1 layers 2, 4 and 6 read and write
-constexpr int kSide4 = 16;
-constexpr int kSide6 = 8;
-constexpr int kChannels2 = 32;
-constexpr int kChannels4 = 64;
-constexpr int kChannels6 = 128;
+constexpr HardNet::Maps kMaps2{32, 32, 1};
+constexpr HardNet::Maps kMaps4{16, 64, kGroup};
+constexpr HardNet::Maps kMaps6{8, 128, HardNet::kBatch};
 
-constexpr std::size_t Tiles(int side) {
-  return static_cast<std::size_t>((side / kTileSide) * (side / kTileSide));
-}
-
-// One row more than the tiles need: planes a power of two apart would all fall into the same set of
-// the cache, which halves the speed of the transforms.
-constexpr std::size_t PlaneRows(int side, std::size_t patches) { return Tiles(side) * patches + 1; }
-
-constexpr std::size_t PlaneSize(int side, int channels, std::size_t patches) {
-  return PlaneRows(side, patches) * static_cast<std::size_t>(channels);
-}
-
-constexpr std::size_t MapSize(int side, int channels) {
-  return static_cast<std::size_t>(side) * static_cast<std::size_t>(side * channels);
-}
-
-// Rows of a polar patch are angles, which close to a circle: the row above the first is the last.
-// A map with the wrapped row above it, which is all that a stride-2 layer needs.
-constexpr std::size_t WrappedSize(int side, int channels) {
-  return static_cast<std::size_t>(side + 1) * static_cast<std::size_t>(side * channels);
-}
-
-// Products of the Winograd planes for `patches` patches.
-ProductPrimitive PlaneProduct(const ConvLayer& layer, int side, std::size_t patches) {
-  const ProductPrimitive::Shape shape = {kTilePlanes, static_cast<int>(PlaneRows(side, patches)),
+ProductPrimitive PlaneProduct(const ConvLayer& layer, const HardNet::Maps& maps) {
+  const ProductPrimitive::Shape shape = {kTilePlanes, static_cast<int>(maps.plane_rows()),
                                          layer.inputs, layer.outputs};
   return {shape, WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone};
 }
@@ -164,152 +157,101 @@ void NormalizeLength(float* row) {
   for (int i = 0; i < kDescriptorDim; ++i) row[i] *= scale;
 }
 
-struct HardNet::Impl {
-  explicit Impl(const DealWeights& weights)
-      : weight1(TapsFirst(weights.hardnet[0])),
-        bias1(weights.hardnet[0].bias),
-        bias2(weights.hardnet[1].bias),
-        bias4(weights.hardnet[3].bias),
-        bias6(weights.hardnet[5].bias),
-        product2(PlaneProduct(weights.hardnet[1], kSide2, 1)),
-        conv3(StridedConv(weights.hardnet[2], kSide2)),
-        product4(PlaneProduct(weights.hardnet[3], kSide4, kGroup)),
-        conv5(StridedConv(weights.hardnet[4], kSide4)),
-        product6(PlaneProduct(weights.hardnet[5], kSide6, kBatch)),
-        head(HeadProduct(weights.head)) {}
+HardNet::HardNet(const DealWeights& weights) : HardNet(weights, ScopedPrimitiveThreads(1)) {}
 
-  std::size_t scratch_bytes() const {
-    return std::max({product2.scratch_bytes(), conv3.scratch_bytes(), product4.scratch_bytes(),
-                     conv5.scratch_bytes(), product6.scratch_bytes(), head.scratch_bytes()});
-  }
+HardNet::HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& /*one*/)
+    : weight1_(TapsFirst(weights.hardnet[0])),
+      bias1_(weights.hardnet[0].bias),
+      bias2_(weights.hardnet[1].bias),
+      bias4_(weights.hardnet[3].bias),
+      bias6_(weights.hardnet[5].bias),
+      product2_(PlaneProduct(weights.hardnet[1], kMaps2)),
+      conv3_(StridedConv(weights.hardnet[2], kMaps2.side)),
+      product4_(PlaneProduct(weights.hardnet[3], kMaps4)),
+      conv5_(StridedConv(weights.hardnet[4], kMaps4.side)),
+      product6_(PlaneProduct(weights.hardnet[5], kMaps6)),
+      head_(HeadProduct(weights.head)) {}
 
-  std::vector<float> weight1;
-  std::vector<float> bias1;
-  std::vector<float> bias2;
-  std::vector<float> bias4;
-  std::vector<float> bias6;
-  ProductPrimitive product2;
-  ConvPrimitive conv3;
-  ProductPrimitive product4;
-  ConvPrimitive conv5;
-  ProductPrimitive product6;
-  ProductPrimitive head;
-};
-
-struct HardNet::Worker::Impl {
-  explicit Impl(const HardNet::Impl& n)
-      : net(n),
-        map2(kGroup * WrappedSize(kSide2, kChannels2)),
-        map3(kGroup * MapSize(kSide4, kChannels4)),
-        map4(kGroup * WrappedSize(kSide4, kChannels4)),
-        map5(kBatch * MapSize(kSide6, kChannels6)),
-        pooled(kBatch * kSide6 * kChannels6),
-        scratch(n.scratch_bytes() / sizeof(float) + 1) {
-    const std::size_t largest =
-        std::max({PlaneSize(kSide2, kChannels2, 1), PlaneSize(kSide4, kChannels4, kGroup),
-                  PlaneSize(kSide6, kChannels6, kBatch)});
-    tiles = AlignedFloats(kTilePlanes * largest);
-    products = AlignedFloats(kTilePlanes * largest);
-  }
-
-  void Layers1And2(const float* patch, float* wrapped) {
-    constexpr std::size_t kPlane = PlaneSize(kSide2, kChannels2, 1);
-    kernels.standardize(patch, framed.data());
-    kernels.first_conv(framed.data(), net.weight1.data(), net.bias1.data(), map1.data());
-    kernels.winograd_input(map1.data(), kSide2, kChannels2, kPlane, tiles.data());
-    net.product2.Run(stream, tiles.data(), products.data(), scratch.data());
-    WriteWrapped(products.data(), kSide2, kChannels2, kPlane, net.bias2.data(), wrapped);
-  }
-
-  void Layer4(std::size_t count) {
-    constexpr std::size_t kTilesValues = Tiles(kSide4) * kChannels4;
-    constexpr std::size_t kPlane = PlaneSize(kSide4, kChannels4, kGroup);
-    for (std::size_t p = 0; p < count; ++p) {
-      kernels.winograd_input(map3.data() + p * MapSize(kSide4, kChannels4), kSide4, kChannels4,
-                             kPlane, tiles.data() + p * kTilesValues);
-    }
-    net.product4.Run(stream, tiles.data(), products.data(), scratch.data());
-    for (std::size_t p = 0; p < count; ++p) {
-      WriteWrapped(products.data() + p * kTilesValues, kSide4, kChannels4, kPlane, net.bias4.data(),
-                   map4.data() + p * WrappedSize(kSide4, kChannels4));
-    }
-  }
-
-  void Layer6(std::size_t count) {
-    constexpr std::size_t kTilesValues = Tiles(kSide6) * kChannels6;
-    constexpr std::size_t kPlane = PlaneSize(kSide6, kChannels6, kBatch);
-    for (std::size_t p = 0; p < count; ++p) {
-      kernels.winograd_input(map5.data() + p * MapSize(kSide6, kChannels6), kSide6, kChannels6,
-                             kPlane, tiles.data() + p * kTilesValues);
-    }
-    net.product6.Run(stream, tiles.data(), products.data(), scratch.data());
-    for (std::size_t p = 0; p < count; ++p) {
-      kernels.winograd_pooled(products.data() + p * kTilesValues, kSide6, kChannels6, kPlane,
-                              net.bias6.data(), pooled.data() + p * kSide6 * kChannels6);
-    }
-  }
-
-  // The map goes below row 0, which takes a copy of the last row.
-  void WriteWrapped(const float* planes, int side, int channels, std::size_t plane,
-                    const float* bias, float* wrapped) const {
-    const auto row = static_cast<std::size_t>(side) * static_cast<std::size_t>(channels);
-    kernels.winograd_output(planes, side, channels, plane, bias, wrapped + row);
-    std::memcpy(wrapped, wrapped + static_cast<std::size_t>(side) * row, row * sizeof(float));
-  }
-
-  void RunConv(const ConvPrimitive& conv, float* source, float* destination) {
-    conv.Run(stream, memory(conv.source_desc(), CpuEngine(), source),
-             memory(conv.destination_desc(), CpuEngine(), destination), scratch.data());
-  }
-
-  const HardNet::Impl& net;
-  const Kernels& kernels = BestKernels();
-  dnnl::stream stream{CpuEngine()};
-  AlignedFloats framed{kFramedPixels};
-  AlignedFloats map1{MapSize(kSide2, kChannels2)};
-  AlignedFloats map2;
-  AlignedFloats map3;
-  AlignedFloats map4;
-  AlignedFloats map5;
-  AlignedFloats pooled;
-  AlignedFloats scratch;
-  AlignedFloats tiles;
-  AlignedFloats products;
-  AlignedFloats result{kBatch * kDescriptorDim};
-};
-
-HardNet::HardNet(const DealWeights& weights) {
-  const ScopedPrimitiveThreads one(1);
-  impl_ = std::make_unique<Impl>(weights);
+std::size_t HardNet::scratch_bytes() const {
+  return std::max({product2_.scratch_bytes(), conv3_.scratch_bytes(), product4_.scratch_bytes(),
+                   conv5_.scratch_bytes(), product6_.scratch_bytes(), head_.scratch_bytes()});
 }
 
-HardNet::~HardNet() = default;
-
-HardNet::Worker::Worker(const HardNet& net) : impl_(std::make_unique<Impl>(*net.impl_)) {}
-
-HardNet::Worker::~Worker() = default;
+HardNet::Worker::Worker(const HardNet& net)
+    : net_(net),
+      framed_(kFramedPixels),
+      map1_(kMaps2.size()),
+      map2_(kGroup * kMaps2.wrapped_size()),
+      map3_(kGroup * kMaps4.size()),
+      map4_(kGroup * kMaps4.wrapped_size()),
+      map5_(kBatch * kMaps6.size()),
+      pooled_(kBatch * kMaps6.row()),
+      scratch_(net.scratch_bytes() / sizeof(float) + 1),
+      tiles_(kTilePlanes * std::max({kMaps2.plane(), kMaps4.plane(), kMaps6.plane()})),
+      products_(tiles_.size()),
+      result_(kBatch * kDescriptorDim) {}
 
 void HardNet::Worker::Run(const float* patches, std::size_t count, float* descriptors) {
-  Impl& worker = *impl_;
   for (std::size_t first = 0; first < count; first += kGroup) {
     const std::size_t group = std::min(kGroup, count - first);
     for (std::size_t p = 0; p < group; ++p) {
-      worker.Layers1And2(patches + (first + p) * kPatchPixels,
-                         worker.map2.data() + p * WrappedSize(kSide2, kChannels2));
+      Layers1And2(patches + (first + p) * kPatchPixels, map2_.data() + p * kMaps2.wrapped_size());
     }
-    worker.RunConv(worker.net.conv3, worker.map2.data(), worker.map3.data());
-    worker.Layer4(group);
-    worker.RunConv(worker.net.conv5, worker.map4.data(),
-                   worker.map5.data() + first * MapSize(kSide6, kChannels6));
+    RunConv(net_.conv3_, map2_.data(), map3_.data());
+    Layer4(group);
+    RunConv(net_.conv5_, map4_.data(), map5_.data() + first * kMaps6.size());
   }
-  worker.Layer6(count);
-  worker.net.head.Run(worker.stream, worker.pooled.data(), worker.result.data(),
-                      worker.scratch.data());
-  worker.stream.wait();
+  Layer6(count);
+  net_.head_.Run(stream_, pooled_.data(), result_.data(), scratch_.data());
+  stream_.wait();
+  for (std::size_t p = 0; p < count; ++p) NormalizeLength(result_.data() + p * kDescriptorDim);
+  std::memcpy(descriptors, result_.data(), count * kDescriptorDim * sizeof(float));
+}
+
+void HardNet::Worker::Layers1And2(const float* patch, float* wrapped) {
+  kernels_.standardize(patch, framed_.data());
+  kernels_.first_conv(framed_.data(), net_.weight1_.data(), net_.bias1_.data(), map1_.data());
+  MultiplyTiles(net_.product2_, map1_.data(), kMaps2, 1);
+  WriteWrapped(products_.data(), kMaps2, net_.bias2_.data(), wrapped);
+}
+
+void HardNet::Worker::Layer4(std::size_t count) {
+  MultiplyTiles(net_.product4_, map3_.data(), kMaps4, count);
   for (std::size_t p = 0; p < count; ++p) {
-    NormalizeLength(worker.result.data() + p * kDescriptorDim);
+    WriteWrapped(products_.data() + p * kMaps4.tile_values(), kMaps4, net_.bias4_.data(),
+                 map4_.data() + p * kMaps4.wrapped_size());
   }
-  std::memcpy(descriptors, worker.result.data(), count * kDescriptorDim * sizeof(float));
+}
+
+void HardNet::Worker::Layer6(std::size_t count) {
+  MultiplyTiles(net_.product6_, map5_.data(), kMaps6, count);
+  for (std::size_t p = 0; p < count; ++p) {
+    kernels_.winograd_pooled(products_.data() + p * kMaps6.tile_values(), kMaps6.side,
+                             kMaps6.channels, kMaps6.plane(), net_.bias6_.data(),
+                             pooled_.data() + p * kMaps6.row());
+  }
+}
+
+void HardNet::Worker::MultiplyTiles(const ProductPrimitive& product, const float* from,
+                                    const Maps& maps, std::size_t count) {
+  for (std::size_t p = 0; p < count; ++p) {
+    kernels_.winograd_input(from + p * maps.size(), maps.side, maps.channels, maps.plane(),
+                            tiles_.data() + p * maps.tile_values());
+  }
+  product.Run(stream_, tiles_.data(), products_.data(), scratch_.data());
+}
+
+// The map goes below row 0, which takes a copy of the last row.
+void HardNet::Worker::WriteWrapped(const float* planes, const Maps& maps, const float* bias,
+                                   float* wrapped) const {
+  kernels_.winograd_output(planes, maps.side, maps.channels, maps.plane(), bias,
+                           wrapped + maps.row());
+  std::memcpy(wrapped, wrapped + maps.size(), maps.row() * sizeof(float));
+}
+
+void HardNet::Worker::RunConv(const ConvPrimitive& conv, float* source, float* destination) {
+  conv.Run(stream_, memory(conv.source_desc(), CpuEngine(), source),
+           memory(conv.destination_desc(), CpuEngine(), destination), scratch_.data());
 }
 
 double HardNet::MultiplyAdds() {

@@ -6,9 +6,10 @@
 
 #include <array>
 #include <cstddef>
-#include <memory>
 #include <vector>
 
+#include "descriptor/deal/kernels.h"
+#include "descriptor/deal/primitives.h"
 #include "descriptor/deal/weights.h"
 
 namespace pliant::deal {
@@ -44,32 +45,50 @@ void NormalizeLength(float* row);
 class HardNet {
  public:
   static constexpr std::size_t kBatch = 16;  // maximum number of patches per Worker::Run
+  struct Maps;                               // sizes of a layer's maps; internal
 
   explicit HardNet(const DealWeights& weights);
-  ~HardNet();
 
-  // Scratch memory for one thread at a time.
+  // Scratch memory for one thread at a time. `net` must outlive it.
   class Worker {
    public:
     explicit Worker(const HardNet& net);
-    ~Worker();
 
     // Patches count x 32 x 32 (rows = angle) to count x 128, unit length; count <= kBatch.
     // oneDNN must be set to one thread (ScopedPrimitiveThreads).
     void Run(const float* patches, std::size_t count, float* descriptors);
 
    private:
-    struct Impl;
-    std::unique_ptr<Impl> impl_;
+    void Layers1And2(const float* patch, float* wrapped);
+    void Layer4(std::size_t count);
+    void Layer6(std::size_t count);
+    void MultiplyTiles(const ProductPrimitive& product, const float* from, const Maps& maps,
+                       std::size_t count);
+    void WriteWrapped(const float* planes, const Maps& maps, const float* bias,
+                      float* wrapped) const;
+    void RunConv(const ConvPrimitive& conv, float* source, float* destination);
+
+    const HardNet& net_;
+    const Kernels& kernels_ = BestKernels();
+    dnnl::stream stream_{CpuEngine()};
+    AlignedFloats framed_, map1_, map2_, map3_, map4_, map5_, pooled_;  // what the layers read
+    AlignedFloats scratch_, tiles_, products_, result_;
   };
 
   // Multiply-adds per patch of the direct convolutions, the customary count.
   static double MultiplyAdds();
 
  private:
-  friend class Worker;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& one);
+  std::size_t scratch_bytes() const;
+
+  std::vector<float> weight1_, bias1_, bias2_, bias4_, bias6_;
+  ProductPrimitive product2_;
+  ConvPrimitive conv3_;
+  ProductPrimitive product4_;
+  ConvPrimitive conv5_;
+  ProductPrimitive product6_;
+  ProductPrimitive head_;
 };
 
 }  // namespace pliant::deal

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -15,7 +16,6 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 #include "descriptor/deal/weights.h"
 
@@ -91,6 +91,28 @@ struct BlockPrimitives {
   memory result;
 };
 
+// Keypoints a product. The first layer's 6.5 MB of weights are read once a batch, so the large
+// batch is large; the small one serves images with few keypoints and the remainder.
+constexpr std::size_t kLargeBatch = 128;
+constexpr std::size_t kSmallBatch = 16;
+
+constexpr std::size_t kBatch = HardNet::kBatch;
+constexpr std::size_t kShiftValues = 2 * kPatchPixels;  // x values, then y values
+
+ProductPrimitive WarpProduct(RadialSpacing spacing) {
+  const ScopedPrimitiveThreads one(1);
+  std::vector<float> basis = TpsBasis(spacing);
+  const double gain = DisplacementGain();
+  for (float& value : basis) value = static_cast<float>(gain * value);  // in units of R
+  return {{0, static_cast<int>(2 * kBatch), kTpsParameters, kPatchPixels},
+          basis,
+          /*transposed=*/true,
+          {},
+          Activation::kNone};
+}
+
+}  // namespace
+
 // Everything for one image size and thread count, run by one caller at a time.
 class SizedBackbone {
  public:
@@ -106,23 +128,7 @@ class SizedBackbone {
   }
 
   // Of its buffers.
-  std::size_t bytes() const {
-    std::size_t sum = scratch_bytes_ + stem_result_.get_desc().get_size();
-    const memory* last = nullptr;
-    const auto add = [&](const memory& buffer) {
-      if (last == nullptr || buffer.get_data_handle() != last->get_data_handle()) {
-        sum += buffer.get_desc().get_size();
-      }
-    };
-    add(pooled_);
-    last = &pooled_;
-    for (const BlockPrimitives& block : blocks_) {
-      sum += block.hidden.get_desc().get_size();
-      add(block.result);  // or in place of what came before
-      last = &block.result;
-    }
-    return sum;
-  }
+  std::size_t bytes() const { return scratch_bytes_ + buffer_bytes_; }
 
   FeatureMap Run(const GreyImage& image) {
     const memory source(stem_->source_desc(), CpuEngine(), const_cast<float*>(image.values.data()));
@@ -148,18 +154,16 @@ class SizedBackbone {
     stem_.emplace(stem, DenseDesc({1, 1, height_, width_}, Tag::nchw),
                   AnyLayout(stem.outputs, h_, w_), SamePadding(stem, true, false));
     Reserve(*stem_);
-    stem_result_ = memory(stem_->destination_desc(), CpuEngine());
+    stem_result_ = MakeBuffer(stem_->destination_desc());
     h_ = Strided(h_, 2);
     w_ = Strided(w_, 2);
-    dnnl::primitive_attr attributes;
-    attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
     const dnnl::pooling_forward::primitive_desc description = onednn::MakeMaxPooling(
         CpuEngine(), stem_->destination_desc(), AnyLayout(stem.outputs, h_, w_), {2, 2}, {3, 3},
-        {1, 1}, {1, 1}, attributes);
+        {1, 1}, {1, 1}, ScratchByCaller());
     pool_ = dnnl::pooling_forward(description);
     pool_scratch_ = description.scratchpad_desc();
     scratch_bytes_ = std::max(scratch_bytes_, pool_scratch_.get_size());
-    pooled_ = memory(description.dst_desc(), CpuEngine());
+    pooled_ = MakeBuffer(description.dst_desc());
     blocks_.reserve(8);
   }
 
@@ -170,19 +174,24 @@ class SizedBackbone {
     BlockPrimitives& block = blocks_.emplace_back();
     block.conv1.emplace(layers.conv1, input.get_desc(), AnyLayout(layers.conv1.outputs, h_, w_),
                         SamePadding(layers.conv1, true, false));
-    block.hidden = memory(block.conv1->destination_desc(), CpuEngine());
+    block.hidden = MakeBuffer(block.conv1->destination_desc());
     block.result = input;  // identity shortcut: in place
     if (layers.downsample) {
       block.downsample.emplace(*layers.downsample, input.get_desc(),
                                AnyLayout(layers.downsample->outputs, h_, w_),
                                SamePadding(*layers.downsample, false, false));
       Reserve(*block.downsample);
-      block.result = memory(block.downsample->destination_desc(), CpuEngine());
+      block.result = MakeBuffer(block.downsample->destination_desc());
     }
     block.conv2.emplace(layers.conv2, block.conv1->destination_desc(), block.result.get_desc(),
                         SamePadding(layers.conv2, true, true));
     Reserve(*block.conv1);
     Reserve(*block.conv2);
+  }
+
+  memory MakeBuffer(const memory::desc& desc) {
+    buffer_bytes_ += desc.get_size();
+    return {desc, CpuEngine()};
   }
 
   void Reserve(const ConvPrimitive& primitive) {
@@ -207,6 +216,7 @@ class SizedBackbone {
   int w_ = 0;
   dnnl::stream stream_;
   std::size_t scratch_bytes_ = 0;
+  std::size_t buffer_bytes_ = 0;
   AlignedFloats scratch_;
   std::optional<ConvPrimitive> stem_;
   memory stem_result_;
@@ -216,75 +226,14 @@ class SizedBackbone {
   std::vector<BlockPrimitives> blocks_;
 };
 
-constexpr std::size_t kLayers = 4;
-constexpr std::size_t kIdleWorkers = 64;
-// Keypoints a product. The first layer's 6.5 MB of weights are read once a batch, so the large
-// batch is large; the small one serves images with few keypoints and the remainder.
-constexpr std::size_t kLargeBatch = 128;
-constexpr std::size_t kSmallBatch = 16;
-
-using Mlp = std::vector<ProductPrimitive>;  // kLayers of them, for one batch size
-
-// Keypoint to cell: the corner pixels' centres lie on the corner cells.
-float CellScale(int cells, int pixels) {
-  return pixels > 1 ? static_cast<float>(cells - 1) / static_cast<float>(pixels - 1) : 0.0F;
-}
-
-void SampleOne(const FeatureMap& map, const Keypoint& keypoint, float* out) {
-  BestKernels().sample_features(map.values.data(), map.height, map.width,
-                                keypoint.x * CellScale(map.width, map.image_width),
-                                keypoint.y * CellScale(map.height, map.image_height), out);
-}
-
-constexpr std::size_t kBatch = HardNet::kBatch;
-constexpr std::size_t kShiftValues = 2 * kPatchPixels;  // x values, then y values
-
-// kTpsParameters x kPatchPixels: the basis transposed, in units of R.
-std::vector<float> ScaledBasis(RadialSpacing spacing) {
-  const std::vector<float> basis = TpsBasis(spacing);
-  const double gain = DisplacementGain();
-  std::vector<float> scaled(basis.size());
+std::vector<float> UnitPolarGrid(RadialSpacing spacing) {
+  const std::vector<Point> grid = Grid(spacing);
+  std::vector<float> planar(2 * kPatchPixels);
   for (std::size_t q = 0; q < kPatchPixels; ++q) {
-    for (std::size_t k = 0; k < kTpsParameters; ++k) {
-      scaled[k * kPatchPixels + q] = static_cast<float>(gain * basis[q * kTpsParameters + k]);
-    }
-  }
-  return scaled;
-}
-
-std::vector<float> PlanarGrid(RadialSpacing spacing) {
-  const std::vector<float> grid = UnitPolarGrid(spacing);
-  std::vector<float> planar(grid.size());
-  for (std::size_t q = 0; q < kPatchPixels; ++q) {
-    planar[q] = grid[2 * q];
-    planar[kPatchPixels + q] = grid[2 * q + 1];
+    planar[q] = static_cast<float>(grid[q][0]);
+    planar[kPatchPixels + q] = static_cast<float>(grid[q][1]);
   }
   return planar;
-}
-
-void Add(const float* values, std::size_t count, float* into) {
-  for (std::size_t i = 0; i < count; ++i) into[i] += values[i];
-}
-
-ProductPrimitive WarpProduct(RadialSpacing spacing) {
-  const ScopedPrimitiveThreads one(1);
-  return {{0, static_cast<int>(2 * kBatch), kTpsParameters, kPatchPixels},
-          ScaledBasis(spacing),
-          /*transposed=*/false,
-          {},
-          Activation::kNone};
-}
-
-}  // namespace
-
-std::vector<float> UnitPolarGrid(RadialSpacing spacing) {
-  std::vector<float> values;
-  values.reserve(2 * kPatchPixels);
-  for (const Point& point : Grid(spacing)) {
-    values.push_back(static_cast<float>(point[0]));
-    values.push_back(static_cast<float>(point[1]));
-  }
-  return values;
 }
 
 std::vector<float> TpsBasis(RadialSpacing spacing) {
@@ -309,25 +258,18 @@ std::vector<float> TpsBasis(RadialSpacing spacing) {
 
 double DisplacementGain() { return 2 * HalfWidth() / kBoxScale; }
 
-struct Backbone::Impl {
-  explicit Impl(std::shared_ptr<const DealWeights> w) : weights(std::move(w)) {}
-
-  std::shared_ptr<const DealWeights> weights;
-  Pool<SizedBackbone> pool{kIdleBytes,
-                           [](const SizedBackbone& network) { return network.bytes(); }};
-};
-
 Backbone::Backbone(std::shared_ptr<const DealWeights> weights)
-    : impl_(std::make_unique<Impl>(std::move(weights))) {}
+    : weights_(std::move(weights)),
+      pool_(kIdleBytes, [](const SizedBackbone& network) { return network.bytes(); }) {}
 
 Backbone::~Backbone() = default;
 
 FeatureMap Backbone::Run(const GreyImage& image, int threads) const {
   const ScopedPrimitiveThreads scope(threads);
-  const auto network = impl_->pool.Take(
+  const auto network = pool_.Take(
       [&](const SizedBackbone& idle) { return idle.Fits(image.height, image.width, threads); },
       [&] {
-        return std::make_unique<SizedBackbone>(*impl_->weights, image.height, image.width, threads);
+        return std::make_unique<SizedBackbone>(*weights_, image.height, image.width, threads);
       });
   return network->Run(image);
 }
@@ -342,190 +284,111 @@ double Backbone::MultiplyAdds(int height, int width) {
   return stem + first + second;
 }
 
-struct LocalizationNet::Impl {
-  // Buffers of one thread: the input of each layer and the last one's result.
-  struct Worker {
-    std::array<AlignedFloats, kLayers + 1> values;
-    AlignedFloats scratch;
-    dnnl::stream stream{CpuEngine()};
-  };
-
-  explicit Impl(const DealWeights& weights) {
-    const ScopedPrimitiveThreads one(1);
-    for (std::size_t i = 0; i < kLayers; ++i) {
-      const LinearLayer& layer = weights.localization[i];
-      const Activation after = i + 1 < kLayers ? Activation::kRelu : Activation::kTanh;
-      large.emplace_back(
-          ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs, layer.outputs},
-          layer.weight, /*transposed=*/true, layer.bias, after);
-      small.emplace_back(large.back(), static_cast<int>(kSmallBatch));
-    }
+LocalizationNet::LocalizationNet(const DealWeights& weights) {
+  const ScopedPrimitiveThreads one(1);
+  for (std::size_t i = 0; i < kLayers; ++i) {
+    const LinearLayer& layer = weights.localization[i];
+    const Activation after = i + 1 < kLayers ? Activation::kRelu : Activation::kTanh;
+    large_.emplace_back(
+        ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs, layer.outputs},
+        layer.weight, /*transposed=*/true, layer.bias, after);
+    small_.emplace_back(large_.back(), static_cast<int>(kSmallBatch));
   }
+}
 
-  std::unique_ptr<Worker> MakeWorker() const {
-    auto worker = std::make_unique<Worker>();
-    std::size_t scratch = 0;
-    for (std::size_t i = 0; i < kLayers; ++i) {
-      const auto inner = static_cast<std::size_t>(large[i].shape().inner);
-      worker->values[i] = AlignedFloats(kLargeBatch * inner);
-      scratch = std::max({scratch, large[i].scratch_bytes(), small[i].scratch_bytes()});
-    }
-    worker->values[kLayers] = AlignedFloats(kLargeBatch * kThetaValues);
-    worker->scratch = AlignedFloats(scratch / sizeof(float) + 1);
-    return worker;
+std::unique_ptr<LocalizationNet::Worker> LocalizationNet::MakeWorker() const {
+  auto worker = std::make_unique<Worker>();
+  std::size_t scratch = 0;
+  for (std::size_t i = 0; i < kLayers; ++i) {
+    const auto inner = static_cast<std::size_t>(large_[i].shape().inner);
+    worker->values[i] = AlignedFloats(kLargeBatch * inner);
+    scratch = std::max({scratch, large_[i].scratch_bytes(), small_[i].scratch_bytes()});
   }
-
-  // Fills values[0] by fill(first, count, destination) and writes `count` rows of theta.
-  template <typename Fill>
-  void RunBatch(Worker& worker, std::size_t first, std::size_t count, const Fill& fill,
-                float* theta) const {
-    fill(first, count, worker.values[0].data());
-    const Mlp& mlp = count > kSmallBatch ? large : small;
-    for (std::size_t i = 0; i < kLayers; ++i) {
-      mlp[i].Run(worker.stream, worker.values[i].data(), worker.values[i + 1].data(),
-                 worker.scratch.data());
-    }
-    worker.stream.wait();
-    std::memcpy(theta + first * kThetaValues, worker.values[kLayers].data(),
-                count * kThetaValues * sizeof(float));
-  }
-
-  template <typename Fill>
-  std::vector<float> Run(std::size_t count, int threads, const Fill& fill) {
-    std::vector<float> theta(count * kThetaValues);
-    // A remainder below half of the large batch goes through the small one.
-    const std::size_t whole = (count + kLargeBatch / 2) / kLargeBatch;
-    const std::size_t rest_from = std::min(count, whole * kLargeBatch);
-    const std::size_t items = whole + (count - rest_from + kSmallBatch - 1) / kSmallBatch;
-    ParallelFor(items, threads, [&](std::size_t i) {
-      const ScopedPrimitiveThreads one(1);
-      const auto worker =
-          pool.Take([](const Worker&) { return true; }, [&] { return MakeWorker(); });
-      const std::size_t first = i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
-      const std::size_t batch = i < whole ? kLargeBatch : kSmallBatch;
-      RunBatch(*worker, first, std::min(batch, count - first), fill, theta.data());
-    });
-    return theta;
-  }
-
-  Mlp large;
-  Mlp small;
-  Pool<Worker> pool{kIdleWorkers};
-};
-
-LocalizationNet::LocalizationNet(const DealWeights& weights)
-    : impl_(std::make_unique<Impl>(weights)) {}
-
-LocalizationNet::~LocalizationNet() = default;
+  worker->values[kLayers] = AlignedFloats(kLargeBatch * kThetaValues);
+  worker->scratch = AlignedFloats(scratch / sizeof(float) + 1);
+  return worker;
+}
 
 std::vector<float> LocalizationNet::Sample(const FeatureMap& map,
                                            std::span<const Keypoint> keypoints, int threads) const {
+  // Keypoint to cell: the corner pixels' centres lie on the corner cells.
+  const auto scale = [](int cells, int pixels) {
+    return pixels > 1 ? static_cast<float>(cells - 1) / static_cast<float>(pixels - 1) : 0.0F;
+  };
+  const float x_scale = scale(map.width, map.image_width);
+  const float y_scale = scale(map.height, map.image_height);
   std::vector<float> samples(keypoints.size() * kSampledValues);
   constexpr std::size_t kStep = 64;
   ParallelFor((keypoints.size() + kStep - 1) / kStep, threads, [&](std::size_t step) {
     const std::size_t end = std::min(keypoints.size(), (step + 1) * kStep);
     for (std::size_t i = step * kStep; i < end; ++i) {
-      SampleOne(map, keypoints[i], samples.data() + i * kSampledValues);
+      BestKernels().sample_features(map.values.data(), map.height, map.width,
+                                    keypoints[i].x * x_scale, keypoints[i].y * y_scale,
+                                    samples.data() + i * kSampledValues);
     }
   });
   return samples;
 }
 
-std::vector<float> LocalizationNet::Theta(const FeatureMap& map,
-                                          std::span<const Keypoint> keypoints, int threads) const {
-  return impl_->Run(keypoints.size(), threads,
-                    [&](std::size_t first, std::size_t count, float* rows) {
-                      for (std::size_t i = 0; i < count; ++i) {
-                        SampleOne(map, keypoints[first + i], rows + i * kSampledValues);
-                      }
-                    });
-}
-
-std::vector<float> LocalizationNet::ThetaFromSamples(std::span<const float> samples,
-                                                     int threads) const {
-  return impl_->Run(samples.size() / kSampledValues, threads,
-                    [&](std::size_t first, std::size_t count, float* rows) {
-                      std::memcpy(rows, samples.data() + first * kSampledValues,
-                                  count * kSampledValues * sizeof(float));
-                    });
+std::vector<float> LocalizationNet::Theta(std::span<const float> samples, int threads) const {
+  const std::size_t count = samples.size() / kSampledValues;
+  std::vector<float> theta(count * kThetaValues);
+  // A remainder below half of the large batch goes through the small one.
+  const std::size_t whole = (count + kLargeBatch / 2) / kLargeBatch;
+  const std::size_t rest_from = std::min(count, whole * kLargeBatch);
+  const std::size_t items = whole + (count - rest_from + kSmallBatch - 1) / kSmallBatch;
+  ParallelFor(items, threads, [&](std::size_t i) {
+    const ScopedPrimitiveThreads one(1);
+    const auto worker =
+        pool_.Take([](const Worker&) { return true; }, [&] { return MakeWorker(); });
+    const std::size_t first = i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
+    const std::size_t batch = std::min(i < whole ? kLargeBatch : kSmallBatch, count - first);
+    std::memcpy(worker->values[0].data(), samples.data() + first * kSampledValues,
+                batch * kSampledValues * sizeof(float));
+    const std::vector<ProductPrimitive>& mlp = batch > kSmallBatch ? large_ : small_;
+    for (std::size_t layer = 0; layer < kLayers; ++layer) {
+      mlp[layer].Run(worker->stream, worker->values[layer].data(), worker->values[layer + 1].data(),
+                     worker->scratch.data());
+    }
+    worker->stream.wait();
+    std::memcpy(theta.data() + first * kThetaValues, worker->values[kLayers].data(),
+                batch * kThetaValues * sizeof(float));
+  });
+  return theta;
 }
 
 double LocalizationNet::multiply_adds() const {
   double sum = 0;
-  for (const ProductPrimitive& layer : impl_->large) {
+  for (const ProductPrimitive& layer : large_) {
     sum += static_cast<double>(layer.shape().inner) * layer.shape().columns;
   }
   return sum;
 }
 
-struct DealNetwork::Impl {
-  explicit Impl(RadialSpacing spacing) : warp(WarpProduct(spacing)), grid(PlanarGrid(spacing)) {}
-
-  // Buffers of one thread, for batches of keypoints.
-  struct Worker {
-    explicit Worker(const Impl& impl, const HardNet& net)
-        : hardnet(net), scratch(impl.warp.scratch_bytes() / sizeof(float) + 1) {}
-
-    HardNet::Worker hardnet;
-    dnnl::stream stream{CpuEngine()};
-    AlignedFloats parameters{kBatch * kThetaValues};
-    AlignedFloats shifts{kBatch * kShiftValues};
-    AlignedFloats patches{kBatch * kPatchPixels};
-    AlignedFloats further{kBatch * kDescriptorDim};
-    AlignedFloats scratch;
-  };
-
-  // worker.shifts from `count` rows of theta.
-  void Warp(Worker& worker, const float* theta, std::size_t count) const {
-    for (std::size_t i = 0; i < count; ++i) {
-      const float* from = theta + i * kThetaValues;
-      float* to = worker.parameters.data() + i * kThetaValues;
-      for (std::size_t k = 0; k < kTpsParameters; ++k) {
-        to[k] = from[2 * k];
-        to[kTpsParameters + k] = from[2 * k + 1];
-      }
-    }
-    warp.Run(worker.stream, worker.parameters.data(), worker.shifts.data(), worker.scratch.data());
-    worker.stream.wait();
-  }
-
-  // `count` patches; shifts null = the fixed grid.
-  void Sample(const GreyImage& image, const Keypoint* keypoints, const float* shifts,
-              std::size_t count, float radius_per_size, float* patches) const {
-    for (std::size_t i = 0; i < count; ++i) {
-      const Keypoint& point = keypoints[i];
-      BestKernels().sample_patch(image.values.data(), image.height, image.width, point.x, point.y,
-                                 radius_per_size * point.size, grid.data(),
-                                 shifts != nullptr ? shifts + i * kShiftValues : nullptr,
-                                 patches + i * kPatchPixels);
-    }
-  }
-
-  // body(worker, first, count) for each batch.
-  template <typename Body>
-  void ForBatches(const HardNet& net, std::size_t total, int threads, const Body& body) {
-    const std::size_t batches = (total + kBatch - 1) / kBatch;
-    ParallelFor(batches, threads, [&](std::size_t i) {
-      const ScopedPrimitiveThreads one(1);
-      const auto worker = pool.Take([](const Worker&) { return true; },
-                                    [&] { return std::make_unique<Worker>(*this, net); });
-      body(*worker, i * kBatch, std::min(kBatch, total - i * kBatch));
-    });
-  }
-
-  ProductPrimitive warp;
-  std::vector<float> grid;
-  Pool<Worker> pool{kIdleWorkers};
-};
+DealNetwork::Worker::Worker(const DealNetwork& network)
+    : hardnet(network.hardnet_),
+      parameters(kBatch * kThetaValues),
+      shifts(kBatch * kShiftValues),
+      scratch(network.warp_.scratch_bytes() / sizeof(float) + 1) {}
 
 DealNetwork::DealNetwork(DealWeights weights)
     : weights_(std::make_shared<const DealWeights>(std::move(weights))),
       backbone_(weights_),
       localization_(*weights_),
       hardnet_(*weights_),
-      impl_(std::make_unique<Impl>(weights_->radial_spacing)) {}
+      warp_(WarpProduct(weights_->radial_spacing)),
+      grid_(UnitPolarGrid(weights_->radial_spacing)) {}
 
-DealNetwork::~DealNetwork() = default;
+template <typename Body>
+void DealNetwork::ForBatches(std::size_t total, int threads, const Body& body) const {
+  const std::size_t batches = (total + kBatch - 1) / kBatch;
+  ParallelFor(batches, threads, [&](std::size_t i) {
+    const ScopedPrimitiveThreads one(1);
+    const auto worker = pool_.Take([](const Worker&) { return true; },
+                                   [&] { return std::make_unique<Worker>(*this); });
+    body(*worker, i * kBatch, std::min(kBatch, total - i * kBatch));
+  });
+}
 
 GreyImage DealNetwork::ToImage(const Image& grey) {
   const std::int64_t pixels = std::int64_t{grey.width} * grey.height;
@@ -562,38 +425,48 @@ void DealNetwork::CheckKeypoints(std::span<const Keypoint> keypoints) {
 std::vector<float> DealNetwork::Displacements(std::span<const float> theta, int threads) const {
   const std::size_t count = theta.size() / kThetaValues;
   std::vector<float> shifts(count * kShiftValues);
-  impl_->ForBatches(hardnet_, count, threads,
-                    [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
-                      std::memcpy(shifts.data() + first * kShiftValues, worker.shifts.data(),
-                                  batch * kShiftValues * sizeof(float));
-                    });
+  ForBatches(count, threads, [&](Worker& worker, std::size_t first, std::size_t batch) {
+    for (std::size_t i = 0; i < batch; ++i) {
+      const float* from = theta.data() + (first + i) * kThetaValues;
+      float* to = worker.parameters.data() + i * kThetaValues;
+      for (std::size_t k = 0; k < kTpsParameters; ++k) {
+        to[k] = from[2 * k];
+        to[kTpsParameters + k] = from[2 * k + 1];
+      }
+    }
+    warp_.Run(worker.stream, worker.parameters.data(), worker.shifts.data(), worker.scratch.data());
+    worker.stream.wait();
+    std::memcpy(shifts.data() + first * kShiftValues, worker.shifts.data(),
+                batch * kShiftValues * sizeof(float));
+  });
   return shifts;
 }
 
 std::vector<float> DealNetwork::Patches(const GreyImage& image, std::span<const Keypoint> keypoints,
-                                        std::span<const float> theta, int threads) const {
+                                        std::span<const float> shifts, float support,
+                                        int threads) const {
   std::vector<float> patches(keypoints.size() * kPatchPixels);
-  const auto radius = static_cast<float>(weights_->radius_per_size);
-  impl_->ForBatches(hardnet_, keypoints.size(), threads,
-                    [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      const bool warp = !theta.empty();
-                      if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
-                      impl_->Sample(image, keypoints.data() + first,
-                                    warp ? worker.shifts.data() : nullptr, batch, radius,
-                                    patches.data() + first * kPatchPixels);
-                    });
+  const float radius = support * static_cast<float>(weights_->radius_per_size);
+  ParallelFor((keypoints.size() + kBatch - 1) / kBatch, threads, [&](std::size_t batch) {
+    const std::size_t end = std::min(keypoints.size(), (batch + 1) * kBatch);
+    for (std::size_t i = batch * kBatch; i < end; ++i) {
+      const Keypoint& point = keypoints[i];
+      BestKernels().sample_patch(image.values.data(), image.height, image.width, point.x, point.y,
+                                 radius * point.size, grid_.data(),
+                                 shifts.empty() ? nullptr : shifts.data() + i * kShiftValues,
+                                 patches.data() + i * kPatchPixels);
+    }
+  });
   return patches;
 }
 
 std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, int threads) const {
   const std::size_t count = patches.size() / kPatchPixels;
   std::vector<float> rows(count * kDescriptorDim);
-  impl_->ForBatches(hardnet_, count, threads,
-                    [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      worker.hardnet.Run(patches.data() + first * kPatchPixels, batch,
-                                         rows.data() + first * kDescriptorDim);
-                    });
+  ForBatches(count, threads, [&](Worker& worker, std::size_t first, std::size_t batch) {
+    worker.hardnet.Run(patches.data() + first * kPatchPixels, batch,
+                       rows.data() + first * kDescriptorDim);
+  });
   return rows;
 }
 
@@ -602,32 +475,21 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
                                          int threads) const {
   const GreyImage image = ToImage(grey);
   CheckKeypoints(keypoints);
-  std::vector<float> rows(keypoints.size() * kDescriptorDim);
-  if (keypoints.empty()) return rows;
-  std::vector<float> theta;
+  if (keypoints.empty()) return {};
+  std::vector<float> shifts;
   if (warp) {
-    theta = localization_.Theta(backbone_.Run(image, threads), keypoints, threads);
+    const FeatureMap map = backbone_.Run(image, threads);
+    const std::vector<float> samples = localization_.Sample(map, keypoints, threads);
+    shifts = Displacements(localization_.Theta(samples, threads), threads);
   }
-  const auto radius = static_cast<float>(weights_->radius_per_size);
-  impl_->ForBatches(hardnet_, keypoints.size(), threads,
-                    [&](Impl::Worker& worker, std::size_t first, std::size_t batch) {
-                      if (warp) impl_->Warp(worker, theta.data() + first * kThetaValues, batch);
-                      const float* shifts = warp ? worker.shifts.data() : nullptr;
-                      const auto describe = [&](float support, float* into) {
-                        impl_->Sample(image, keypoints.data() + first, shifts, batch,
-                                      support * radius, worker.patches.data());
-                        worker.hardnet.Run(worker.patches.data(), batch, into);
-                      };
-                      float* into = rows.data() + first * kDescriptorDim;
-                      describe(supports.front(), into);
-                      for (const float support : supports.subspan(1)) {
-                        describe(support, worker.further.data());
-                        Add(worker.further.data(), batch * kDescriptorDim, into);
-                      }
-                      if (supports.size() == 1) return;  // of unit length already
-                      for (std::size_t i = 0; i < batch; ++i)
-                        NormalizeLength(into + i * kDescriptorDim);
-                    });
+  std::vector<float> rows(keypoints.size() * kDescriptorDim);
+  for (const float support : supports) {
+    const std::vector<float> more =
+        DescribePatches(Patches(image, keypoints, shifts, support, threads), threads);
+    std::transform(rows.begin(), rows.end(), more.begin(), rows.begin(), std::plus<>());
+  }
+  if (supports.size() == 1) return rows;  // of unit length already
+  for (std::size_t i = 0; i < keypoints.size(); ++i) NormalizeLength(&rows[i * kDescriptorDim]);
   return rows;
 }
 

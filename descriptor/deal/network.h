@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "descriptor/deal/hardnet.h"
+#include "descriptor/deal/primitives.h"
 #include "descriptor/deal/weights.h"
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
@@ -26,8 +27,8 @@ namespace pliant::deal {
 // along the rows of the patch, which convolutions and their strides bear, and the outer rings,
 // where the surroundings of small objects lie, have fewer points.
 
-// kPatchPixels x 2 (x, y) offsets in units of the support radius R, angle-major. With
-// t = (j + 0.5) / 32, point (i, j) lies at angle 2 pi (i + 0.5) / 32 and radius t (kLinear) or
+// kPatchPixels x offsets, then as many y offsets, in units of the support radius R, angle-major.
+// With t = (j + 0.5) / 32, point (i, j) lies at angle 2 pi (i + 0.5) / 32 and radius t (kLinear) or
 // 32^(t - 1) (kLogarithmic).
 std::vector<float> UnitPolarGrid(RadialSpacing spacing);
 
@@ -61,6 +62,8 @@ struct FeatureMap {
   std::vector<float> values;
 };
 
+class SizedBackbone;  // for one size of image and one number of threads
+
 // Thread-safe: each call has its own primitives and buffers, which later calls reuse for images
 // of the same size.
 class Backbone {
@@ -74,36 +77,43 @@ class Backbone {
   static double MultiplyAdds(int height, int width);
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<const DealWeights> weights_;
+  mutable Pool<SizedBackbone> pool_;
 };
 
 // First spatial transformer (paper, section 3.1): the map's 5 x 5 neighbourhood of each keypoint
 // through a small network to the parameters of its thin-plate-spline warp.
 
+inline constexpr std::size_t kIdleWorkers = 64;  // kept for later calls
+
 // Immutable and thread-safe.
 class LocalizationNet {
  public:
   explicit LocalizationNet(const DealWeights& weights);
-  ~LocalizationNet();
 
   // keypoints.size() x kSampledValues, rows of the neighbourhood slowest, channels fastest.
   // Image pixel x lies at cell x (w - 1) / (W - 1).
   std::vector<float> Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
                             int threads) const;
 
-  // theta: keypoints.size() x kTpsParameters x 2 (x, y), in (-1, 1).
-  std::vector<float> Theta(const FeatureMap& map, std::span<const Keypoint> keypoints,
-                           int threads) const;
-
-  // theta from sampled values, count x kSampledValues.
-  std::vector<float> ThetaFromSamples(std::span<const float> samples, int threads) const;
+  // theta from sampled values, count x kSampledValues: count x kTpsParameters x 2 (x, y), in (-1,
+  // 1).
+  std::vector<float> Theta(std::span<const float> samples, int threads) const;
 
   double multiply_adds() const;  // per keypoint
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  static constexpr std::size_t kLayers = 4;
+  // Buffers of one thread: the input of each layer and the last one's result.
+  struct Worker {
+    std::array<AlignedFloats, kLayers + 1> values;
+    AlignedFloats scratch;
+    dnnl::stream stream{CpuEngine()};
+  };
+  std::unique_ptr<Worker> MakeWorker() const;
+
+  std::vector<ProductPrimitive> large_, small_;  // kLayers of them, for one batch size each
+  mutable Pool<Worker> pool_{kIdleWorkers};
 };
 
 // Support radii of one description, relative to that of the weights. With several, the result is
@@ -116,7 +126,6 @@ inline constexpr std::array<float, 3> kPooledSupports = {0.72F, 1.0F, 1.39F};
 class DealNetwork {
  public:
   explicit DealNetwork(DealWeights weights);
-  ~DealNetwork();
 
   const DealWeights& weights() const { return *weights_; }
   const Backbone& backbone() const { return backbone_; }
@@ -134,25 +143,39 @@ class DealNetwork {
   // product of theta (count x kTpsParameters x 2) with the constant basis.
   std::vector<float> Displacements(std::span<const float> theta, int threads) const;
 
-  // keypoints.size() x 32 x 32. `theta` empty: the fixed polar grid.
+  // keypoints.size() x 32 x 32. `shifts`: Displacements; empty: the fixed polar grid. `support`: of
+  // the weights' radius; the warp, in radii, is the same for all supports.
   std::vector<float> Patches(const GreyImage& image, std::span<const Keypoint> keypoints,
-                             std::span<const float> theta, int threads) const;
+                             std::span<const float> shifts, float support, int threads) const;
 
   // count x kPatchPixels to count x kDescriptorDim, unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the image, batch by batch. The warp of a keypoint, in
-  // radii, is the same for all supports.
+  // keypoints.size() x kDescriptorDim from the image: the stages above, one after another.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
                               std::span<const float> supports, int threads) const;
 
  private:
-  struct Impl;
+  // Buffers of one thread, for batches of keypoints.
+  struct Worker {
+    explicit Worker(const DealNetwork& network);
+
+    HardNet::Worker hardnet;
+    dnnl::stream stream{CpuEngine()};
+    AlignedFloats parameters, shifts, scratch;
+  };
+
+  // body(worker, first, count) for each batch.
+  template <typename Body>
+  void ForBatches(std::size_t total, int threads, const Body& body) const;
+
   std::shared_ptr<const DealWeights> weights_;
   Backbone backbone_;
   LocalizationNet localization_;
   HardNet hardnet_;
-  std::unique_ptr<Impl> impl_;
+  ProductPrimitive warp_;
+  std::vector<float> grid_;  // kPatchPixels x values, then as many y values
+  mutable Pool<Worker> pool_{kIdleWorkers};
 };
 
 }  // namespace pliant::deal

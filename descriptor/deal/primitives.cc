@@ -15,12 +15,6 @@ using Tag = memory::format_tag;
 
 constexpr std::align_val_t kAlignment{64};
 
-dnnl::primitive_attr ScratchByCaller() {
-  dnnl::primitive_attr attributes;
-  attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
-  return attributes;
-}
-
 void Execute(const dnnl::primitive& primitive, const dnnl::stream& stream,
              const memory::desc& scratch_desc, void* scratch,
              std::unordered_map<int, memory> arguments) {
@@ -35,6 +29,12 @@ void Execute(const dnnl::primitive& primitive, const dnnl::stream& stream,
 const dnnl::engine& CpuEngine() {
   static const dnnl::engine engine(dnnl::engine::kind::cpu, 0);
   return engine;
+}
+
+dnnl::primitive_attr ScratchByCaller() {
+  dnnl::primitive_attr attributes;
+  attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
+  return attributes;
 }
 
 memory::desc DenseDesc(const memory::dims& dims, Tag tag) {

@@ -1,17 +1,24 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Thin helpers over oneDNN: layers with their weights already in the layout the library prefers.
-// Internal to deal/.
+// Thin helpers over oneDNN: layers with their weights already in the layout the library prefers,
+// and the resources of a running call (thread count, scratch memory). Internal to deal/.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <deque>
+#include <functional>
+#include <iterator>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <dnnl.hpp>
 #include <dnnl_version.h>
+#include <omp.h>
 
 #include "descriptor/deal/weights.h"
 
@@ -85,6 +92,9 @@ inline dnnl::matmul::primitive_desc MakeProduct(const dnnl::engine& engine, cons
 }  // namespace onednn
 
 const dnnl::engine& CpuEngine();
+
+// The caller gives the scratch memory of each run.
+dnnl::primitive_attr ScratchByCaller();
 
 dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::format_tag tag);
 
@@ -175,6 +185,82 @@ class AlignedFloats {
   };
   std::unique_ptr<float, Free> data_;
   std::size_t count_ = 0;
+};
+
+// Sets how many threads oneDNN's primitives use when they are created or run by this thread.
+class ScopedPrimitiveThreads {
+ public:
+  explicit ScopedPrimitiveThreads(int threads) : before_(omp_get_max_threads()) {
+    omp_set_num_threads(threads);
+  }
+  ~ScopedPrimitiveThreads() { omp_set_num_threads(before_); }
+  ScopedPrimitiveThreads(const ScopedPrimitiveThreads&) = delete;
+  ScopedPrimitiveThreads& operator=(const ScopedPrimitiveThreads&) = delete;
+
+ private:
+  int before_;
+};
+
+// Reusable objects that are expensive to create and used by one call at a time (scratch memory).
+// Thread-safe.
+template <typename T>
+class Pool {
+ public:
+  using Cost = std::function<std::size_t(const T&)>;
+
+  // Those used last are kept for later, as long as their costs add up to `most` or less.
+  explicit Pool(
+      std::size_t most, Cost cost = [](const T&) { return std::size_t{1}; })
+      : most_(most), cost_(std::move(cost)) {}
+
+  class Lease {
+   public:
+    Lease(Pool& pool, std::unique_ptr<T> object) : pool_(pool), object_(std::move(object)) {}
+    ~Lease() { pool_.Return(std::move(object_)); }
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    T& operator*() const { return *object_; }
+    T* operator->() const { return object_.get(); }
+
+   private:
+    Pool& pool_;
+    std::unique_ptr<T> object_;
+  };
+
+  // An idle object that `fits`, else what `make` returns.
+  template <typename Fits, typename Make>
+  Lease Take(const Fits& fits, const Make& make) {
+    {
+      const std::lock_guard lock(mutex_);
+      const auto found = std::find_if(idle_.rbegin(), idle_.rend(),
+                                      [&](const auto& object) { return fits(*object); });
+      if (found != idle_.rend()) {
+        std::unique_ptr<T> object = std::move(*found);
+        idle_.erase(std::next(found).base());
+        return Lease(*this, std::move(object));
+      }
+    }
+    return Lease(*this, make());
+  }
+
+ private:
+  void Return(std::unique_ptr<T> object) noexcept {
+    if (cost_(*object) > most_) return;
+    std::vector<std::unique_ptr<T>> dropped;  // freed outside the lock
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(object));
+    std::size_t sum = 0;
+    for (const auto& idle : idle_) sum += cost_(*idle);
+    for (; sum > most_; idle_.pop_front()) {
+      sum -= cost_(*idle_.front());
+      dropped.push_back(std::move(idle_.front()));
+    }
+  }
+
+  const std::size_t most_;
+  const Cost cost_;
+  std::mutex mutex_;
+  std::deque<std::unique_ptr<T>> idle_;  // most recently used last; guarded by mutex_
 };
 
 }  // namespace pliant::deal

@@ -6,6 +6,7 @@
 #include <array>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -22,17 +23,31 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxDepth = 6;
 
-constexpr std::array kLayouts = {
-    std::pair{Layout::kAuto, "auto"}, std::pair{Layout::kTensors, "tensors"},
-    std::pair{Layout::kFolders, "folders"}, std::pair{Layout::kHomography, "hpatches"},
-    std::pair{Layout::kNonRigid, "nonrigid"}};
-
-// What announces each layout, by name, below a folder.
-struct Signs {
-  std::vector<fs::path> tensors, scene_jsons, homography_folders, pair_lists;
+// The layouts, in the order in which files decide: the files that announce each, by name, and its
+// reader, which takes them.
+struct Reader {
+  Layout layout;
+  const char* name;
+  bool (*announces)(std::string_view file_name);
+  Dataset (*open)(const std::vector<fs::path>& files);
 };
+constexpr std::array kReaders = {
+    Reader{Layout::kTensors, "tensors",
+           [](std::string_view name) {
+             return name.starts_with("scene_") && name.ends_with(".safetensors");
+           },
+           OpenTensorScenes},
+    Reader{Layout::kFolders, "folders", [](std::string_view name) { return name == "scene.json"; },
+           OpenFolderScenes},
+    Reader{Layout::kNonRigid, "nonrigid",
+           [](std::string_view name) { return name == "selected_pairs.json"; }, OpenNonRigid},
+    Reader{Layout::kHomography, "hpatches",
+           [](std::string_view name) { return name == "H_1_2" || name == "H1to2p"; },
+           OpenHomographies}};
 
-void Look(const fs::path& folder, int depth, Signs& signs) {
+using Files = std::array<std::vector<fs::path>, kReaders.size()>;  // that announce each layout
+
+void Look(const fs::path& folder, int depth, Files& files) {
   std::vector<fs::directory_entry> entries;
   std::error_code failed;
   for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed))
@@ -43,43 +58,15 @@ void Look(const fs::path& folder, int depth, Signs& signs) {
   }
   std::sort(entries.begin(), entries.end());
   for (const fs::directory_entry& entry : entries) {
-    const std::string name = entry.path().filename().string();
     if (entry.is_directory(failed)) {
-      if (depth < kMaxDepth) Look(entry.path(), depth + 1, signs);
-    } else if (name.starts_with("scene_") && name.ends_with(".safetensors")) {
-      signs.tensors.push_back(entry.path());
-    } else if (name == "scene.json") {
-      signs.scene_jsons.push_back(entry.path());
-    } else if (name == "H_1_2" || name == "H1to2p") {
-      signs.homography_folders.push_back(folder);
-    } else if (name == "selected_pairs.json") {
-      signs.pair_lists.push_back(entry.path());
+      if (depth < kMaxDepth) Look(entry.path(), depth + 1, files);
+      continue;
+    }
+    const std::string name = entry.path().filename().string();
+    for (std::size_t i = 0; i < kReaders.size(); ++i) {
+      if (kReaders[i].announces(name)) files[i].push_back(entry.path());
     }
   }
-}
-
-Layout Guess(const Signs& signs) {
-  if (!signs.tensors.empty()) return Layout::kTensors;
-  if (!signs.scene_jsons.empty()) return Layout::kFolders;
-  if (!signs.pair_lists.empty()) return Layout::kNonRigid;
-  if (!signs.homography_folders.empty()) return Layout::kHomography;
-  return Layout::kAuto;
-}
-
-Dataset Open(Layout layout, const Signs& signs) {
-  switch (layout) {
-    case Layout::kTensors:
-      return OpenTensorScenes(signs.tensors);
-    case Layout::kFolders:
-      return OpenFolderScenes(signs.scene_jsons);
-    case Layout::kHomography:
-      return OpenHomographies(signs.homography_folders);
-    case Layout::kNonRigid:
-      return OpenNonRigid(signs.pair_lists);
-    case Layout::kAuto:
-      break;
-  }
-  return {};
 }
 
 cv::Mat DecodeFile(const fs::path& file, int flags) {
@@ -102,18 +89,19 @@ cv::Mat DecodeFile(const fs::path& file, int flags) {
 }  // namespace
 
 Layout ParseLayout(const std::string& name) {
-  std::string known;
-  for (const auto& [layout, word] : kLayouts) {
-    if (name == word) return layout;
-    known += (known.empty() ? "" : ", ") + std::string(word);
+  if (name == "auto") return Layout::kAuto;
+  std::string known = "auto";
+  for (const Reader& reader : kReaders) {
+    if (name == reader.name) return reader.layout;
+    known += std::string(", ") + reader.name;
   }
   throw Error(ErrorCode::kInvalidArgument, "layout_unknown",
               "there is no layout '" + name + "'; known are: " + known);
 }
 
 std::string ToString(Layout layout) {
-  for (const auto& [value, word] : kLayouts) {
-    if (value == layout) return word;
+  for (const Reader& reader : kReaders) {
+    if (reader.layout == layout) return reader.name;
   }
   return "auto";
 }
@@ -123,11 +111,16 @@ Dataset OpenDataset(const fs::path& folder, Layout layout) {
   if (!fs::is_directory(folder, failed)) {
     throw Error(ErrorCode::kNotFound, "dataset_not_found", folder.string() + " is not a folder");
   }
-  Signs signs;
-  Look(folder, 0, signs);
-  if (layout == Layout::kAuto) layout = Guess(signs);
-  Dataset dataset = Open(layout, signs);
-  dataset.layout = layout;
+  Files files;
+  Look(folder, 0, files);
+  Dataset dataset;
+  for (std::size_t i = 0; i < kReaders.size(); ++i) {
+    const bool chosen = layout == Layout::kAuto ? !files[i].empty() : layout == kReaders[i].layout;
+    if (!chosen) continue;
+    dataset = kReaders[i].open(files[i]);
+    dataset.layout = kReaders[i].layout;
+    break;
+  }
   if (dataset.scenes.empty()) {
     throw Error(
         ErrorCode::kNotFound, "dataset_not_found",

@@ -18,15 +18,8 @@ namespace pliant::evaluation {
 // lists of pairs).
 Dataset OpenTensorScenes(const std::vector<std::filesystem::path>& files);
 Dataset OpenFolderScenes(const std::vector<std::filesystem::path>& scene_jsons);
-Dataset OpenHomographies(const std::vector<std::filesystem::path>& folders);
+Dataset OpenHomographies(const std::vector<std::filesystem::path>& files);
 Dataset OpenNonRigid(const std::vector<std::filesystem::path>& pair_lists);
-
-// Which views of a simulated scene are compared: all with all; in a sweep or sequence view 0 with
-// every other. `preset` and the array of views as the simulator wrote them (JSON text).
-std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
-                                     const std::vector<double>& sweep_values);
-// The name of the preset's sweep; empty for other presets.
-std::string SweepName(const std::string& preset);
 
 // A view of the simulator's folders and of the non-rigid benchmark.
 bool IsFolderView(const std::filesystem::path& image);

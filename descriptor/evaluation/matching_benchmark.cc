@@ -3,25 +3,38 @@
 #include "descriptor/evaluation/matching_benchmark.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
-#include "descriptor/evaluation/pair_order.h"
-#include "descriptor/evaluation/scene_matcher.h"
+#include "descriptor/base/stopwatch.h"
+#include "descriptor/evaluation/truth_scene.h"
+#include "descriptor/features/descriptor.h"
+#include "descriptor/features/enlarged_keypoints.h"
+#include "descriptor/simulation/random.h"
 
 namespace pliant::evaluation {
 namespace {
 
-// A measured pair: figures a descriptor, in the order of the lineup.
-struct Measured {
+struct Contender {
+  std::shared_ptr<const Descriptor> descriptor;
+  bool repeats = false;  // at SIFT's keypoints, duplicates included
+  std::string label = {};
+};
+
+// A measured pair: one value per contender.
+struct PairMeasurement {
   ViewPair pair;
-  PairMeasurement measurement;
+  std::vector<PairFigures> figures;
+  std::vector<double> describe_seconds;  // for this pair; 0 if the views were described before
+  std::vector<double> described;         // keypoints described in that time
 };
 
 // The choices, made; SIFT is always among them, because ratios are to it.
@@ -90,25 +103,151 @@ class Counter {
   std::uint64_t done_ = 0;
 };
 
+// Measures pairs of one scene: every view is detected and described once. Not thread-safe. `scene`,
+// `contenders` and `options` must outlive it.
+class SceneMatcher {
+ public:
+  SceneMatcher(TruthScene& scene, const std::vector<Contender>& contenders,
+               const MatchingOptions& options)
+      : scene_(scene), contenders_(contenders), options_(options) {}
+
+  // nullopt when the shared keypoints give fewer than min_true_pairs true pairs. One thread.
+  std::optional<PairMeasurement> Measure(const ViewPair& pair);
+
+ private:
+  // A view's keypoints on the object, and their descriptors.
+  struct ViewFeatures {
+    std::vector<Keypoint> keypoints;
+    // Enlarged, and where the last inside.size() of `keypoints` are in it.
+    Image enlarged;
+    std::vector<Keypoint> inside;
+    std::map<std::size_t, Descriptors> descriptors;  // by contender
+  };
+  // The keypoints of both views that count in this pair, and the truth between them.
+  struct PairTruth {
+    std::array<std::vector<std::uint32_t>, 2> rows;  // of ViewFeatures
+    std::vector<Keypoint> second;
+    std::vector<std::optional<Vec2>> positions;
+    std::vector<TruePair> true_pairs;
+  };
+  ViewFeatures& Features(int view, bool repeats);
+  PairTruth FindTruth(int first, int second, bool repeats);
+  const Descriptors& Describe(std::size_t contender, int view, PairMeasurement& measurement);
+  PairFigures Match(std::size_t contender, int first, int second, const PairTruth& truth,
+                    PairMeasurement& measurement);
+
+  TruthScene& scene_;
+  const std::vector<Contender>& contenders_;
+  const MatchingOptions& options_;
+  std::map<std::pair<int, bool>, ViewFeatures> features_;
+};
+
+SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
+  const auto [place, is_new] = features_.try_emplace({view, repeats});
+  ViewFeatures& features = place->second;
+  if (!is_new) return features;
+  const KeypointOptions options{options_.max_keypoints, repeats};
+  const Image& image = scene_.ViewImage(view);
+  const std::vector<Keypoint> found = options_.enlarge ? DetectLowContrastKeypoints(image, options)
+                                                       : DetectKeypoints(image, options);
+  for (const Keypoint& k : found) {
+    if (scene_.OnObject(view, {k.x, k.y})) features.keypoints.push_back(k);
+  }
+  if (!options_.enlarge) return features;
+  EnlargedKeypoints more = DetectEnlarged(image, found, /*max_side_px=*/0, options);
+  features.enlarged = std::move(more.image);
+  for (std::size_t i = 0; i < more.placed.size(); ++i) {
+    const Keypoint& k = more.placed[i];
+    if (!scene_.OnObject(view, {k.x, k.y})) continue;
+    features.keypoints.push_back(k);
+    features.inside.push_back(more.inside[i]);
+  }
+  return features;
+}
+
+SceneMatcher::PairTruth SceneMatcher::FindTruth(int first, int second, bool repeats) {
+  PairTruth truth;
+  const std::array<int, 2> views = {first, second};
+  for (std::size_t side = 0; side < 2; ++side) {
+    const std::vector<Keypoint>& keypoints = Features(views[side], repeats).keypoints;
+    for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
+      const Vec2 place{keypoints[i].x, keypoints[i].y};
+      if (!scene_.Counts(views[side], place, views[1 - side])) continue;
+      truth.rows[side].push_back(i);
+      if (side == 0) {
+        truth.positions.push_back(scene_.Map(first, place, second));
+      } else {
+        truth.second.push_back(keypoints[i]);
+      }
+    }
+  }
+  truth.true_pairs = FindTruePairs(truth.positions, truth.second, options_.tolerance_px);
+  return truth;
+}
+
+const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
+                                          PairMeasurement& measurement) {
+  ViewFeatures& features = Features(view, contenders_[contender].repeats);
+  const auto [place, is_new] = features.descriptors.try_emplace(contender);
+  if (!is_new) return place->second;
+  const Stopwatch watch;
+  const Descriptor& descriptor = *contenders_[contender].descriptor;
+  const std::span<const Keypoint> keypoints(features.keypoints);
+  const std::size_t plain = keypoints.size() - features.inside.size();
+  place->second =
+      descriptor.Describe(scene_.ViewImage(view), keypoints.first(plain), /*threads=*/1);
+  if (!features.inside.empty()) {
+    place->second.Append(descriptor.Describe(features.enlarged, features.inside, /*threads=*/1));
+  }
+  measurement.describe_seconds[contender] += watch.seconds();
+  measurement.described[contender] += static_cast<double>(features.keypoints.size());
+  return place->second;
+}
+
+PairFigures SceneMatcher::Match(std::size_t contender, int first, int second,
+                                const PairTruth& truth, PairMeasurement& measurement) {
+  const Descriptors a = SelectRows(Describe(contender, first, measurement), truth.rows[0]);
+  const Descriptors b = SelectRows(Describe(contender, second, measurement), truth.rows[1]);
+  CheckDescriptors(a, contenders_[contender].descriptor->info().name.c_str());
+  CheckDescriptors(b, contenders_[contender].descriptor->info().name.c_str());
+  const std::vector<pliant::Match> matches = MatchDescriptors(PackedDescriptors(b), a);
+  return CountMatches(matches, truth.positions, truth.true_pairs, truth.second,
+                      options_.tolerance_px);
+}
+
+std::optional<PairMeasurement> SceneMatcher::Measure(const ViewPair& pair) {
+  const auto [first, second] = std::pair(pair.first, pair.second);
+  const PairTruth shared = FindTruth(first, second, /*repeats=*/false);
+  if (static_cast<int>(shared.true_pairs.size()) < options_.min_true_pairs) return std::nullopt;
+  std::optional<PairTruth> repeated;
+  PairMeasurement measurement;
+  measurement.pair = pair;
+  measurement.describe_seconds.resize(contenders_.size());
+  measurement.described.resize(contenders_.size());
+  for (std::size_t c = 0; c < contenders_.size(); ++c) {
+    if (contenders_[c].repeats && !repeated) repeated = FindTruth(first, second, true);
+    measurement.figures.push_back(
+        Match(c, first, second, contenders_[c].repeats ? *repeated : shared, measurement));
+  }
+  return measurement;
+}
+
 // Measures the candidates, one task a scene; those that cannot be measured stay empty.
-std::vector<std::optional<Measured>> MeasureAll(const Dataset& dataset,
-                                                const std::vector<PairCandidate>& candidates,
-                                                const Contenders& contenders,
-                                                const MatchingOptions& options, Counter& counter) {
+std::vector<std::optional<PairMeasurement>> MeasureAll(const Dataset& dataset,
+                                                       const std::vector<PairCandidate>& candidates,
+                                                       const Contenders& contenders,
+                                                       const MatchingOptions& options,
+                                                       Counter& counter) {
   std::map<std::size_t, std::vector<std::size_t>> by_scene;
   for (std::size_t i = 0; i < candidates.size(); ++i) by_scene[candidates[i].scene].push_back(i);
   const std::vector<std::pair<std::size_t, std::vector<std::size_t>>> tasks(by_scene.begin(),
                                                                             by_scene.end());
-  const MatcherOptions matcher_options{options.max_keypoints, options.enlarge, options.tolerance_px,
-                                       options.min_true_pairs};
-  std::vector<std::optional<Measured>> measured(candidates.size());
+  std::vector<std::optional<PairMeasurement>> measured(candidates.size());
   ParallelFor(tasks.size(), options.jobs, [&](std::size_t t) {
     const std::unique_ptr<TruthScene> scene = dataset.scenes[tasks[t].first].load();
-    SceneMatcher matcher(*scene, contenders.all, matcher_options);
+    SceneMatcher matcher(*scene, contenders.all, options);
     for (const std::size_t i : tasks[t].second) {
-      const ViewPair& pair = candidates[i].pair;
-      if (auto measurement = matcher.Measure(pair.first, pair.second))
-        measured[i] = Measured{pair, std::move(*measurement)};
+      measured[i] = matcher.Measure(candidates[i].pair);
       counter.Count(measured[i] || options.pairs == 0 ? 1 : 0);
     }
   });
@@ -117,25 +256,25 @@ std::vector<std::optional<Measured>> MeasureAll(const Dataset& dataset,
 
 // Means of one contender over the pairs that `in` lets through.
 template <typename In>
-DescriptorResult Average(const std::vector<Measured>& measured, const Contenders& contenders,
+DescriptorResult Average(const std::vector<PairMeasurement>& measured, const Contenders& contenders,
                          std::size_t row, const In& in) {
   DescriptorResult result{.label = contenders.all[row].label,
                           .model_id = contenders.all[row].descriptor->info().model_id};
   double squares = 0, sift = 0, seconds = 0, described = 0;
-  for (const Measured& m : measured) {
+  for (const PairMeasurement& m : measured) {
     if (!in(m)) continue;
-    const PairFigures& figures = m.measurement.figures[row];
+    const PairFigures& figures = m.figures[row];
     ++result.pairs;
     result.ms += figures.ms();
     squares += figures.ms() * figures.ms();
-    sift += m.measurement.figures[contenders.sift].ms();
+    sift += m.figures[contenders.sift].ms();
     result.mma += figures.mma();
     result.mutual_precision += figures.mutual_precision();
     result.correct_matches += figures.correct_mutual;
     result.keypoints += 0.5 * (figures.first + figures.second);
     result.true_pairs += figures.true_pairs;
-    seconds += m.measurement.describe_seconds[row];
-    described += m.measurement.described[row];
+    seconds += m.describe_seconds[row];
+    described += m.described[row];
   }
   if (result.pairs == 0) return result;
   const double n = result.pairs;
@@ -151,7 +290,7 @@ DescriptorResult Average(const std::vector<Measured>& measured, const Contenders
 }
 
 template <typename In>
-std::vector<DescriptorResult> AverageAll(const std::vector<Measured>& measured,
+std::vector<DescriptorResult> AverageAll(const std::vector<PairMeasurement>& measured,
                                          const Contenders& contenders, const In& in) {
   std::vector<DescriptorResult> results;
   for (std::size_t row = 0; row < contenders.shown; ++row)
@@ -159,11 +298,11 @@ std::vector<DescriptorResult> AverageAll(const std::vector<Measured>& measured,
   return results;
 }
 
-void AddSubsets(const std::vector<Measured>& measured, const Contenders& contenders,
+void AddSubsets(const std::vector<PairMeasurement>& measured, const Contenders& contenders,
                 MatchingReport& report) {
   std::vector<double> values;
   std::vector<std::string> groups;
-  for (const Measured& m : measured) {
+  for (const PairMeasurement& m : measured) {
     if (m.pair.sweep) values.push_back(*m.pair.sweep);
     groups.push_back(m.pair.group);
   }
@@ -174,19 +313,59 @@ void AddSubsets(const std::vector<Measured>& measured, const Contenders& contend
   const auto same = [](double a, double b) { return std::abs(a - b) <= 1e-4 * (1 + std::abs(a)); };
   values.erase(std::unique(values.begin(), values.end(), same), values.end());
   for (const double value : values) {
-    report.curve.push_back({"", value, AverageAll(measured, contenders, [&](const Measured& m) {
-                              return m.pair.sweep && same(value, *m.pair.sweep);
-                            })});
+    report.curve.push_back(
+        {"", value, AverageAll(measured, contenders, [&](const PairMeasurement& m) {
+           return m.pair.sweep && same(value, *m.pair.sweep);
+         })});
   }
   if (groups.size() < 2) return;
   for (const std::string& group : groups) {
-    report.groups.push_back({group, 0, AverageAll(measured, contenders, [&](const Measured& m) {
-                               return m.pair.group == group;
-                             })});
+    report.groups.push_back(
+        {group, 0, AverageAll(measured, contenders, [&](const PairMeasurement& m) {
+           return m.pair.group == group;
+         })});
   }
 }
 
+template <typename Value>
+void Shuffle(std::vector<Value>& values, simulation::Random& random) {
+  for (std::size_t left = values.size(); left > 1; --left)
+    std::swap(values[left - 1],
+              values[static_cast<std::size_t>(random.Integer(0, static_cast<int>(left) - 1))]);
+}
+
 }  // namespace
+
+std::vector<PairCandidate> AllPairs(const Dataset& dataset) {
+  std::vector<PairCandidate> candidates;
+  for (std::size_t s = 0; s < dataset.scenes.size(); ++s) {
+    for (const ViewPair& pair : dataset.scenes[s].pairs) candidates.push_back({s, pair});
+  }
+  return candidates;
+}
+
+std::vector<PairCandidate> ShufflePairs(const Dataset& dataset, std::uint64_t seed) {
+  simulation::Random random(seed);
+  std::vector<std::vector<PairCandidate>> scenes(dataset.scenes.size());
+  for (const PairCandidate& candidate : AllPairs(dataset))
+    scenes[candidate.scene].push_back(candidate);
+  for (std::vector<PairCandidate>& scene : scenes) {
+    Shuffle(scene, random);
+    for (PairCandidate& candidate : scene) {
+      const bool symmetric = !candidate.pair.sweep && candidate.pair.group.empty();
+      if (symmetric && random.Chance(0.5F)) std::swap(candidate.pair.first, candidate.pair.second);
+    }
+  }
+  Shuffle(scenes, random);
+  std::vector<PairCandidate> order;
+  for (std::size_t round = 0;; ++round) {
+    const std::size_t before = order.size();
+    for (const std::vector<PairCandidate>& scene : scenes) {
+      if (round < scene.size()) order.push_back(scene[round]);
+    }
+    if (order.size() == before) return order;
+  }
+}
 
 DescriptorChoice ParseDescriptorChoice(const std::string& text) {
   DescriptorChoice choice;
@@ -232,7 +411,7 @@ MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOption
   MatchingReport report;
   report.layout = dataset.layout;
   report.sweep = dataset.sweep;
-  std::vector<Measured> measured;
+  std::vector<PairMeasurement> measured;
   std::size_t next = 0;
   // In rounds, because only measuring tells which pairs can be measured: the next round takes as
   // many candidates as are missing still, so the result does not depend on the number of jobs.
@@ -260,7 +439,7 @@ MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOption
                     " true keypoint pairs; nothing can be measured");
   }
   report.pairs = static_cast<int>(measured.size());
-  report.results = AverageAll(measured, contenders, [](const Measured&) { return true; });
+  report.results = AverageAll(measured, contenders, [](const PairMeasurement&) { return true; });
   AddSubsets(measured, contenders, report);
   return report;
 }

@@ -4,6 +4,7 @@
 // image pairs with ground-truth correspondence. metrics.h defines the metrics.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -36,8 +37,8 @@ struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
   std::filesystem::path model;                // default weights; empty = DefaultModelPath()
   int max_keypoints = 2048;                   // per image, strongest first; 1..4096
-  // Also use faint keypoints (faint_keypoints.h), and at most max_keypoints more of the image
-  // enlarged (enlarged_keypoints.h), as the service does with every query.
+  // Also use low-contrast keypoints, and at most max_keypoints more of the enlarged image
+  // (enlarged_keypoints.h), as the service does with every query.
   bool enlarge = false;
   double tolerance_px = 3;
   // Selects this many measurable pairs, from as many scenes as possible; 0 = all pairs.
@@ -82,6 +83,19 @@ struct MatchingReport {
   std::vector<Subset> curve;   // ascending values; empty without a sweep
   std::vector<Subset> groups;  // by name; empty when there is only one
 };
+
+// The order in which pairs are measured. Internal.
+struct PairCandidate {
+  std::size_t scene = 0;
+  ViewPair pair;
+};
+
+// In the set's own order.
+std::vector<PairCandidate> AllPairs(const Dataset& dataset);
+
+// One random pair per scene, scenes in random order; then again with the remaining pairs. If the
+// set does not define which image comes first (neither sweep nor group), that is random too.
+std::vector<PairCandidate> ShufflePairs(const Dataset& dataset, std::uint64_t seed);
 
 // Deterministic except for the times, independently of `jobs`. Throws kInvalidArgument for options
 // out of range, what MakeDescriptor and the set's readers throw, kUnprocessable "no_pairs" when no

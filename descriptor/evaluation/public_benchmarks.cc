@@ -83,20 +83,9 @@ fs::path Sibling(const fs::path& image, const std::string& what) {
 
 // A pixel's value as a small number; colours of a palette are folded.
 std::uint32_t PixelValue(const cv::Mat& image, int x, int y) {
-  switch (image.type()) {
-    case CV_8UC1:
-      return image.at<std::uint8_t>(y, x);
-    case CV_16UC1:
-      return image.at<std::uint16_t>(y, x);
-    case CV_8UC3: {
-      const auto& p = image.at<cv::Vec3b>(y, x);
-      return (p[0] + 256U * p[1] + 65536U * p[2]) % 65521U;
-    }
-    default: {
-      const auto& p = image.at<cv::Vec4b>(y, x);
-      return (p[0] + 256U * p[1] + 65536U * p[2]) % 65521U;
-    }
-  }
+  if (image.type() == CV_16UC1) return image.at<std::uint16_t>(y, x);
+  const std::uint8_t* p = image.ptr(y) + x * image.channels();
+  return image.channels() == 1 ? p[0] : (p[0] + 256U * p[1] + 65536U * p[2]) % 65521U;
 }
 
 // An optional image of the given size; empty when the file is not there.
@@ -141,9 +130,10 @@ Homography ReadHomography(const fs::path& file) {
   return homography;
 }
 
-Dataset OpenHomographies(const std::vector<fs::path>& folders) {
+Dataset OpenHomographies(const std::vector<fs::path>& files) {
   Dataset dataset;
-  for (const fs::path& folder : folders) {
+  for (const fs::path& file : files) {
+    const fs::path folder = file.parent_path();
     const Sequence sequence = FindSequence(folder);
     // "x/" has an empty file name; its parent's is the folder's own.
     const fs::path whole = fs::absolute(folder).lexically_normal();

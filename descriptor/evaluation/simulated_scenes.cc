@@ -31,17 +31,29 @@ Json ParseJson(const fs::path& file, const std::string& text) {
   return json;
 }
 
-// Values of the sweep a view; empty for presets that are none.
-std::vector<double> SweepValues(const std::string& preset, const Json& views) {
-  const std::string name = SweepName(preset);
-  std::vector<double> values;
-  if (name.empty()) return values;
-  for (const Json& view : views) {
-    const Json& framing =
-        view.contains("parameters") ? view.at("parameters").at("framing") : view.at("framing");
-    values.push_back(framing.at(name == "scale" ? "scale" : "roll_deg").get<double>());
+// The name of the preset's sweep; empty for other presets.
+std::string SweepName(const std::string& preset) {
+  if (preset == "rotation") return "rotation_deg";
+  return preset == "scale" ? "scale" : "";
+}
+
+// Which views of a scene are compared: all with all; in a sweep or sequence view 0 with every
+// other. `list`: the array of views as the simulator wrote it.
+std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views, const Json& list) {
+  const std::string sweep = SweepName(preset);
+  const bool from_reference = !sweep.empty() || preset == "sequence";
+  std::vector<ViewPair> pairs;
+  for (int a = 0; a < (from_reference ? 1 : views); ++a) {
+    for (int b = a + 1; b < views; ++b) {
+      ViewPair& pair = pairs.emplace_back(ViewPair{a, b, {}, {}});
+      if (sweep.empty()) continue;
+      const Json& view = list.at(static_cast<std::size_t>(b));
+      const Json& framing =
+          view.contains("parameters") ? view.at("parameters").at("framing") : view.at("framing");
+      pair.sweep = framing.at(sweep == "scale" ? "scale" : "roll_deg").get<double>();
+    }
   }
-  return values;
+  return pairs;
 }
 
 SafetensorsHeader ReadHeader(const fs::path& file) {
@@ -65,13 +77,6 @@ const TensorInfo& Tensor(const SafetensorsFile& file, const char* name, const ch
                                  " of rank " + std::to_string(rank));
   }
   return found->second;
-}
-
-Image GreyView(const std::uint8_t* pixels, int width, int height, int channels) {
-  const std::size_t bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
-                            static_cast<std::size_t>(channels);
-  const Image image{width, height, channels, {pixels, pixels + bytes}};
-  return ToGrey(image);
 }
 
 // One view's truth: chart and u, v as the file has them, in the chart's physical units.
@@ -115,8 +120,8 @@ std::unique_ptr<TruthScene> LoadTensorScene(const fs::path& path) {
   for (std::size_t v = 0; v < views; ++v) {
     const int columns = static_cast<int>(width);
     const int rows = static_cast<int>(height);
-    scene->Add(GreyView(file.Data(images).data() + v * pixels * channels, columns, rows,
-                        static_cast<int>(channels)),
+    const auto view = file.Data(images).subspan(v * pixels * channels, pixels * channels);
+    scene->Add(ToGrey({columns, rows, static_cast<int>(channels), {view.begin(), view.end()}}),
                TensorMap(file.Data(chart).data() + v * pixels,
                          file.Data(uv).data() + v * pixels * 4, columns, rows, sizes));
   }
@@ -138,7 +143,7 @@ SceneEntry TensorEntry(const fs::path& file, std::string& sweep) {
     const auto views = static_cast<int>(images->second.shape[0]);
     const Json view_list = ParseJson(file, metadata.at("views").get<std::string>());
     sweep = SweepName(preset);
-    return {file.stem().string(), SimulatedPairs(preset, views, SweepValues(preset, view_list)),
+    return {file.stem().string(), SimulatedPairs(preset, views, view_list),
             [file] { return LoadTensorScene(file); }};
   } catch (const Json::exception& error) {
     FailDataset(file, std::string("its metadata lack something: ") + error.what());
@@ -157,26 +162,32 @@ Json ReadSceneJson(const fs::path& file) {
   return json;
 }
 
+// What `read` makes of a scene's JSON.
+template <typename Read>
+auto FromSceneJson(const fs::path& file, const Read& read) {
+  try {
+    return read(ReadSceneJson(file));
+  } catch (const Json::exception& error) {
+    FailDataset(file, std::string("it lacks something: ") + error.what());
+  }
+}
+
 SceneEntry FolderEntry(const fs::path& scene_json, std::string& sweep) {
   const fs::path folder = scene_json.parent_path();
-  const Json json = ReadSceneJson(scene_json);
-  try {
+  return FromSceneJson(scene_json, [&](const Json& json) -> SceneEntry {
     const auto preset = json.at("preset").get<std::string>();
     std::vector<fs::path> images;
     for (const Json& view : json.at("views"))
       images.push_back(folder / view.at("image").get<std::string>());
     sweep = SweepName(preset);
     return {folder.filename().string(),
-            SimulatedPairs(preset, static_cast<int>(images.size()),
-                           SweepValues(preset, json.at("views"))),
+            SimulatedPairs(preset, static_cast<int>(images.size()), json.at("views")),
             [images]() -> std::unique_ptr<TruthScene> {
               auto scene = std::make_unique<SurfaceScene>();
               for (const fs::path& image : images) AddFolderView(image, *scene);
               return scene;
             }};
-  } catch (const Json::exception& error) {
-    FailDataset(scene_json, std::string("it lacks something: ") + error.what());
-  }
+  });
 }
 
 // All entries of a set must be of one sweep: a curve over a mixture would mean nothing.
@@ -198,25 +209,6 @@ Dataset OpenScenes(const std::vector<fs::path>& files, const Entry& entry) {
 
 }  // namespace
 
-std::string SweepName(const std::string& preset) {
-  if (preset == "rotation") return "rotation_deg";
-  return preset == "scale" ? "scale" : "";
-}
-
-std::vector<ViewPair> SimulatedPairs(const std::string& preset, int views,
-                                     const std::vector<double>& sweep_values) {
-  std::vector<ViewPair> pairs;
-  const bool from_reference = !SweepName(preset).empty() || preset == "sequence";
-  for (int a = 0; a < (from_reference ? 1 : views); ++a) {
-    for (int b = a + 1; b < views; ++b) {
-      ViewPair pair{a, b, {}, {}};
-      if (!sweep_values.empty()) pair.sweep = sweep_values.at(static_cast<std::size_t>(b));
-      pairs.push_back(pair);
-    }
-  }
-  return pairs;
-}
-
 Dataset OpenTensorScenes(const std::vector<fs::path>& files) {
   return OpenScenes(files, TensorEntry);
 }
@@ -232,15 +224,11 @@ bool IsFolderView(const fs::path& image) {
 }
 
 void AddFolderView(const fs::path& image, SurfaceScene& scene) {
-  const fs::path scene_json = fs::absolute(image).parent_path() / "scene.json";
   std::vector<std::array<float, 2>> sizes;
-  try {
-    const Json json = ReadSceneJson(scene_json);
+  FromSceneJson(fs::absolute(image).parent_path() / "scene.json", [&](const Json& json) {
     for (const Json& chart : json.at("charts"))
       sizes.push_back({chart.at("width").get<float>(), chart.at("height").get<float>()});
-  } catch (const Json::exception& error) {
-    FailDataset(scene_json, std::string("it lacks something: ") + error.what());
-  }
+  });
   Image grey = ReadGreyImage(image);
   const cv::Mat truth = ReadUnchanged(TruthFile(image));
   if (truth.type() != CV_16UC3 || truth.cols != grey.width || truth.rows != grey.height)

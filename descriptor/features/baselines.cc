@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,21 +26,21 @@ namespace pliant {
 namespace {
 
 // Adds `border` reflected pixels on each side.
-inline cv::Mat WithBorder(const cv::Mat& image, int border) {
+cv::Mat WithBorder(const cv::Mat& image, int border) {
   cv::Mat padded;
   cv::copyMakeBorder(image, padded, border, border, border, border, cv::BORDER_REFLECT_101);
   return padded;
 }
 
 // The keypoint's position, clamped to the image.
-inline cv::Point2f PlaceInside(const Keypoint& keypoint, const Image& image) {
+cv::Point2f PlaceInside(const Keypoint& keypoint, const Image& image) {
   return {std::clamp(keypoint.x, 0.0F, static_cast<float>(image.width - 1)),
           std::clamp(keypoint.y, 0.0F, static_cast<float>(image.height - 1))};
 }
 
 // Copies row j of `described`, the descriptor of given[j], to row given[j].class_id of `result`.
-inline void TakeRows(const cv::Mat& described, const std::vector<cv::KeyPoint>& given,
-                     Descriptors& result) {
+void TakeRows(const cv::Mat& described, const std::vector<cv::KeyPoint>& given,
+              Descriptors& result) {
   const auto bytes = static_cast<std::size_t>(result.dim);
   for (std::size_t j = 0; j < given.size(); ++j) {
     std::memcpy(result.bytes.data() + static_cast<std::size_t>(given[j].class_id) * bytes,
@@ -47,15 +48,40 @@ inline void TakeRows(const cv::Mat& described, const std::vector<cv::KeyPoint>& 
   }
 }
 
-class Brisk : public Descriptor {
+// What the baselines share. They use one thread.
+class Baseline : public Descriptor {
  public:
-  const DescriptorInfo& info() const override { return info_; }
+  Baseline(const char* name, DescriptorKind kind, int dim)
+      : info_{.name = name, .kind = kind, .dim = dim, .model_id = std::string(name) + ":1"} {}
+
+  const DescriptorInfo& info() const final { return info_; }
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                       int /*threads*/) const override {
-    CheckGrey(grey);
-    Descriptors result = Descriptors::Binary(keypoints.size(), kDim);
-    if (keypoints.empty()) return result;
+                       int /*threads*/) const final {
+    if (grey.channels != 1 || grey.empty()) {
+      throw Error(ErrorCode::kInvalidArgument, "not_grey",
+                  "Descriptors are computed on grey images with at least one pixel");
+    }
+    Descriptors result = Descriptors::Of(info_.kind, keypoints.size(), info_.dim);
+    if (!keypoints.empty()) Fill(grey, keypoints, result);
+    return result;
+  }
+
+ private:
+  // Row i of `result` describes keypoints[i].
+  virtual void Fill(const Image& grey, std::span<const Keypoint> keypoints,
+                    Descriptors& result) const = 0;
+
+  DescriptorInfo info_;
+};
+
+class Brisk final : public Baseline {
+ public:
+  Brisk() : Baseline("brisk", DescriptorKind::kBinary, kDim) {}
+
+ private:
+  void Fill(const Image& grey, std::span<const Keypoint> keypoints,
+            Descriptors& result) const override {
     float largest = 0;
     for (const Keypoint& k : keypoints) largest = std::max(largest, k.size);
     // OpenCV drops keypoints whose pattern does not fit in: the image gets a border.
@@ -77,19 +103,14 @@ class Brisk : public Descriptor {
       throw Error(ErrorCode::kInternal, "brisk_rows", "OpenCV's BRISK dropped keypoints");
     }
     TakeRows(described, given, result);
-    return result;
   }
 
- private:
   static constexpr int kDim = 64;
   // BRISK's size over SIFT's: the pattern then covers 4.6 times the keypoint's size around it, as
   // SIFT's and ORB's do.
   static constexpr float kSizeFactor = 3.0F;
   static constexpr float kPatternRadius = 1.6F;  // of the pattern, times BRISK's size
   static constexpr float kLargestSize = 210.0F;  // BRISK's patterns do not grow beyond it
-
-  DescriptorInfo info_{
-      .name = "brisk", .kind = DescriptorKind::kBinary, .dim = kDim, .model_id = "brisk:1"};
 };
 
 // The paper's layout: R = 15, Q = 3, T = 8, H = 8.
@@ -182,14 +203,13 @@ void SplitGradients(const cv::Mat& patch, Bins& bins) {
   }
 }
 
-class Daisy : public Descriptor {
+class Daisy final : public Baseline {
  public:
-  const DescriptorInfo& info() const override { return info_; }
+  Daisy() : Baseline("daisy", DescriptorKind::kFloat, kDim) {}
 
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                       int /*threads*/) const override {
-    CheckGrey(grey);
-    Descriptors result = Descriptors::Float(keypoints.size(), kDim);
+ private:
+  void Fill(const Image& grey, std::span<const Keypoint> keypoints,
+            Descriptors& result) const override {
     const std::vector<cv::Mat> levels = MakePyramid(ViewAsMat(grey));
     const auto bins = std::make_unique<Bins>();  // 119 kB: not for the stack
     for (std::size_t i = 0; i < keypoints.size(); ++i) {
@@ -200,31 +220,19 @@ class Daisy : public Descriptor {
       histograms /= std::sqrt(static_cast<float>(kWindows));
       std::copy_n(histograms.data(), kDim, result.floats.data() + i * kDim);
     }
-    return result;
   }
 
- private:
   const Eigen::MatrixXf windows_ = MakeWindows();
-  DescriptorInfo info_{
-      .name = "daisy", .kind = DescriptorKind::kFloat, .dim = kDim, .model_id = "daisy:1"};
 };
 
-class Sift : public Descriptor {
+class Sift final : public Baseline {
  public:
-  explicit Sift(bool root) : root_(root) {
-    info_ = {.name = root ? "rootsift" : "sift",
-             .kind = DescriptorKind::kFloat,
-             .dim = kDim,
-             .model_id = root ? "rootsift:1" : "sift:1"};
-  }
+  explicit Sift(bool root)
+      : Baseline(root ? "rootsift" : "sift", DescriptorKind::kFloat, kDim), root_(root) {}
 
-  const DescriptorInfo& info() const override { return info_; }
-
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                       int /*threads*/) const override {
-    CheckGrey(grey);
-    Descriptors result = Descriptors::Float(keypoints.size(), kDim);
-    if (keypoints.empty()) return result;
+ private:
+  void Fill(const Image& grey, std::span<const Keypoint> keypoints,
+            Descriptors& result) const override {
     std::vector<cv::KeyPoint> given;
     given.reserve(keypoints.size());
     for (const Keypoint& k : keypoints) {
@@ -239,10 +247,8 @@ class Sift : public Descriptor {
     if (root_) {
       for (std::size_t i = 0; i < result.rows; ++i) TakeRoot(result.floats.data() + i * kDim);
     }
-    return result;
   }
 
- private:
   static constexpr int kDim = 128;
 
   static void TakeRoot(float* row) {
@@ -253,26 +259,22 @@ class Sift : public Descriptor {
   }
 
   bool root_;
-  DescriptorInfo info_;
 };
 
-class Orb : public Descriptor {
+class Orb final : public Baseline {
  public:
-  const DescriptorInfo& info() const override { return info_; }
+  Orb() : Baseline("orb", DescriptorKind::kBinary, kDim) {}
 
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                       int /*threads*/) const override {
-    CheckGrey(grey);
-    Descriptors result = Descriptors::Binary(keypoints.size(), kDim);
+ private:
+  void Fill(const Image& grey, std::span<const Keypoint> keypoints,
+            Descriptors& result) const override {
     std::map<int, std::vector<std::size_t>> by_level;
     for (std::size_t i = 0; i < keypoints.size(); ++i) {
       by_level[PyramidLevel(keypoints[i].size)].push_back(i);
     }
     for (const auto& [level, rows] : by_level) DescribeLevel(grey, keypoints, level, rows, result);
-    return result;
   }
 
- private:
   static constexpr int kDim = 32;
   static constexpr double kLevelScale = 1.2;
   static constexpr int kMaxLevel = 14;
@@ -312,26 +314,14 @@ class Orb : public Descriptor {
     cv::ORB::create()->compute(WithBorder(image, kBorder), given, described);
     TakeRows(described, given, result);
   }
-
-  DescriptorInfo info_{
-      .name = "orb", .kind = DescriptorKind::kBinary, .dim = kDim, .model_id = "orb:1"};
 };
 
 }  // namespace
 
-std::shared_ptr<const Descriptor> MakeBrisk() { return std::make_shared<Brisk>(); }
-
-std::shared_ptr<const Descriptor> MakeDaisy() { return std::make_shared<Daisy>(); }
-
-void CheckGrey(const Image& grey) {
-  if (grey.channels != 1 || grey.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "not_grey",
-                "Descriptors are computed on grey images with at least one pixel");
-  }
-}
-
 std::shared_ptr<const Descriptor> MakeSift() { return std::make_shared<Sift>(false); }
 std::shared_ptr<const Descriptor> MakeRootSift() { return std::make_shared<Sift>(true); }
 std::shared_ptr<const Descriptor> MakeOrb() { return std::make_shared<Orb>(); }
+std::shared_ptr<const Descriptor> MakeBrisk() { return std::make_shared<Brisk>(); }
+std::shared_ptr<const Descriptor> MakeDaisy() { return std::make_shared<Daisy>(); }
 
 }  // namespace pliant

@@ -28,7 +28,4 @@ std::shared_ptr<const Descriptor> MakeBrisk();
 // and scaled in the same way.
 std::shared_ptr<const Descriptor> MakeDaisy();
 
-// Throws kInvalidArgument "not_grey".
-void CheckGrey(const Image& grey);
-
 }  // namespace pliant

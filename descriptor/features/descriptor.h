@@ -65,9 +65,9 @@ std::filesystem::path DefaultModelPath();
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
-  // 0: never. Above, faint keypoints are described, too (faint_keypoints.h); an image with fewer
-  // than this is also described enlarged (enlarged_keypoints.h): what is found there and not before
-  // is added, at most keypoints.max_keypoints more.
+  // 0: never. Otherwise low-contrast keypoints are described, too, and an image with fewer
+  // keypoints than this is also described enlarged (enlarged_keypoints.h): that adds at most
+  // keypoints.max_keypoints new ones.
   int enlarge_below = 0;
   bool colours = true;  // kept, coarse, beside the keypoints (colour_grid.h)
   ImageDecoder decoder = DecodeImage;
@@ -116,13 +116,13 @@ class FeatureExtractor {
   Features ExtractFrom(const Image& image, int threads, ExtractionTimings* timings = nullptr,
                        ImageRole role = ImageRole::kQuery) const;
 
-  // `known`, which this extractor made of the same file, and after it what only a closer look finds
-  // (CloserSide): up to four times keypoints.max_keypoints, but 4096, more; of a part where `known`
-  // are of it. Absent where there is no more to be seen, or options().enlarge_below is 0. Throws
-  // what DecodeImage throws.
-  std::optional<Features> LookCloser(Bytes encoded, const Features& known,
-                                     const std::optional<Region>& part, int threads,
-                                     ExtractionTimings* timings = nullptr) const;
+  // `known`, which this extractor made of the same file, followed by what only the second pass at
+  // high resolution finds (SecondPassSide): at most four times keypoints.max_keypoints, and 4096,
+  // more; of a part if `known` is of the part. Absent if no second pass would see more, or if
+  // options().enlarge_below is 0. Throws what DecodeImage throws.
+  std::optional<Features> ExtractSecondPass(Bytes encoded, const Features& known,
+                                            const std::optional<Region>& part, int threads,
+                                            ExtractionTimings* timings = nullptr) const;
 
   // The same with another ExtractionOptions::enlarge_below.
   FeatureExtractor WithEnlargeBelow(int keypoints) const;
@@ -130,8 +130,6 @@ class FeatureExtractor {
  private:
   Features Extract(const DecodedImage& decoded, const std::optional<Region>& inside, int threads,
                    ExtractionTimings* timings, ImageRole role) const;
-  void AddEnlarged(const Image& image, const KeypointOptions& keypoints, int threads,
-                   ImageRole role, Features* features, ExtractionTimings* timings) const;
   void Append(const EnlargedKeypoints& more, int threads, ImageRole role, Features* features) const;
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, ImageRole role,
                        int threads) const;

@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <utility>
-
-#include "descriptor/features/faint_keypoints.h"
 
 namespace pliant {
 namespace {
@@ -22,6 +21,74 @@ bool IsTwin(const Keypoint& a, const Keypoint& b) {
   const float size = std::min(a.size, b.size);
   return std::abs(a.x - b.x) < kPlace * size && std::abs(a.y - b.y) < kPlace * size &&
          a.size < kOctaves * b.size && b.size < kOctaves * a.size;
+}
+
+constexpr int kMargin = 64;             // pixels of what is decoded
+constexpr int kWholeSide = 4096;        // what is decoded is kept in memory for a moment
+constexpr double kLeastPartGain = 1.1;  // below, what is decoded already does
+
+// What lies in the image.
+Region Clipped(const Region& part, int width, int height) {
+  const double left = std::max(part.x, -0.5);
+  const double top = std::max(part.y, -0.5);
+  return {left, top, std::min(part.x + part.width, width - 0.5) - left,
+          std::min(part.y + part.height, height - 0.5) - top};
+}
+
+// From the first pixel that begins before `from` to the last that ends behind `to`, with a margin.
+std::pair<int, int> RangeAround(double from, double to, int size) {
+  const int first = static_cast<int>(std::floor(from)) - kMargin;
+  const int end = static_cast<int>(std::ceil(to)) + kMargin;
+  const int begin = std::clamp(first, 0, size - 1);
+  return {begin, std::clamp(end, begin + 1, size) - begin};
+}
+
+constexpr double kSecondPass = 3;      // times the original's longer side
+constexpr double kBeyondSide = 1.5;    // times the side that is allowed otherwise
+constexpr int kUsualSide = 1024;       // allowed where there is no limit
+constexpr int kStripPixels = 600'000;  // without the overlap
+constexpr int kOverlap = 96;           // rows on either side: what DEAL sees around fine keypoints
+
+// Rows of the image.
+struct Strip {
+  int top = 0, bottom = 0;    // of its keypoints
+  int first = 0, height = 0;  // of what is searched
+};
+
+std::vector<Strip> StripsOf(const Image& image) {
+  const std::int64_t pixels = std::int64_t{image.width} * image.height;
+  const int count = static_cast<int>((pixels + kStripPixels - 1) / kStripPixels);
+  const int rows = (image.height + count - 1) / count;
+  const int height = std::min(image.height, rows + 2 * kOverlap);
+  std::vector<Strip> strips;
+  for (int top = 0; top < image.height; top += rows) {
+    strips.push_back({top, std::min(image.height, top + rows),
+                      std::clamp(top - kOverlap, 0, image.height - height), height});
+  }
+  return strips;
+}
+
+Image RowsOf(const Image& image, const Strip& strip) {
+  return CutOut(image, {0, strip.first, image.width, strip.height});
+}
+
+bool IsInMiddle(const Keypoint& k, const Strip& strip) {
+  const auto row = static_cast<int>(std::lround(k.y)) + strip.first;  // centres are at integers
+  return row >= strip.top && row < strip.bottom;
+}
+
+// Of all the strips' keypoints the strongest so many.
+void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_strips) {
+  std::vector<float> responses;
+  for (const auto& keypoints : *of_strips) {
+    for (const Keypoint& k : keypoints) responses.push_back(k.response);
+  }
+  if (responses.size() <= most) return;
+  const auto last = responses.begin() + static_cast<std::ptrdiff_t>(most - 1);
+  std::nth_element(responses.begin(), last, responses.end(), std::greater<>());
+  for (auto& keypoints : *of_strips) {
+    std::erase_if(keypoints, [&](const Keypoint& k) { return k.response < *last; });
+  }
 }
 
 }  // namespace
@@ -69,8 +136,81 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
   Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
   KeypointOptions enlarged = options;
   if (options.inside) enlarged.inside = Scaled(*options.inside, factor);
-  const auto found = DetectFaintKeypoints(image, enlarged);
+  const auto found = DetectLowContrastKeypoints(image, enlarged);
   return WithoutKnown(std::move(image), factor, /*top=*/0, found, known);
+}
+
+double LongerSide(const Region& part, int width, int height) {
+  const Region seen = Clipped(part, width, height);
+  return seen.width > 0 && seen.height > 0 ? std::max(seen.width, seen.height) : 0;
+}
+
+std::optional<PartView> DecodePart(Bytes encoded, const Region& part, int side_px,
+                                   const ImageDecoder& decode, const DecodeOptions& options) {
+  PartView view;
+  view.decoded = decode(encoded, options);
+  const int width = view.decoded.original_width;
+  const int height = view.decoded.original_height;
+  const Region seen = Clipped(part, width, height);
+  const double longer_side = LongerSide(part, width, height);
+  if (longer_side == 0) return {};
+  const int whole = std::max(width, height);
+  double scale = 1;
+  if (side_px > 0) scale = std::min(scale, side_px / longer_side);
+  const int most = std::max(kWholeSide, options.max_side_px);
+  if (options.max_side_px > 0) scale = std::min(scale, static_cast<double>(most) / whole);
+  if (scale > kLeastPartGain * view.decoded.scale) {
+    DecodeOptions finer = options;
+    finer.max_side_px = static_cast<int>(std::ceil(scale * whole));
+    finer.thumbnail_side_px = 0;
+    DecodedImage again = decode(encoded, finer);
+    again.thumbnail = std::move(view.decoded.thumbnail);
+    view.decoded = std::move(again);
+  }
+  const Region scaled = Scaled(seen, view.decoded.scale);
+  const Image& image = view.decoded.image;
+  const auto [left, box_width] = RangeAround(scaled.x, scaled.x + scaled.width, image.width);
+  const auto [top, box_height] = RangeAround(scaled.y, scaled.y + scaled.height, image.height);
+  view.decoded.image = CutOut(image, {left, top, box_width, box_height});
+  view.inside = SeenFrom(scaled, left, top);
+  view.left = left / view.decoded.scale;
+  view.top = top / view.decoded.scale;
+  return view;
+}
+
+std::optional<int> SecondPassSide(double longer_side_px, int max_side_px) {
+  const double own =
+      max_side_px > 0 ? std::min<double>(longer_side_px, max_side_px) : longer_side_px;
+  const double seen = own * EnlargementOf(own, max_side_px);
+  const double finer = std::min(kSecondPass * longer_side_px,
+                                kBeyondSide * (max_side_px > 0 ? max_side_px : kUsualSide));
+  if (finer < kLeastEnlargement * seen) return {};
+  return static_cast<int>(finer);
+}
+
+std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
+                                                      std::span<const Keypoint> known,
+                                                      double factor,
+                                                      const KeypointOptions& options) {
+  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
+  const Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  const std::vector<Strip> strips = StripsOf(image);
+  std::vector<std::vector<Keypoint>> found;
+  for (const Strip& strip : strips) {
+    KeypointOptions of_strip = options;
+    if (options.inside) {
+      of_strip.inside = SeenFrom(Scaled(*options.inside, factor), /*left=*/0, strip.first);
+    }
+    found.push_back(DetectLowContrastKeypoints(RowsOf(image, strip), of_strip));
+    std::erase_if(found.back(), [&](const Keypoint& k) { return !IsInMiddle(k, strip); });
+  }
+  KeepStrongest(static_cast<std::size_t>(options.max_keypoints), &found);
+  std::vector<EnlargedKeypoints> result;
+  for (std::size_t i = 0; i < strips.size(); ++i) {
+    result.push_back(
+        WithoutKnown(RowsOf(image, strips[i]), scale * factor, strips[i].first, found[i], known));
+  }
+  return result;
 }
 
 }  // namespace pliant

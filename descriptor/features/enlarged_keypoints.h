@@ -1,13 +1,17 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Keypoints of an image that is enlarged first. Small prints have few keypoints, and most of
-// them are too fine for a detector that begins at the image's own size.
+// Keypoints of an image at more than its usual size. Small prints have few keypoints, and most of
+// them are too fine for a detector that begins at the image's own size: the image is enlarged
+// first. Prints that take up a fifth of a street photo have many of theirs in a second pass at high
+// resolution, over more of the photo's pixels than it is usually described with.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "descriptor/features/keypoints.h"
+#include "descriptor/image/image.h"
 
 namespace pliant {
 
@@ -34,5 +38,40 @@ EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<con
 
 // From pixels of an image scaled by `scale` to pixels of the original: centres are at integers.
 void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale);
+
+// A part of an image in more of its own pixels than the whole image is decoded with.
+struct PartView {
+  DecodedImage decoded;  // of the part and a margin around it: `image`; the rest is of the whole
+  Region inside;         // the part, in pixels of decoded.image
+  double left = 0;       // of decoded.image in the whole image, in pixels of the original
+  double top = 0;
+};
+
+// Of what an image of that size has of the part; 0 where it lies outside.
+double LongerSide(const Region& part, int width, int height);
+
+// Decodes the part so that its longer side has at most `side_px` pixels (0 = no limit), but the
+// whole image at most 4096, or options.max_side_px where that is more. Never enlarges. The margin
+// is what descriptors see around keypoints at the part's edge. Absent where the part lies outside
+// the image. Throws what `decode` throws. Thread-safe as `decode` is.
+std::optional<PartView> DecodePart(Bytes encoded, const Region& part, int side_px,
+                                   const ImageDecoder& decode, const DecodeOptions& options);
+
+// The longer side, in pixels, of an image in the second pass: three times `longer_side_px`, that of
+// the original, but at most 1.5 times `max_side_px` (0 = 1024). Absent unless that is a quarter
+// more than what its own keypoints and those of DetectEnlarged come from.
+std::optional<int> SecondPassSide(double longer_side_px, int max_side_px);
+
+// Detects keypoints in `grey`, which shows the original scaled by `scale`, once it is `factor`
+// (at least 1) times as large: the strongest options.max_keypoints of options.inside (in pixels of
+// `grey`), without those that `known` has already.
+// `known` and EnlargedKeypoints::placed are in pixels of the original. The image comes in strips
+// of the same size, which overlap, so that neither OpenCV's pyramid (230 bytes a pixel) nor what
+// describes the strip takes more memory than for an image of the usual size; a keypoint is
+// listed with the strip whose middle it lies in. Thread-safe.
+std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
+                                                      std::span<const Keypoint> known,
+                                                      double factor,
+                                                      const KeypointOptions& options);
 
 }  // namespace pliant

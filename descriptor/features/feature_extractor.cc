@@ -6,16 +6,14 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/stopwatch.h"
-#include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
 #include "descriptor/features/enlarged_keypoints.h"
-#include "descriptor/features/faint_keypoints.h"
 
 namespace pliant {
 namespace {
 
-// A closer look takes so many times the keypoints.
-constexpr int kCloserKeypoints = 4;
+// How many times the keypoints the second pass takes.
+constexpr int kSecondPassKeypoints = 4;
 
 void Shift(std::vector<Keypoint>* keypoints, double right, double down) {
   for (Keypoint& k : *keypoints) {
@@ -113,31 +111,25 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
   features.colours = MakeColourGrid(decoded.thumbnail);
-  features.keypoints = options_.enlarge_below > 0 ? DetectFaintKeypoints(decoded.image, keypoints)
-                                                  : DetectKeypoints(decoded.image, keypoints);
-  const double detect_ms = watch.LapMs();
-
+  features.keypoints = options_.enlarge_below > 0
+                           ? DetectLowContrastKeypoints(decoded.image, keypoints)
+                           : DetectKeypoints(decoded.image, keypoints);
+  double detect_ms = watch.LapMs();
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
+  double describe_ms = watch.LapMs();
+  if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
+    const EnlargedKeypoints more =
+        DetectEnlarged(decoded.image, features.keypoints, options_.decode.max_side_px, keypoints);
+    detect_ms += watch.LapMs();
+    Append(more, threads, role, &features);
+    describe_ms += watch.LapMs();
+  }
   if (timings != nullptr) {
     timings->detect_ms = detect_ms;
-    timings->describe_ms = watch.LapMs();
-  }
-  if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    AddEnlarged(decoded.image, keypoints, threads, role, &features, timings);
+    timings->describe_ms = describe_ms;
   }
   ScaleToOriginal(features.keypoints, decoded.scale);
   return features;
-}
-
-void FeatureExtractor::AddEnlarged(const Image& image, const KeypointOptions& keypoints,
-                                   int threads, ImageRole role, Features* features,
-                                   ExtractionTimings* timings) const {
-  Stopwatch watch;
-  const EnlargedKeypoints more =
-      DetectEnlarged(image, features->keypoints, options_.decode.max_side_px, keypoints);
-  if (timings != nullptr) timings->detect_ms += watch.LapMs();
-  Append(more, threads, role, features);
-  if (timings != nullptr) timings->describe_ms += watch.LapMs();
 }
 
 void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, ImageRole role,
@@ -147,14 +139,15 @@ void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, ImageR
   features->keypoints.insert(features->keypoints.end(), more.placed.begin(), more.placed.end());
 }
 
-std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Features& known,
-                                                     const std::optional<Region>& part, int threads,
-                                                     ExtractionTimings* timings) const {
+std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const Features& known,
+                                                            const std::optional<Region>& part,
+                                                            int threads,
+                                                            ExtractionTimings* timings) const {
   if (options_.enlarge_below == 0) return {};
-  const Region looked_at = part ? *part : Region{-0.5, -0.5, known.width + 0.0, known.height + 0.0};
+  const Region looked_at = part ? *part : FrameOf(known.width, known.height);
   const double longer_side = LongerSide(looked_at, known.width, known.height);
   if (longer_side == 0) return {};
-  const auto side = CloserSide(longer_side, options_.decode.max_side_px);
+  const auto side = SecondPassSide(longer_side, options_.decode.max_side_px);
   if (!side) return {};
   Stopwatch watch;
   DecodeOptions decode = options_.decode;
@@ -165,13 +158,13 @@ std::optional<Features> FeatureExtractor::LookCloser(Bytes encoded, const Featur
   const double decode_ms = watch.LapMs();
 
   KeypointOptions keypoints = options_.keypoints;
-  keypoints.max_keypoints = std::min(kCloserKeypoints * keypoints.max_keypoints, kMaxKeypoints);
+  keypoints.max_keypoints = std::min(kSecondPassKeypoints * keypoints.max_keypoints, kMaxKeypoints);
   if (part) keypoints.inside = view->inside;
   std::vector<Keypoint> known_here = known.keypoints;
   Shift(&known_here, -view->left, -view->top);
   const double scale = view->decoded.scale;
-  auto strips = DetectCloser(view->decoded.image, scale, known_here,
-                             std::max(1.0, *side / (longer_side * scale)), keypoints);
+  auto strips = DetectAtHighResolution(view->decoded.image, scale, known_here,
+                                       std::max(1.0, *side / (longer_side * scale)), keypoints);
   const double detect_ms = watch.LapMs();
   Features features = known;
   for (EnlargedKeypoints& more : strips) {

@@ -37,11 +37,17 @@ struct Descriptors {
   std::vector<float> floats;        // N x dim when kFloat, else empty
   std::vector<std::uint8_t> bytes;  // N x dim when kBinary, else empty
 
+  // Zeros.
+  static Descriptors Of(DescriptorKind kind, std::size_t rows, int dim) {
+    const bool is_float = kind == DescriptorKind::kFloat;
+    return {kind, dim, rows, std::vector<float>(is_float ? rows * dim : 0),
+            std::vector<std::uint8_t>(is_float ? 0 : rows * dim)};
+  }
   static Descriptors Float(std::size_t rows, int dim) {
-    return {DescriptorKind::kFloat, dim, rows, std::vector<float>(rows * dim), {}};
+    return Of(DescriptorKind::kFloat, rows, dim);
   }
   static Descriptors Binary(std::size_t rows, int dim) {
-    return {DescriptorKind::kBinary, dim, rows, {}, std::vector<std::uint8_t>(rows * dim)};
+    return Of(DescriptorKind::kBinary, rows, dim);
   }
   std::span<const float> float_row(std::size_t i) const {
     return {floats.data() + i * dim, static_cast<std::size_t>(dim)};

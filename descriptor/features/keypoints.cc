@@ -9,14 +9,13 @@
 #include <opencv2/features2d.hpp>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 
 namespace pliant {
 namespace {
 
 constexpr double kContrast = 0.04;  // OpenCV's default
-constexpr double kFaintContrast = 0.02;
+constexpr double kLowContrast = 0.02;
 constexpr int kLayersAnOctave = 3;
 
 void CheckOptions(const Image& grey, const KeypointOptions& options) {
@@ -69,8 +68,9 @@ std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& 
   return Detect(grey, options, kContrast);
 }
 
-std::vector<Keypoint> DetectFaintKeypoints(const Image& grey, const KeypointOptions& options) {
-  return Detect(grey, options, kFaintContrast);
+std::vector<Keypoint> DetectLowContrastKeypoints(const Image& grey,
+                                                 const KeypointOptions& options) {
+  return Detect(grey, options, kLowContrast);
 }
 
 std::vector<float> ContrastWeights(std::span<const Keypoint> keypoints) {

@@ -5,7 +5,6 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "descriptor/image/byte_reader.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -34,7 +33,7 @@ ScannedImage ScanBmp(Bytes bytes) {
   return scanned;
 }
 
-cv::Mat DecodeBmp(Bytes bytes) {
+cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, int /*reduction*/) {
   cv::Mat pixels;
   std::string detail;
   try {

@@ -3,17 +3,19 @@
 #include "descriptor/image/image.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <new>
 #include <optional>
 #include <utility>
 
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/image/cv_image.h"
 #include "descriptor/image/image_header.h"
-#include "descriptor/image/jpeg_planes.h"
 
 namespace pliant {
 namespace {
@@ -56,34 +58,12 @@ int JpegReduction(const ImageHeader& header, int max_side_px) {
   return reduction;
 }
 
-// By the orientation of EXIF 2.3, tag 0x0112.
+// By the orientation of EXIF 2.3, tag 0x0112: 5 to 8 are 1 to 4 after a transposition.
 cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
-  switch (orientation) {
-    case 2:
-      cv::flip(pixels, pixels, 1);
-      break;
-    case 3:
-      cv::rotate(pixels, pixels, cv::ROTATE_180);
-      break;
-    case 4:
-      cv::flip(pixels, pixels, 0);
-      break;
-    case 5:
-      cv::transpose(pixels, pixels);
-      break;
-    case 6:
-      cv::rotate(pixels, pixels, cv::ROTATE_90_CLOCKWISE);
-      break;
-    case 7:
-      cv::transpose(pixels, pixels);
-      cv::rotate(pixels, pixels, cv::ROTATE_180);
-      break;
-    case 8:
-      cv::rotate(pixels, pixels, cv::ROTATE_90_COUNTERCLOCKWISE);
-      break;
-    default:
-      break;
-  }
+  constexpr std::array kFlips = {1, -1, 0};  // left to right, both ways, upside down
+  if (orientation >= 5) cv::transpose(pixels, pixels);
+  const int flip = (orientation - 1) % 4;
+  if (flip > 0) cv::flip(pixels, pixels, kFlips[static_cast<std::size_t>(flip) - 1]);
   return pixels;
 }
 
@@ -213,6 +193,17 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   return decoded;
 }
 
+std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
+                                 const std::vector<int>& parameters) {
+  cv::Mat pixels = ViewAsMat(image);
+  if (image.channels == 3) cv::cvtColor(pixels, pixels, cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> encoded;
+  if (!cv::imencode(extension, pixels, encoded, parameters)) {
+    throw Error(ErrorCode::kInternal, "image_encode_failed", "An image could not be encoded");
+  }
+  return encoded;
+}
+
 }  // namespace
 
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
@@ -222,6 +213,56 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
     if (e.code == cv::Error::StsNoMem) throw std::bad_alloc();
     throw;
   }
+}
+
+ScaledSize ScaleToFit(int width, int height, int max_side_px) {
+  const int longer = std::max(width, height);
+  if (max_side_px <= 0 || longer <= max_side_px) return {width, height, 1.0};
+  const double scale = static_cast<double>(max_side_px) / longer;
+  const auto scaled = [&](int side) {
+    return std::max(1, static_cast<int>(std::lround(side * scale)));
+  };
+  return {scaled(width), scaled(height), scale};
+}
+
+std::string MediaType(ImageFormat format) {
+  static constexpr std::array kTypes = {"application/octet-stream",
+                                        "image/jpeg",
+                                        "image/png",
+                                        "image/webp",
+                                        "image/bmp",
+                                        "image/tiff"};
+  return kTypes[static_cast<std::size_t>(format)];
+}
+
+std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality) {
+  return Encode(image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
+}
+
+std::vector<std::uint8_t> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
+
+Image ToGrey(const Image& image) {
+  if (image.channels == 1) return image;
+  cv::Mat grey;
+  cv::cvtColor(ViewAsMat(image), grey, cv::COLOR_RGB2GRAY);
+  return CopyFromMat(grey);
+}
+
+Image CutOut(const Image& image, const PixelBox& box) {
+  return CopyFromMat(ViewAsMat(image)(cv::Rect(box.x, box.y, box.width, box.height)));
+}
+
+Image ResizeImage(const Image& image, int width, int height) {
+  if (width < 1 || height < 1 || image.empty()) {
+    throw Error(
+        ErrorCode::kInvalidArgument, "bad_size",
+        "Cannot scale an image to " + std::to_string(width) + " x " + std::to_string(height));
+  }
+  const bool larger = width > image.width && height > image.height;
+  cv::Mat scaled;
+  cv::resize(ViewAsMat(image), scaled, {width, height}, 0, 0,
+             larger ? cv::INTER_CUBIC : cv::INTER_AREA);
+  return CopyFromMat(scaled);
 }
 
 }  // namespace pliant

@@ -10,8 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/image/region.h"
-
 namespace pliant {
 
 using Bytes = std::span<const std::uint8_t>;
@@ -26,6 +24,39 @@ struct Image {
 
   bool empty() const { return pixels.empty(); }
 };
+
+// A rectangle in pixels of an image, which it may reach beyond. Pixel centres are at integer
+// coordinates: the image's own first pixel reaches from -0.5 to 0.5.
+struct Region {
+  double x = 0, y = 0, width = 0, height = 0;
+};
+
+// A rectangle of whole pixels.
+struct PixelBox {
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
+};
+
+inline bool Contains(const Region& region, double x, double y) {
+  return x >= region.x && x < region.x + region.width && y >= region.y &&
+         y < region.y + region.height;
+}
+
+// All of an image.
+inline Region FrameOf(int width, int height) { return {-0.5, -0.5, width + 0.0, height + 0.0}; }
+
+// The same part once the image is scaled.
+inline Region Scaled(const Region& region, double scale) {
+  return {(region.x + 0.5) * scale - 0.5, (region.y + 0.5) * scale - 0.5, region.width * scale,
+          region.height * scale};
+}
+
+// The same part in pixels of what is cut out of the image from (left, top) on.
+inline Region SeenFrom(const Region& region, int left, int top) {
+  return {region.x - left, region.y - top, region.width, region.height};
+}
 
 enum class ImageFormat { kUnknown, kJpeg, kPng, kWebp, kBmp, kTiff };
 

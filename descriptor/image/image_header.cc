@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/image/image_header.h"
 
+#include <array>
+
 #include "descriptor/base/error.h"
-#include "descriptor/image/byte_reader.h"
 
 namespace pliant {
 namespace {
@@ -18,43 +19,16 @@ namespace {
               "The image is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
 }
 
-ScannedImage Scan(Bytes bytes) {
-  switch (SniffFormat(bytes)) {
-    case ImageFormat::kJpeg:
-      return ScanJpeg(bytes);
-    case ImageFormat::kPng:
-      return ScanPng(bytes);
-    case ImageFormat::kWebp:
-      return ScanWebp(bytes);
-    case ImageFormat::kBmp:
-      return ScanBmp(bytes);
-    case ImageFormat::kTiff:
-      return ScanTiff(bytes);
-    case ImageFormat::kUnknown:
-      break;
-  }
-  throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-              "The file is no image of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
-              "or TIFF.");
-}
+// What reads each format, in the order of ImageFormat.
+struct Reader {
+  ScannedImage (*scan)(Bytes bytes);
+  cv::Mat (*decode)(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+};
+constexpr std::array kReaders = {Reader{nullptr, nullptr},   Reader{ScanJpeg, DecodeJpeg},
+                                 Reader{ScanPng, DecodePng}, Reader{ScanWebp, DecodeWebp},
+                                 Reader{ScanBmp, DecodeBmp}, Reader{ScanTiff, DecodeTiff}};
 
-cv::Mat Decode(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
-  switch (header.format) {
-    case ImageFormat::kJpeg:
-      return DecodeJpeg(bytes, colour, reduction);
-    case ImageFormat::kPng:
-      return DecodePng(bytes);
-    case ImageFormat::kWebp:
-      return DecodeWebp(bytes, header);
-    case ImageFormat::kBmp:
-      return DecodeBmp(bytes);
-    case ImageFormat::kTiff:
-      return DecodeTiff(bytes, header);
-    case ImageFormat::kUnknown:
-      break;
-  }
-  ThrowUndecodable();
-}
+const Reader& ReaderOf(ImageFormat format) { return kReaders[static_cast<std::size_t>(format)]; }
 
 }  // namespace
 
@@ -68,12 +42,40 @@ ImageFormat SniffFormat(Bytes bytes) {
   return ImageFormat::kUnknown;
 }
 
+int ReadOrientation(Bytes exif) {
+  constexpr std::uint16_t kOrientation = 0x0112;
+  constexpr std::uint16_t kShort = 3;
+  constexpr std::uint16_t kLong = 4;
+  constexpr std::size_t kEntryBytes = 12;  // tag, type, count, value
+  const ByteReader reader(exif, ByteReader(exif, false).StartsWith(0, "MM"));
+  if (reader.U16(2) != std::uint16_t{42}) return 1;
+  const std::size_t directory = reader.U32(4).value_or(0);
+  const std::size_t entries = reader.U16(directory).value_or(0);
+  for (std::size_t i = 0; i < entries; ++i) {
+    const std::size_t entry = directory + 2 + i * kEntryBytes;
+    if (reader.U16(entry) != kOrientation) continue;
+    if (reader.U32(entry + 4) != 1U) return 1;
+    const std::uint16_t type = reader.U16(entry + 2).value_or(0);
+    const std::uint32_t value = type == kShort  ? reader.U16(entry + 8).value_or(0)
+                                : type == kLong ? reader.U32(entry + 8).value_or(0)
+                                                : 1;
+    return value >= 1 && value <= 8 ? static_cast<int>(value) : 1;
+  }
+  return 1;
+}
+
 ScannedImage ScanImage(Bytes bytes) {
   if (bytes.empty()) {
     throw Error(ErrorCode::kUnprocessable, "image_empty",
                 "The image is empty (0 bytes). Send the file's content.");
   }
-  const ScannedImage scanned = Scan(bytes);
+  const ImageFormat format = SniffFormat(bytes);
+  if (format == ImageFormat::kUnknown) {
+    throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
+                "The file is no image of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
+                "or TIFF.");
+  }
+  const ScannedImage scanned = ReaderOf(format).scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any
   if (scanned.header.width <= 0 || scanned.header.height <= 0) {
     ThrowTruncated("its header gives no size");
@@ -97,7 +99,7 @@ void ThrowUndecodable(const std::string& detail) {
 }
 
 cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
-  cv::Mat pixels = Decode(bytes, header, colour, reduction);
+  cv::Mat pixels = ReaderOf(header.format).decode(bytes, header, colour, reduction);
   const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
   if (pixels.cols == reduced(header.width) && pixels.rows == reduced(header.height)) return pixels;
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",

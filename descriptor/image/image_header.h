@@ -8,6 +8,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <optional>
 #include <string>
 
 #include <opencv2/core.hpp>
@@ -15,6 +17,45 @@
 #include "descriptor/image/image.h"
 
 namespace pliant {
+
+// Bounds-checked reads of little- and big-endian numbers.
+class ByteReader {
+ public:
+  ByteReader(Bytes bytes, bool big_endian) : bytes_(bytes), big_endian_(big_endian) {}
+
+  std::size_t size() const { return bytes_.size(); }
+
+  std::optional<std::uint8_t> U8(std::size_t at) const {
+    if (at >= bytes_.size()) return std::nullopt;
+    return bytes_[at];
+  }
+  std::optional<std::uint16_t> U16(std::size_t at) const { return Read<std::uint16_t>(at); }
+  std::optional<std::uint32_t> U32(std::size_t at) const { return Read<std::uint32_t>(at); }
+
+  bool StartsWith(std::size_t at, const char* text) const {
+    const std::size_t length = std::strlen(text);
+    return at <= bytes_.size() && bytes_.size() - at >= length &&
+           std::memcmp(bytes_.data() + at, text, length) == 0;
+  }
+
+  // The rest from `at` on; empty when `at` is beyond the end.
+  Bytes From(std::size_t at) const { return at < bytes_.size() ? bytes_.subspan(at) : Bytes{}; }
+
+ private:
+  template <typename T>
+  std::optional<T> Read(std::size_t at) const {
+    if (at > bytes_.size() || bytes_.size() - at < sizeof(T)) return std::nullopt;
+    T value = 0;
+    for (std::size_t i = 0; i < sizeof(T); ++i) {
+      const std::size_t shift = 8 * (big_endian_ ? sizeof(T) - 1 - i : i);
+      value = static_cast<T>(value | static_cast<T>(static_cast<T>(bytes_[at + i]) << shift));
+    }
+    return value;
+  }
+
+  Bytes bytes_;
+  bool big_endian_;
+};
 
 // What one walk over a file's structure tells.
 struct ScannedImage {
@@ -47,17 +88,42 @@ cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int re
 
 [[noreturn]] void ThrowUndecodable(const std::string& detail = {});
 
-// The formats' parts of the above.
+// The orientation (tag 0x0112) of an EXIF block, which has the form of a TIFF file (EXIF 2.3): 1 to
+// 8; 1 when it is missing or makes no sense. Takes time linear in the block's size.
+int ReadOrientation(Bytes exif);
+
+// The formats' parts of the above. Only DecodeJpeg uses `colour` and `reduction`.
 ScannedImage ScanJpeg(Bytes bytes);
 void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets complete and defect
-cv::Mat DecodeJpeg(Bytes bytes, bool colour, int reduction);
+cv::Mat DecodeJpeg(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+
+// The planes of a JPEG as the file keeps them: one pass over the file gives grey values and
+// colours. (A progressive file takes as long to decode to grey as to colours.) Planes of colour may
+// be coarser than grey, as the file has them; they and `padded` (the size of grey as they count it)
+// reach beyond the image, right and below, to whole samples of colour.
+struct JpegPlanes {
+  cv::Mat grey;     // Y, in the image's size divided by the reduction
+  cv::Size padded;  // at least that size
+  cv::Mat blue;     // Cb; empty in a grey JPEG
+  cv::Mat red;      // Cr
+  bool damaged;     // there are warnings: decoding to grey alone may give other values
+};
+
+// As the file has it, not turned upright. `reduction`: 1, 2, 4 or 8. Nothing for JPEGs that are
+// neither grey nor of Y, Cb and Cr (CMYK, RGB), whose sampling is unusual, or that cannot be
+// decoded to their end. Throws std::bad_alloc. Thread-safe.
+std::optional<JpegPlanes> DecodeJpegPlanes(Bytes bytes, const ImageHeader& header, int reduction);
+
+// Scaled to `size`, as B, G, R.
+cv::Mat ThumbnailOf(const JpegPlanes& planes, cv::Size size);
+
 ScannedImage ScanPng(Bytes bytes);
-cv::Mat DecodePng(Bytes bytes);
+cv::Mat DecodePng(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanWebp(Bytes bytes);
-cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header);
+cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanBmp(Bytes bytes);
-cv::Mat DecodeBmp(Bytes bytes);
+cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanTiff(Bytes bytes);
-cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header);
+cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 
 }  // namespace pliant

@@ -10,8 +10,6 @@
 
 #include <png.h>
 
-#include "descriptor/image/byte_reader.h"
-#include "descriptor/image/exif.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -171,6 +169,8 @@ ScannedImage ScanPng(Bytes bytes) {
   return scanned;
 }
 
-cv::Mat DecodePng(Bytes bytes) { return PngDecoder().Decode(bytes); }
+cv::Mat DecodePng(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, int /*reduction*/) {
+  return PngDecoder().Decode(bytes);
+}
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/image/prepare_decoders.h"
 
+#include <utility>
 #include <vector>
 
 #include <opencv2/core/utils/logger.hpp>
@@ -62,10 +63,7 @@ void PrepareDecoders() {
   cv::Mat deep;
   cv::cvtColor(colours, transparent, cv::COLOR_BGR2BGRA);
   colours.convertTo(deep, CV_16U, 257);
-  struct Example {
-    const char* extension;
-    const cv::Mat& image;
-  };
+  using Example = std::pair<const char*, const cv::Mat&>;
   for (const auto& [extension, image] :
        {Example{".jpg", colours}, Example{".png", colours}, Example{".png", transparent},
         Example{".png", deep}, Example{".webp", colours}, Example{".bmp", colours},

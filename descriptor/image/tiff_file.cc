@@ -13,7 +13,6 @@
 
 #include <tiffio.h>
 
-#include "descriptor/image/byte_reader.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -172,7 +171,7 @@ ScannedImage ScanTiff(Bytes bytes) {
   return scanned;
 }
 
-cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header) {
+cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool /*colour*/, int /*reduction*/) {
   MemoryFile file{bytes};
   const Tiff tiff = Open(file);
   char reason[1024] = "";

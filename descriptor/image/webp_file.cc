@@ -5,8 +5,6 @@
 
 #include <webp/decode.h>
 
-#include "descriptor/image/byte_reader.h"
-#include "descriptor/image/exif.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -54,7 +52,7 @@ ScannedImage ScanWebp(Bytes bytes) {
   return scanned;
 }
 
-cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header) {
+cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header, bool /*colour*/, int /*reduction*/) {
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(bytes.data(), bytes.size(), &features) != VP8_STATUS_OK) ThrowUndecodable();
   const bool alpha = features.has_alpha != 0;

@@ -3,6 +3,7 @@
 #include "descriptor/match/distance.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -11,12 +12,12 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance_kernels.h"
-#include "descriptor/match/nearest_scan.h"
 
 namespace pliant {
 namespace {
 
 using kernels::Kernels;
+using kernels::kScanRows;
 
 constexpr std::size_t kPanel = PackedDescriptors::kPanel;
 static_assert(kPanel == kernels::kPanel);
@@ -56,16 +57,16 @@ void CheckDescriptors(const Descriptors& d, const char* what) {
 
 Descriptors SelectRows(const Descriptors& from, std::span<const std::uint32_t> rows) {
   const auto width = static_cast<std::size_t>(from.dim);
-  if (from.kind == DescriptorKind::kFloat) {
-    auto out = Descriptors::Float(rows.size(), from.dim);
+  auto out = Descriptors::Of(from.kind, rows.size(), from.dim);
+  const auto copy = [&](const auto& values, auto& selected) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      std::copy_n(from.floats.data() + rows[i] * width, width, out.floats.data() + i * width);
+      std::copy_n(values.data() + rows[i] * width, width, selected.data() + i * width);
     }
-    return out;
-  }
-  auto out = Descriptors::Binary(rows.size(), from.dim);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::copy_n(from.bytes.data() + rows[i] * width, width, out.bytes.data() + i * width);
+  };
+  if (from.kind == DescriptorKind::kFloat) {
+    copy(from.floats, out.floats);
+  } else {
+    copy(from.bytes, out.bytes);
   }
   return out;
 }
@@ -93,46 +94,58 @@ PackedDescriptors::PackedDescriptors(const Descriptors& d)
   Kernels().squared_norms(d.floats.data(), rows_, dim_, squared_norms_.data());
 }
 
+std::function<void(std::size_t, std::size_t, std::size_t, float*)> PackedDescriptors::TilesOf(
+    const Descriptors& queries, std::size_t first, std::size_t count, bool by_product) const {
+  kernels::CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first,
+                        count, queries.rows);
+  const auto& kernel = Kernels();
+  if (kind_ == DescriptorKind::kBinary) {
+    return [=, this, bits = PackBits(queries, first, count)](std::size_t r0, std::size_t block,
+                                                             std::size_t j0, float* tile) {
+      const std::size_t columns = std::min(kPanel, rows_ - j0);
+      if (columns < kPanel) std::fill_n(tile, block * kPanel, kInfinity);
+      kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
+                          columns, tile);
+    };
+  }
+  const float* rows = queries.floats.data() + first * dim_;
+  if (!by_product) {
+    return [=, this](std::size_t r0, std::size_t block, std::size_t j0, float* tile) {
+      kernel.squared_distance_tile(rows + r0 * dim_, block, dim_, panels_.get() + j0 * dim_, tile);
+    };
+  }
+  return [=, this, norms = std::array<float, kScanRows>()](std::size_t r0, std::size_t block,
+                                                           std::size_t j0, float* tile) mutable {
+    const float* a = rows + r0 * dim_;
+    if (j0 == 0) kernel.squared_norms(a, block, dim_, norms.data());
+    kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
+    kernel.dots_to_squared(tile, block, norms.data(), squared_norms_.data() + j0);
+  };
+}
+
 void PackedDescriptors::Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                                   float* out) const {
-  AllDistances(queries, first, count, false, out);
+  AllDistances(queries, first, count, /*by_product=*/false, out);
 }
 
 void PackedDescriptors::DistancesByProduct(const Descriptors& queries, std::size_t first,
                                            std::size_t count, float* out) const {
-  AllDistances(queries, first, count, true, out);
+  AllDistances(queries, first, count, /*by_product=*/true, out);
 }
 
 void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t first,
                                      std::size_t count, bool by_product, float* out) const {
-  CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first, count,
-               queries.rows);
-  const bool is_float = kind_ == DescriptorKind::kFloat;
-  const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
-  const auto& kernel = Kernels();
+  const kernels::FillTile fill_tile = TilesOf(queries, first, count, by_product);
+  const bool root = kind_ == DescriptorKind::kFloat && !by_product;
   alignas(64) float tile[kScanRows * kPanel];
-  float norms[kScanRows] = {};
   for (std::size_t r0 = 0; r0 < count; r0 += kScanRows) {
     const std::size_t block = std::min(kScanRows, count - r0);
-    const float* a = is_float ? queries.floats.data() + (first + r0) * dim_ : nullptr;
-    if (is_float && by_product) kernel.squared_norms(a, block, dim_, norms);
     for (std::size_t j0 = 0; j0 < rows_; j0 += kPanel) {
-      const std::size_t columns = std::min(kPanel, rows_ - j0);
-      if (is_float && by_product) {
-        kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
-        kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
-      } else if (is_float) {
-        kernel.squared_distance_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
-      } else {
-        kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
-                            columns, tile);
-      }
+      fill_tile(r0, block, j0, tile);
       for (std::size_t r = 0; r < block; ++r) {
-        float* to = out + (r0 + r) * rows_ + j0;
-        const float* from = tile + r * kPanel;
-        std::copy_n(from, columns, to);
-        if (!is_float || by_product) continue;
-        for (std::size_t j = 0; j < columns; ++j) to[j] = std::sqrt(to[j]);
+        const std::span row(tile + r * kPanel, std::min(kPanel, rows_ - j0));
+        std::transform(row.begin(), row.end(), out + (r0 + r) * rows_ + j0,
+                       [root](float value) { return root ? std::sqrt(value) : value; });
       }
     }
   }
@@ -141,25 +154,9 @@ void PackedDescriptors::AllDistances(const Descriptors& queries, std::size_t fir
 void PackedDescriptors::FindNearest(const Descriptors& queries, std::size_t first,
                                     std::size_t count, NearestTwo* nearest,
                                     NearestOne* nearest_query) const {
-  CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first, count,
-               queries.rows);
-  const bool is_float = kind_ == DescriptorKind::kFloat;
-  const auto& kernel = Kernels();
-  const auto bits = is_float ? std::vector<std::uint64_t>() : PackBits(queries, first, count);
-  float norms[kScanRows] = {};
-  const auto fill_tile = [&](std::size_t r0, std::size_t block, std::size_t j0, float* tile) {
-    if (is_float) {
-      const float* a = queries.floats.data() + (first + r0) * dim_;
-      if (j0 == 0) kernel.squared_norms(a, block, dim_, norms);
-      kernel.dot_tile(a, block, dim_, panels_.get() + j0 * dim_, tile);
-      kernel.dots_to_squared(tile, block, norms, squared_norms_.data() + j0);
-    } else {
-      std::fill_n(tile, block * kPanel, kInfinity);
-      kernel.hamming_tile(bits.data() + r0 * words_, block, words_, bits_.data() + j0 * words_,
-                          std::min(kPanel, rows_ - j0), tile);
-    }
-  };
-  ScanForNearest(first, count, rows_, is_float, fill_tile, nearest, nearest_query);
+  kernels::ScanForNearest(first, count, rows_, kind_ == DescriptorKind::kFloat,
+                          TilesOf(queries, first, count, /*by_product=*/true), nearest,
+                          nearest_query);
 }
 
 }  // namespace pliant

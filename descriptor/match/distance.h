@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -67,6 +68,10 @@ class PackedDescriptors {
                    NearestTwo* nearest, NearestOne* nearest_query = nullptr) const;
 
  private:
+  // Fills tiles as kernels::FillTile says: squared distances of floats, the bits that differ.
+  // `queries` must outlive it.
+  std::function<void(std::size_t, std::size_t, std::size_t, float*)> TilesOf(
+      const Descriptors& queries, std::size_t first, std::size_t count, bool by_product) const;
   void AllDistances(const Descriptors& queries, std::size_t first, std::size_t count,
                     bool by_product, float* out) const;
 

@@ -5,6 +5,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+
+#include "descriptor/match/distance.h"
 
 namespace pliant::kernels {
 
@@ -42,5 +45,24 @@ struct KernelSet {
 
 // The best set that this processor runs; chosen once.
 const KernelSet& Kernels();
+
+inline constexpr std::size_t kScanRows = 64;  // query rows a panel is kept in the cache for
+
+// Writes a tile: the values of the query rows first + r0 .. + block - 1 (block <= kScanRows) and
+// the panel that begins with packed row j0, infinity beyond the last.
+using FillTile =
+    std::function<void(std::size_t r0, std::size_t block, std::size_t j0, float* tile)>;
+
+// The search that all layouts of descriptors share: the two nearest of `rows` packed rows for each
+// of `count` query rows, of which the first has number `first`, and the nearest query row of each
+// packed row if `nearest_query` is not null. With `squared` the values of the tiles are squared
+// distances, and the roots of those found are taken.
+void ScanForNearest(std::size_t first, std::size_t count, std::size_t rows, bool squared,
+                    const FillTile& fill_tile, NearestTwo* nearest, NearestOne* nearest_query);
+
+// Throws kConflict "descriptor_mismatch" unless `fit`, kInvalidArgument "rows_out_of_range" unless
+// there are `count` rows from `first` among the `rows` of the queries.
+void CheckQueries(bool fit, int query_dim, int dim, std::size_t first, std::size_t count,
+                  std::size_t rows);
 
 }  // namespace pliant::kernels

@@ -6,13 +6,11 @@
 #include <cstring>
 #include <limits>
 
+#if defined(__x86_64__)
 #include <immintrin.h>
+#endif
 
 #include "descriptor/match/distance_kernels.h"
-#include "descriptor/match/nearest_scan.h"
-
-#if defined(__x86_64__)
-#endif
 
 namespace pliant {
 namespace {
@@ -273,7 +271,7 @@ void SteppedDescriptors::Transpose() {
 void SteppedDescriptors::FindNearest(const SteppedDescriptors& queries, std::size_t first,
                                      std::size_t count, NearestTwo* nearest,
                                      NearestOne* nearest_query) const {
-  CheckQueries(queries.dim_ == dim_, queries.dim_, dim_, first, count, queries.rows_);
+  kernels::CheckQueries(queries.dim_ == dim_, queries.dim_, dim_, first, count, queries.rows_);
   const auto& kernel = StepKernels().back();
   const std::size_t width = groups_ * kStepGroup;
   const auto fill_tile = [&](std::size_t r0, std::size_t block, std::size_t j0, float* tile) {
@@ -284,7 +282,7 @@ void SteppedDescriptors::FindNearest(const SteppedDescriptors& queries, std::siz
                         {panels_.data() + j0 * width, scales_.data() + j0, norms_.data() + j0},
                         tile);
   };
-  ScanForNearest(first, count, rows_, true, fill_tile, nearest, nearest_query);
+  kernels::ScanForNearest(first, count, rows_, true, fill_tile, nearest, nearest_query);
 }
 
 }  // namespace pliant

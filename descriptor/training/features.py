@@ -29,7 +29,7 @@ except ImportError:  # a bare training machine
 CACHE_VERSION = "6"
 MAX_KEYPOINTS = 1024
 POSITION_TOLERANCE_PX = 3.0
-_FAINT = 0.02  # threshold of contrast in training: the service's (descriptor/features/faint_keypoints.h)
+_FAINT = 0.02  # threshold of contrast in training: the service's (descriptor/features/keypoints.h)
 SCALE_TOLERANCE_LOG2 = 1.0  # beyond, two different things share a place
 
 

@@ -80,10 +80,6 @@ Vec2 Scaled(Vec2 p, Vec2 centre, double scale) {
   return {(p.x - centre.x) * scale, (p.y - centre.y) * scale};
 }
 
-double SquaredDistance(Vec2 a, Vec2 b) {
-  return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
-}
-
 // Points far from each other: each next one is the farthest from those chosen, starting at the
 // one farthest from the centre. Ends early when only copies are left.
 std::vector<Vec2> SpreadOut(const std::vector<Vec2>& points, std::size_t count) {

@@ -58,6 +58,10 @@ class ThinPlateSpline {
   double bending_energy_ = 0;
 };
 
+inline double SquaredDistance(Vec2 a, Vec2 b) {
+  return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
+}
+
 // Twice the signed area of the triangle, positive when a, b, c turn from the x axis to the y axis.
 inline double Cross(Vec2 a, Vec2 b, Vec2 c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);

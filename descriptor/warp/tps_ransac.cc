@@ -3,6 +3,7 @@
 #include "descriptor/warp/tps_ransac.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <random>
@@ -33,9 +34,6 @@ struct Hypothesis {
   std::vector<std::uint32_t> support;
 };
 
-double SquaredDistance(Vec2 a, Vec2 b) {
-  return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
-}
 double Distance(Vec2 a, Vec2 b) { return std::sqrt(SquaredDistance(a, b)); }
 
 class Ransac {
@@ -343,19 +341,9 @@ void Validate(std::span<const Correspondence> input, const TpsRansacOptions& opt
 }
 
 const char* ToString(TpsRansacFailure failure) {
-  switch (failure) {
-    case TpsRansacFailure::kNone:
-      return "none";
-    case TpsRansacFailure::kTooFew:
-      return "too_few_matches";
-    case TpsRansacFailure::kNoAgreement:
-      return "no_agreement";
-    case TpsRansacFailure::kDegenerate:
-      return "degenerate";
-    case TpsRansacFailure::kFolded:
-      return "folded";
-  }
-  return "unknown";
+  static constexpr std::array kNames = {"none", "too_few_matches", "no_agreement", "degenerate",
+                                        "folded"};
+  return kNames[static_cast<std::size_t>(failure)];
 }
 
 double ToleranceAt(const TpsRansacOptions& options, double determinant) {

@@ -3,10 +3,11 @@
 // Finds the correspondences that agree with one smooth warp of a bent surface, and the warp.
 //
 // Random samples of three neighbouring correspondences give affine maps, which approximate a smooth
-// warp locally (Tran et al., ECCV 2012); the best are grown to neighbouring correspondences that
-// the map of their own neighbourhood predicts; a regularised thin-plate spline is fitted robustly
-// to the largest grown set, and all correspondences are tested against it. Needs no majority of
-// correct correspondences, only one place where several neighbours are correct.
+// warp locally (Tran et al., "In defence of RANSAC for outlier rejection in deformable
+// registration", ECCV 2012); the best are grown to neighbouring correspondences that the map of
+// their own neighbourhood predicts; a regularised thin-plate spline is fitted robustly to the
+// largest grown set, and all correspondences are tested against it. Needs no majority of correct
+// correspondences, only one place where several neighbours are correct.
 #pragma once
 
 #include <cstdint>
@@ -18,11 +19,7 @@
 
 namespace pliant {
 
-// Affine maps between small neighbourhoods: the local approximation of a smooth warp
-// (Tran et al., "In defence of RANSAC for outlier rejection in deformable registration", ECCV
-// 2012).
-
-// q = query + [a b; c d] (p - reference).
+// The local approximation of a smooth warp: q = query + [a b; c d] (p - reference).
 struct LocalAffine {
   Vec2 reference;
   Vec2 query;

@@ -5,8 +5,8 @@
 #include <memory>
 #include <optional>
 
+#include "descriptor/drawing/match_drawing.h"
 #include "descriptor/evaluation/dataset.h"
-#include "descriptor/evaluation/match_drawing.h"
 #include "descriptor/evaluation/metrics.h"
 #include "index/cli/colmap_export.h"
 #include "index/cli/command.h"
@@ -21,7 +21,6 @@ namespace pliant::cli {
 namespace {
 
 using evaluation::TruthScene;
-using evaluation::Verdict;
 struct Options {
   EngineOptions engine;  // only what concerns extraction
   std::filesystem::path first, second;
@@ -176,7 +175,7 @@ void Draw(const Options& options, const Images& images, const Result& result) {
   const DecodeOptions& decode = options.engine.extraction.decode;
   const Image first = DecodeForDrawing(images.first, decode, first_scale);
   const Image second = DecodeForDrawing(images.second, decode, second_scale);
-  std::vector<evaluation::DrawnMatch> drawn;
+  std::vector<DrawnMatch> drawn;
   std::vector<Vec2> outline;
   for (std::size_t m = 0; m < result.matches.size(); ++m) {
     const Match& match = result.matches[m];
@@ -197,7 +196,7 @@ void Draw(const Options& options, const Images& images, const Result& result) {
     for (const Vec2& p : result.verification->outline)
       outline.push_back(Scaled(p.x, p.y, second_scale));
   }
-  WriteImage(options.draw, evaluation::DrawMatches(first, second, drawn, outline, Summary(result)));
+  WriteImage(options.draw, DrawMatches(first, second, drawn, outline, Summary(result)));
 }
 
 ExitStatus Export(Options& options) {

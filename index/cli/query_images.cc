@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "descriptor/base/error.h"
+#include "descriptor/drawing/drawing.h"
 #include "descriptor/image/image.h"
-#include "descriptor/plot/drawing.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
 #include "index/engine/engine.h"

@@ -177,7 +177,7 @@ class Engine {
   using SecondPass = std::function<std::optional<Features>(ExtractionTimings*)>;
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
                               const SecondPass& second = {});
-  // Such features, of the image that `known` are of (FeatureExtractor::LookCloser).
+  // Such features, of the image that `known` are of (FeatureExtractor::ExtractSecondPass).
   std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads);
 
   // Whether two images show the same object, and where that of the first is in the second; no

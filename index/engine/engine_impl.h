@@ -54,7 +54,7 @@ class Engine::Impl {
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
                               const SecondPass& second);
   std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads) {
-    return query_extractor().LookCloser(encoded, known, {}, threads);
+    return query_extractor().ExtractSecondPass(encoded, known, {}, threads);
   }
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);

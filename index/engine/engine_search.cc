@@ -12,7 +12,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/stopwatch.h"
-#include "descriptor/features/closer_keypoints.h"
+#include "descriptor/features/enlarged_keypoints.h"
 #include "index/engine/engine_impl.h"
 #include "index/engine/search_run.h"
 #include "index/files/text.h"
@@ -177,7 +177,7 @@ SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
       options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
                      : extractor.Extract(encoded, options.threads, &timings);
   return Answer(view, InStoredPrecision(features), options, timings, [&](ExtractionTimings* more) {
-    return extractor.LookCloser(encoded, features, options.region, options.threads, more);
+    return extractor.ExtractSecondPass(encoded, features, options.region, options.threads, more);
   });
 }
 
@@ -389,11 +389,11 @@ Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
   const Features query = describe(query_extractor(), second, "second", &comparison.second);
   Conclude(InStoredPrecision(query), reference, threads, &comparison);
   if (comparison.found()) return comparison;
-  auto closer = query_extractor().LookCloser(second, query, {}, threads, &comparison.timings);
-  if (!closer) return comparison;
+  auto finer = query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
+  if (!finer) return comparison;
   Comparison at_second_sight = comparison;
-  at_second_sight.second = Checked(*closer, "second");
-  Conclude(InStoredPrecision(*std::move(closer)), reference, threads, &at_second_sight);
+  at_second_sight.second = Checked(*finer, "second");
+  Conclude(InStoredPrecision(*std::move(finer)), reference, threads, &at_second_sight);
   comparison.verify_ms = at_second_sight.verify_ms;
   return at_second_sight.probability > comparison.probability ? at_second_sight : comparison;
 }

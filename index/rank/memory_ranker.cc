@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/faint_keypoints.h"
+#include "descriptor/features/keypoints.h"
 #include "index/rank/ranking.h"
 #include "index/store/refusals.h"
 

@@ -61,8 +61,8 @@ struct SearchOptions {
   std::optional<int> expand;
   int max_instances = 4;  // of one object in the query image that are looked for; at least 1
   // Of Engine::Search, with probabilities: where nothing is found, a second pass at high resolution
-  // describes the query image once more (FeatureExtractor::LookCloser), and the answer is the one
-  // whose first hit has more evidence.
+  // describes the query image once more (FeatureExtractor::ExtractSecondPass), and the answer is
+  // the one whose first hit has more evidence.
   bool second_pass = true;
   std::optional<Region> region;  // of the query, in pixels of the upright original: only this part
   double min_score = 0;

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/plot/drawing.h"
+#include "descriptor/drawing/drawing.h"
 #include "descriptor/warp/unwarp.h"
 
 namespace pliant {

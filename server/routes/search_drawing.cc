@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "descriptor/plot/drawing.h"
+#include "descriptor/drawing/drawing.h"
 #include "server/http/accept.h"
 
 namespace pliant::server {

@@ -26,7 +26,6 @@
 #include <benchmark/benchmark.h>
 
 #include "descriptor/deal/network.h"
-#include "descriptor/deal/pool.h"
 #include "descriptor/deal/primitives.h"
 #include "tests/unit/wavy_image.h"
 
@@ -62,8 +61,8 @@ const Scene& SharedScene() {
     }
     s.map = s.network.backbone().Run(s.grey, 1);
     s.samples = s.network.localization().Sample(s.map, s.keypoints, 1);
-    s.theta = s.network.localization().ThetaFromSamples(s.samples, 1);
-    s.patches = s.network.Patches(s.grey, s.keypoints, s.theta, 1);
+    s.theta = s.network.localization().Theta(s.samples, 1);
+    s.patches = s.network.Patches(s.grey, s.keypoints, s.network.Displacements(s.theta, 1), 1, 1);
     return made;
   }();
   return *scene;
@@ -177,7 +176,7 @@ void BmMlp(benchmark::State& state) {
   const auto samples = std::span(s.samples).first(Count(state) * kSampledValues);
   const double flops = 2 * s.network.localization().multiply_adds();
   Stage(state, flops * static_cast<double>(Count(state))).Run([&] {
-    benchmark::DoNotOptimize(s.network.localization().ThetaFromSamples(samples, Threads(state)));
+    benchmark::DoNotOptimize(s.network.localization().Theta(samples, Threads(state)));
   });
 }
 
@@ -193,7 +192,7 @@ void BmPatchSampling(benchmark::State& state) {  // the fixed grid: without the 
   const Scene& s = SharedScene();
   const auto points = std::span(s.keypoints).first(Count(state));
   Stage(state, 0).Run(
-      [&] { benchmark::DoNotOptimize(s.network.Patches(s.grey, points, {}, Threads(state))); });
+      [&] { benchmark::DoNotOptimize(s.network.Patches(s.grey, points, {}, 1, Threads(state))); });
 }
 
 void BmHardNet(benchmark::State& state) {

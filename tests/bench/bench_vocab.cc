@@ -14,8 +14,8 @@
 #include <omp.h>
 #endif
 
+#include "vocab/hierarchical_k_medoids.h"
 #include "vocab/k_medoids.h"
-#include "vocab/medoid_tree.h"
 #include "vocab/quantizer.h"
 
 namespace pliant {
@@ -96,8 +96,8 @@ void TrainTree(benchmark::State& state, bool binary) {
   KMedoidsOptions options;
   options.k = static_cast<int>(state.range(1));
   options.threads = static_cast<int>(state.range(2));
-  MedoidTreeResult result;
-  for (auto _ : state) result = MedoidTree(samples, options);
+  HierarchicalKMedoidsResult result;
+  for (auto _ : state) result = HierarchicalKMedoids(samples, options);
   state.counters["mean_loss"] = result.mean_loss;
 }
 BENCHMARK_CAPTURE(TrainTree, float128, false)

@@ -7,7 +7,7 @@
 
 #include "descriptor/deal/hardnet.h"
 #include "descriptor/deal/kernels.h"
-#include "descriptor/deal/pool.h"
+#include "descriptor/deal/primitives.h"
 #include "tests/unit/deal_golden.h"
 
 namespace pliant::deal {

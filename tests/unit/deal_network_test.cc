@@ -8,7 +8,6 @@
 #include <thread>
 
 #include "descriptor/base/error.h"
-#include "descriptor/deal/deal.h"
 #include "descriptor/features/descriptor.h"
 #include "tests/unit/deal_golden.h"
 #include "tests/unit/wavy_image.h"
@@ -155,8 +154,8 @@ TEST(DealNetworkTest, RefusesKeypointsAndImagesByName) {
 }
 
 TEST(DealNetworkTest, DescriptorInterface) {
-  const auto deal = MakeDealDescriptor(ModelPath(), DealVariant::kWarped);
-  const auto fixed = MakeDealDescriptor(ModelPath(), DealVariant::kFixed);
+  const auto deal = MakeDescriptor("deal", {ModelPath()});
+  const auto fixed = MakeDescriptor("deal-fixed", {ModelPath()});
   const std::string hash = SharedNetwork().weights().sha256.substr(0, 16);
   EXPECT_EQ(deal->info().model_id, "deal:" + hash);
   EXPECT_EQ(fixed->info().model_id, "deal-fixed:" + hash);

@@ -15,7 +15,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
-#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/image_files.h"
 
@@ -246,14 +245,14 @@ TEST(FeatureExtractor, DecodedImagesGiveWhatEncodedOnesDo) {
   EXPECT_THROW(extractor.ExtractFrom(Image{}, 1), Error);
 }
 
-TEST(FeatureExtractor, FaintKeypointsCountWhereSmallImagesAreEnlarged) {
+TEST(FeatureExtractor, LowContrastKeypointsCountWhereSmallImagesAreEnlarged) {
   const Image grey = CopyFromMat(testing::NoiseImage(300, 200, 4));
   const FeatureExtractor plain(MakeDescriptor("orb"), {});
   EXPECT_EQ(plain.ExtractFrom(grey, 1).keypoints, DetectKeypoints(grey));
-  const FeatureExtractor faint = plain.WithEnlargeBelow(1);  // which never enlarges this one
-  EXPECT_EQ(faint.ExtractFrom(grey, 1).keypoints, DetectFaintKeypoints(grey));
+  const FeatureExtractor low_contrast = plain.WithEnlargeBelow(1);  // which never enlarges this one
+  EXPECT_EQ(low_contrast.ExtractFrom(grey, 1).keypoints, DetectLowContrastKeypoints(grey));
   const auto all = plain.WithEnlargeBelow(1 << 20).ExtractFrom(grey, 1).keypoints;
-  EXPECT_GT(all.size(), DetectFaintKeypoints(grey).size());
+  EXPECT_GT(all.size(), DetectLowContrastKeypoints(grey).size());
 }
 
 TEST(FeatureExtractor, FlatImageHasNoRows) {

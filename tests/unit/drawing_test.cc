@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/plot/drawing.h"
+#include "descriptor/drawing/drawing.h"
 
 #include <cstdlib>
 #include <limits>
@@ -12,7 +12,6 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/plot/lettering.h"
 
 namespace pliant {
 namespace {

@@ -119,7 +119,7 @@ TEST_F(ExamplesTest, TwoImagesAreCompared) {
 }
 
 // The first image is a small part of the second: 32 of 900 pixels wide.
-TEST_F(ExamplesTest, AComparisonLooksCloserWhereNothingIsFound) {
+TEST_F(ExamplesTest, AComparisonMakesASecondPassIfNothingIsFound) {
   Engine engine(Options());
   const Image print = RandomImage(1, 320, 240);
   const Image small = ResizeImage(print, 32, 24);

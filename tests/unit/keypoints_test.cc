@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/faint_keypoints.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/image_files.h"
 
@@ -65,34 +64,35 @@ Image Pale(Image image, int divisor) {
   return image;
 }
 
-TEST(DetectFaintKeypoints, FindsWhatIsPaleAndKeepsTheStrongOnesFirst) {
+TEST(DetectLowContrastKeypoints, FindsWhatIsPaleAndKeepsTheStrongOnesFirst) {
   const Image image = Noise(320, 240, 5);
   const auto strong = DetectKeypoints(image, {.max_keypoints = 4096});
-  const auto faint = DetectFaintKeypoints(image, {.max_keypoints = 4096});
-  EXPECT_GT(faint.size(), strong.size());
-  ASSERT_GE(faint.size(), strong.size());
-  EXPECT_TRUE(std::equal(strong.begin(), strong.end(), faint.begin()));
+  const auto low_contrast = DetectLowContrastKeypoints(image, {.max_keypoints = 4096});
+  EXPECT_GT(low_contrast.size(), strong.size());
+  ASSERT_GE(low_contrast.size(), strong.size());
+  EXPECT_TRUE(std::equal(strong.begin(), strong.end(), low_contrast.begin()));
   const int most = static_cast<int>(strong.size() / 2);
-  EXPECT_EQ(DetectFaintKeypoints(image, {.max_keypoints = most}),
+  EXPECT_EQ(DetectLowContrastKeypoints(image, {.max_keypoints = most}),
             DetectKeypoints(image, {.max_keypoints = most}));
 
   const Image pale = Pale(image, 6);
   const auto found = DetectKeypoints(pale).size();
-  EXPECT_GT(DetectFaintKeypoints(pale).size(), 2 * found + 10);
-  EXPECT_TRUE(DetectFaintKeypoints(Pale(image, 64)).empty()) << "noise of one grey level";
-  EXPECT_THROW(DetectFaintKeypoints(image, {.max_keypoints = 0}), Error);
+  EXPECT_GT(DetectLowContrastKeypoints(pale).size(), 2 * found + 10);
+  EXPECT_TRUE(DetectLowContrastKeypoints(Pale(image, 64)).empty()) << "noise of one grey level";
+  EXPECT_THROW(DetectLowContrastKeypoints(image, {.max_keypoints = 0}), Error);
 }
 
-TEST(ContrastWeights, FaintKeypointsCountLessTheFainterTheyAre) {
+TEST(ContrastWeights, LowContrastKeypointsCountLessTheLowerTheirContrast) {
   const Image image = Noise(320, 240, 5);
   for (const float weight : ContrastWeights(DetectKeypoints(image, {.max_keypoints = 4096}))) {
     EXPECT_EQ(weight, 1.0F);
   }
-  const auto faint = ContrastWeights(DetectFaintKeypoints(Pale(image, 6), {.max_keypoints = 4096}));
-  ASSERT_FALSE(faint.empty());
-  EXPECT_TRUE(std::is_sorted(faint.rbegin(), faint.rend())) << "strongest first";
-  EXPECT_LT(faint.back(), 0.6F);
-  EXPECT_GT(faint.back(), 0.49F) << "half of SIFT's threshold is the least that is detected";
+  const auto low_contrast =
+      ContrastWeights(DetectLowContrastKeypoints(Pale(image, 6), {.max_keypoints = 4096}));
+  ASSERT_FALSE(low_contrast.empty());
+  EXPECT_TRUE(std::is_sorted(low_contrast.rbegin(), low_contrast.rend())) << "strongest first";
+  EXPECT_LT(low_contrast.back(), 0.6F);
+  EXPECT_GT(low_contrast.back(), 0.49F) << "half of SIFT's threshold is the least that is detected";
   EXPECT_EQ(ContrastWeights(std::vector<Keypoint>(2)), std::vector<float>(2, 1.0F)) << "unknown";
 }
 

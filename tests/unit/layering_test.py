@@ -13,7 +13,7 @@ APART = ("server", "python")  # both stand on index, and know nothing of each ot
 # The rooms of a folder, bottom to top; those of one floor (a tuple) do not know each other. A room
 # that is not named here is a problem, too.
 ROOMS = {
-    "descriptor": ["base", "image", "warp", "simulation", "features", "match", "plot", "deal",
+    "descriptor": ["base", "image", "warp", "simulation", "features", "match", "drawing", "deal",
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sql", "store/sqlite", "store/postgres", "rank", "verify", "engine", "json",
               "import", "tracking", "evaluation", "usage", "cli"],
@@ -38,7 +38,7 @@ OWNERS = {
     "libpq-fe.h": {"index/store/postgres"},
     "httplib": {"server"},
     "curl/": {"server/fetch"},
-    "pango/": {"descriptor/plot"},
+    "pango/": {"descriptor/drawing"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
 }

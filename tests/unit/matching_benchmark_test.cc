@@ -6,7 +6,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "descriptor/evaluation/pair_order.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_folder.h"
 #include "tests/unit/expect_error.h"

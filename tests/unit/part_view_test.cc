@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "descriptor/features/closer_keypoints.h"
 #include "descriptor/features/descriptor.h"
+#include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/image/cv_image.h"
 #include "tests/unit/image_files.h"
 
@@ -149,19 +149,19 @@ TEST(ExtractPart, LargeImagesShowMoreInAPart) {
       << "the part has 300 pixels either way";
 }
 
-TEST(LookCloser, OfAPartAddsKeypointsInIt) {
+TEST(ExtractSecondPass, OfAPartAddsKeypointsInIt) {
   const auto bytes = NoiseFile(1600, 1200, 8);
   const Region part{800, 600, 300, 200};
   const FeatureExtractor extractor = Extractor();
   const Features known = extractor.ExtractPart(bytes, part, 1);
-  const auto closer = extractor.LookCloser(bytes, known, part, 1);
-  ASSERT_TRUE(closer);
-  EXPECT_GT(closer->keypoints.size(), known.keypoints.size());
-  EXPECT_EQ(closer->descriptors.rows, closer->keypoints.size());
-  for (const Keypoint& k : closer->keypoints) EXPECT_TRUE(Contains(part, k.x, k.y));
+  const auto second_pass = extractor.ExtractSecondPass(bytes, known, part, 1);
+  ASSERT_TRUE(second_pass);
+  EXPECT_GT(second_pass->keypoints.size(), known.keypoints.size());
+  EXPECT_EQ(second_pass->descriptors.rows, second_pass->keypoints.size());
+  for (const Keypoint& k : second_pass->keypoints) EXPECT_TRUE(Contains(part, k.x, k.y));
   EXPECT_TRUE(
-      std::equal(known.keypoints.begin(), known.keypoints.end(), closer->keypoints.begin()));
-  EXPECT_FALSE(extractor.LookCloser(bytes, known, Region{5000, 0, 10, 10}, 1));
+      std::equal(known.keypoints.begin(), known.keypoints.end(), second_pass->keypoints.begin()));
+  EXPECT_FALSE(extractor.ExtractSecondPass(bytes, known, Region{5000, 0, 10, 10}, 1));
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Coarse-to-fine search of large vocabularies against trying all words.
-#include "vocab/word_groups.h"
-
 #include <algorithm>
 #include <numeric>
 #include <random>

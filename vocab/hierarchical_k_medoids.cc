@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "vocab/medoid_tree.h"
+#include "vocab/hierarchical_k_medoids.h"
 
 #include <algorithm>
 #include <atomic>
@@ -31,25 +31,6 @@ constexpr std::size_t kRowsATask = 1024;
 constexpr double kJudgedDistances = 2e9;
 constexpr double kBranchShare = 0.2;  // of the progress
 constexpr double kLeafShare = 0.6;
-
-// `count` of the rows drawn at random, ascending; all when there are no more.
-Rows Draw(const Rows& rows, std::size_t count, std::uint64_t seed) {
-  if (rows.size() <= count) return rows;
-  std::mt19937_64 random(seed);
-  Rows drawn = rows;
-  for (std::size_t i = 0; i < count; ++i) {
-    std::swap(drawn[i], drawn[i + random() % (drawn.size() - i)]);
-  }
-  drawn.resize(count);
-  std::sort(drawn.begin(), drawn.end());
-  return drawn;
-}
-
-Rows AllRows(std::size_t n) {
-  Rows rows(n);
-  std::iota(rows.begin(), rows.end(), 0U);
-  return rows;
-}
 
 struct Branch {
   Rows members;
@@ -94,12 +75,12 @@ void ShareOut(std::vector<Branch>& branches, std::size_t k) {
   }
 }
 
-class Tree {
+class Hierarchy {
  public:
-  Tree(const Descriptors& samples, const KMedoidsOptions& options)
+  Hierarchy(const Descriptors& samples, const KMedoidsOptions& options)
       : samples_(samples), options_(options), threads_(ResolveThreads(options.threads)) {}
 
-  MedoidTreeResult Go() {
+  HierarchicalKMedoidsResult Go() {
     const auto k = static_cast<std::size_t>(options_.k);
     std::vector<Branch> branches = MakeBranches();
     ShareOut(branches, k);
@@ -111,7 +92,7 @@ class Tree {
                  kLeafShare * static_cast<double>(++done) / static_cast<double>(branches.size()),
              0);
     });
-    MedoidTreeResult result;
+    HierarchicalKMedoidsResult result;
     for (const Rows& leaf : leaves) {
       result.medoids.insert(result.medoids.end(), leaf.begin(), leaf.end());
     }
@@ -146,7 +127,7 @@ class Tree {
   }
 
   std::vector<Branch> MakeBranches() {
-    const Rows drawn = Draw(AllRows(samples_.rows), kBranchSamples, options_.seed);
+    const Rows drawn = DrawRows(AllRows(samples_.rows), kBranchSamples, options_.seed);
     // The work is about n (b + k / b) distances for b branches: least at b = sqrt(k).
     const auto wanted = static_cast<int>(std::ceil(std::sqrt(options_.k)));
     const Descriptors subset = SelectRows(samples_, drawn);
@@ -186,10 +167,10 @@ class Tree {
     if (distinct.size() == branch.medoids) return distinct;
     const std::uint64_t seed = options_.seed + 1 + number;
     const std::size_t enough = std::max(kLeafSamples, kSamplesAMedoid * branch.medoids);
-    Rows drawn = Draw(branch.members, std::min(enough, kMaxKMedoidsSamples), seed);
+    Rows drawn = DrawRows(branch.members, std::min(enough, kMaxKMedoidsSamples), seed);
     // The draw must leave as many different samples as there will be medoids.
     if (DistinctRows(samples_, drawn).size() < branch.medoids) {
-      drawn = Draw(distinct, std::min(enough, kMaxKMedoidsSamples), seed);
+      drawn = DrawRows(distinct, std::min(enough, kMaxKMedoidsSamples), seed);
     }
     const KMedoidsResult leaf =
         KMedoids(SelectRows(samples_, drawn), Part(static_cast<int>(branch.medoids), seed, 1));
@@ -198,11 +179,11 @@ class Tree {
     return medoids;
   }
 
-  void Judge(MedoidTreeResult* result) {
+  void Judge(HierarchicalKMedoidsResult* result) {
     const auto affordable =
         static_cast<std::size_t>(kJudgedDistances / static_cast<double>(result->medoids.size()));
     result->judged =
-        Draw(AllRows(samples_.rows), std::max<std::size_t>(affordable, 1000), options_.seed);
+        DrawRows(AllRows(samples_.rows), std::max<std::size_t>(affordable, 1000), options_.seed);
     double loss = 0;
     for (const NearestTwo& nearest : NearestOf(result->judged, result->medoids)) {
       result->assignment.push_back(nearest.index);
@@ -219,6 +200,24 @@ class Tree {
 };
 
 }  // namespace
+
+Rows DrawRows(const Rows& rows, std::size_t count, std::uint64_t seed) {
+  if (rows.size() <= count) return rows;
+  std::mt19937_64 random(seed);
+  Rows drawn = rows;
+  for (std::size_t i = 0; i < count; ++i) {
+    std::swap(drawn[i], drawn[i + random() % (drawn.size() - i)]);
+  }
+  drawn.resize(count);
+  std::sort(drawn.begin(), drawn.end());
+  return drawn;
+}
+
+Rows AllRows(std::size_t n) {
+  Rows rows(n);
+  std::iota(rows.begin(), rows.end(), 0U);
+  return rows;
+}
 
 std::string_view RowBytes(const Descriptors& d, std::size_t row) {
   if (d.kind == DescriptorKind::kFloat) {
@@ -238,7 +237,8 @@ std::vector<std::uint32_t> DistinctRows(const Descriptors& descriptors,
   return kept;
 }
 
-MedoidTreeResult MedoidTree(const Descriptors& samples, const KMedoidsOptions& options) {
+HierarchicalKMedoidsResult HierarchicalKMedoids(const Descriptors& samples,
+                                                const KMedoidsOptions& options) {
   CheckDescriptors(samples, "k-medoids samples");
   const std::size_t different = DistinctRows(samples, AllRows(samples.rows)).size();
   if (options.k < 1 || static_cast<std::size_t>(options.k) > different) {
@@ -246,7 +246,7 @@ MedoidTreeResult MedoidTree(const Descriptors& samples, const KMedoidsOptions& o
                 "k = " + std::to_string(options.k) + " is outside 1.." + std::to_string(different) +
                     ", the number of different samples.");
   }
-  return Tree(samples, options).Go();
+  return Hierarchy(samples, options).Go();
 }
 
 }  // namespace pliant

@@ -10,7 +10,7 @@
 #include "descriptor/image/image.h"
 #include "descriptor/warp/tps.h"
 
-namespace pliant::evaluation {
+namespace pliant {
 
 enum class Verdict { kUnknown, kTrue, kFalse };
 
@@ -25,4 +25,4 @@ struct DrawnMatch {
 Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
                   std::span<const Vec2> outline, const std::string& caption);
 
-}  // namespace pliant::evaluation
+}  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "vocab/medoid_tree.h"
+#include "vocab/hierarchical_k_medoids.h"
 
 #include <algorithm>
 #include <limits>
@@ -40,59 +40,60 @@ Descriptors Clustered(std::size_t rows, bool binary, std::uint64_t seed) {
   return noise;
 }
 
-class MedoidTreeKinds : public ::testing::TestWithParam<bool> {};
+class HierarchicalKinds : public ::testing::TestWithParam<bool> {};
 
-TEST_P(MedoidTreeKinds, IsNearlyAsGoodAsFasterPam) {
+TEST_P(HierarchicalKinds, IsNearlyAsGoodAsFasterPam) {
   const Descriptors samples = Clustered(2500, GetParam(), 1);
   for (const int k : {2, 60, 300}) {
     KMedoidsOptions options;
     options.k = k;
     options.threads = 2;
-    const MedoidTreeResult tree = MedoidTree(samples, options);
-    ASSERT_EQ(tree.medoids.size(), static_cast<std::size_t>(k));
-    EXPECT_TRUE(std::is_sorted(tree.medoids.begin(), tree.medoids.end()));
-    EXPECT_EQ(DistinctRows(samples, tree.medoids).size(), tree.medoids.size());
+    const HierarchicalKMedoidsResult result = HierarchicalKMedoids(samples, options);
+    ASSERT_EQ(result.medoids.size(), static_cast<std::size_t>(k));
+    EXPECT_TRUE(std::is_sorted(result.medoids.begin(), result.medoids.end()));
+    EXPECT_EQ(DistinctRows(samples, result.medoids).size(), result.medoids.size());
     const double exact = KMedoids(samples, options).loss / 2500;
-    EXPECT_LT(tree.mean_loss, 1.12 * exact) << k;
-    EXPECT_GT(tree.mean_loss, 0.97 * exact) << k;
+    EXPECT_LT(result.mean_loss, 1.12 * exact) << k;
+    EXPECT_GT(result.mean_loss, 0.97 * exact) << k;
   }
 }
 
-TEST_P(MedoidTreeKinds, TheReportedLossIsThatOfTheNearestMedoids) {
+TEST_P(HierarchicalKinds, TheReportedLossIsThatOfTheNearestMedoids) {
   const Descriptors samples = Clustered(1500, GetParam(), 2);
   KMedoidsOptions options;
   options.k = 50;
-  const MedoidTreeResult tree = MedoidTree(samples, options);
-  ASSERT_EQ(tree.judged.size(), 1500U);  // few enough to look at all
+  const HierarchicalKMedoidsResult result = HierarchicalKMedoids(samples, options);
+  ASSERT_EQ(result.judged.size(), 1500U);  // few enough to look at all
   double loss = 0;
-  for (std::size_t i = 0; i < tree.judged.size(); ++i) {
+  for (std::size_t i = 0; i < result.judged.size(); ++i) {
     double best = std::numeric_limits<double>::infinity();
-    for (const std::uint32_t m : tree.medoids) {
-      best = std::min(best, PlainDistance(samples, tree.judged[i], samples, m));
+    for (const std::uint32_t m : result.medoids) {
+      best = std::min(best, PlainDistance(samples, result.judged[i], samples, m));
     }
-    EXPECT_NEAR(PlainDistance(samples, tree.judged[i], samples, tree.medoids[tree.assignment[i]]),
-                best, 1e-3);
+    EXPECT_NEAR(
+        PlainDistance(samples, result.judged[i], samples, result.medoids[result.assignment[i]]),
+        best, 1e-3);
     loss += best;
   }
-  EXPECT_NEAR(tree.mean_loss, loss / 1500, 1e-3);
+  EXPECT_NEAR(result.mean_loss, loss / 1500, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, MedoidTreeKinds, ::testing::Bool(),
+INSTANTIATE_TEST_SUITE_P(Kinds, HierarchicalKinds, ::testing::Bool(),
                          [](const auto& test) { return test.param ? "binary" : "floats"; });
 
-TEST(MedoidTree, TheSameSeedGivesTheSameMedoidsWithAnyThreads) {
+TEST(HierarchicalKMedoids, TheSameSeedGivesTheSameMedoidsWithAnyThreads) {
   const Descriptors samples = Clustered(8300, false, 3);
   KMedoidsOptions options;
   options.k = 100;
   options.threads = 1;
-  const auto one = MedoidTree(samples, options);
+  const auto one = HierarchicalKMedoids(samples, options);
   options.threads = 3;
-  EXPECT_EQ(MedoidTree(samples, options).medoids, one.medoids);
+  EXPECT_EQ(HierarchicalKMedoids(samples, options).medoids, one.medoids);
   options.seed = 2;
-  EXPECT_NE(MedoidTree(samples, options).medoids, one.medoids);
+  EXPECT_NE(HierarchicalKMedoids(samples, options).medoids, one.medoids);
 }
 
-TEST(MedoidTree, EqualSamplesNeverMakeEqualMedoids) {
+TEST(HierarchicalKMedoids, EqualSamplesNeverMakeEqualMedoids) {
   // 30 different samples, most of them thousands of times.
   Descriptors samples = Descriptors::Float(6000, 4);
   const Descriptors different = RandomFloats(30, 4, 5);
@@ -103,16 +104,18 @@ TEST(MedoidTree, EqualSamplesNeverMakeEqualMedoids) {
   }
   KMedoidsOptions options;
   options.k = 30;
-  const auto all = MedoidTree(samples, options);
+  const auto all = HierarchicalKMedoids(samples, options);
   EXPECT_EQ(DistinctRows(samples, all.medoids).size(), 30U);
   EXPECT_NEAR(all.mean_loss, 0, 1e-3);
   options.k = 31;
-  ExpectError(ErrorCode::kInvalidArgument, "bad_k", [&] { MedoidTree(samples, options); });
+  ExpectError(ErrorCode::kInvalidArgument, "bad_k",
+              [&] { HierarchicalKMedoids(samples, options); });
   options.k = 0;
-  ExpectError(ErrorCode::kInvalidArgument, "bad_k", [&] { MedoidTree(samples, options); });
+  ExpectError(ErrorCode::kInvalidArgument, "bad_k",
+              [&] { HierarchicalKMedoids(samples, options); });
 }
 
-TEST(MedoidTree, ReportsProgressAndStops) {
+TEST(HierarchicalKMedoids, ReportsProgressAndStops) {
   const Descriptors samples = Clustered(5000, false, 6);
   KMedoidsOptions options;
   options.k = 64;
@@ -122,17 +125,17 @@ TEST(MedoidTree, ReportsProgressAndStops) {
     EXPECT_LE(done, 1);
     before = done;
   };
-  MedoidTree(samples, options);
+  HierarchicalKMedoids(samples, options);
   EXPECT_EQ(before, 1);
   std::stop_source source;
   options.stop = source.get_token();
   options.progress = [&](double done, double) {
     if (done > 0.25) source.request_stop();
   };
-  ExpectError(ErrorCode::kCancelled, "cancelled", [&] { MedoidTree(samples, options); });
+  ExpectError(ErrorCode::kCancelled, "cancelled", [&] { HierarchicalKMedoids(samples, options); });
 }
 
-TEST(MedoidTree, LargeSamplesMakeVocabulariesWithCodebooks) {
+TEST(HierarchicalKMedoids, LargeSamplesMakeVocabulariesWithCodebooks) {
   const Descriptors samples = Clustered(kMaxExactSamples + 1, false, 7);
   KMedoidsOptions options;
   options.k = 200;

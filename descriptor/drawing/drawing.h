@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lines, dots and text on colour images: matches, outlines, meshes. Everything is clipped
-// at the image's border and anti-aliased. Points are in pixels, pixel
-// centres at integers. The images drawn on must have 3 channels: kInvalidArgument otherwise.
+// Lines, dots and text on colour images: matches, outlines, meshes. Everything is clipped at the
+// image's border and anti-aliased. Points are in pixels, pixel centres at integers. The images
+// drawn on must have 3 channels: kInvalidArgument otherwise. Thread-safe for different images.
 #pragma once
 
 #include <cstdint>
@@ -44,9 +44,12 @@ void DrawPolyline(Image& on, std::span<const Vec2> points, bool closed, Colour c
 void DrawDot(Image& on, Vec2 centre, double radius_px, Colour colour);
 void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 
-// One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts (see lettering.h).
-// `height_px`: of a capital letter. On a system without fonts the letters are OpenCV's: what is not
-// ASCII is then drawn as '?', one a character.
+// Whether the system has a font.
+bool HasFonts();
+
+// One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts: any script that has
+// a font. `height_px`: of a capital letter, 1 or more. Control characters and invalid bytes become
+// U+FFFD. Without fonts the letters are OpenCV's: '?' for each character that is not ASCII.
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px = 12);
 // Width of one line in pixels.

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/evaluation/match_drawing.h"
+#include "descriptor/drawing/match_drawing.h"
 
 #include <algorithm>
 #include <array>
 #include <utility>
 #include <vector>
 
-#include "descriptor/plot/drawing.h"
+#include "descriptor/drawing/drawing.h"
 
-namespace pliant::evaluation {
+namespace pliant {
 namespace {
 
 constexpr int kZoom = 2;  // drawn at twice the size and scaled down, so that thin lines are smooth
@@ -58,4 +58,4 @@ Image DrawMatches(const Image& first, const Image& second, std::span<const Drawn
   return ResizeImage(sheet, width, height + kCaptionHeight_px);
 }
 
-}  // namespace pliant::evaluation
+}  // namespace pliant
