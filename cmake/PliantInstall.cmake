@@ -58,8 +58,6 @@ set(PLIANT_PUBLIC_HEADERS
     index/records/explanation.h
     index/records/filter.h
     index/records/location.h
-    index/records/changes.h
-    index/records/comparison.h
     index/records/listing.h
     index/records/records.h
     index/records/search.h

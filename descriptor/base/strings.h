@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Small tools for text. Only letters of ASCII have a case here; index/files/fold_case.h knows all.
+// Small tools for text. Only letters of ASCII have a case here; index/files/text.h knows all.
 #pragma once
 
 #include <string>

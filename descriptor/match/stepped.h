@@ -62,7 +62,7 @@ const std::vector<StepKernelSet>& StepKernels();
 class SteppedDescriptors {
  public:
   // Nothing unless every row is a scale times whole numbers -127..127 of which the largest is 127,
-  // as features read from the database are (index/store/feature_codec.h); nor for bits, for more
+  // as features read from the database are (index/store/blob_codec.h); nor for bits, for more
   // than 1024 components, or on a processor that is faster with floats.
   static std::optional<SteppedDescriptors> Of(const Descriptors& descriptors);
 

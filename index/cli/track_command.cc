@@ -21,7 +21,7 @@
 #include "index/cli/write_file.h"
 #include "index/files/image_files.h"
 #include "index/files/text.h"
-#include "index/json/location_json.h"
+#include "index/json/result_json.h"
 #include "index/tracking/pipeline.h"
 #include "index/tracking/track_image.h"
 

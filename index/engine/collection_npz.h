@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "index/engine/engine.h"
-#include "index/files/npz_archive.h"
+#include "index/files/features_npz.h"
 
 namespace pliant {
 

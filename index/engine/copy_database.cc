@@ -3,27 +3,24 @@
 #include "index/engine/copy_database.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <future>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "index/files/durable_file.h"
 #include "index/files/text.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/open_store.h"
-#include "index/store/quantize_batch.h"
-#include "index/store/vocabulary_rows.h"
 
 namespace pliant {
 namespace {
 
+constexpr int kReaders = 32;  // images that are read at once, while the database waits
 constexpr std::uint64_t kBytesTogether = 64 << 20;  // of features and uploaded bytes, in one commit
 
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
@@ -184,25 +181,7 @@ class Copy {
   }
 
   void Read(const std::string& collection, Together& together) {
-    std::atomic<std::size_t> next{0};
-    std::mutex mutex;
-    std::exception_ptr failure;
-    const auto work = [&] {
-      try {
-        for (std::size_t i = next++; i < together.size(); i = next++) Read(collection, together[i]);
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        if (!failure) failure = std::current_exception();
-        next = together.size();
-      }
-    };
-    {
-      std::vector<std::jthread> readers;
-      const auto count =
-          std::min<std::size_t>(static_cast<std::size_t>(options_.readers), together.size());
-      for (std::size_t i = 0; i < count; ++i) readers.emplace_back(work);
-    }
-    if (failure) std::rethrow_exception(failure);
+    ParallelFor(together.size(), kReaders, [&](std::size_t i) { Read(collection, together[i]); });
     result_.without_content += static_cast<std::uint64_t>(std::count_if(
         together.begin(), together.end(), [](const Copied& one) { return !one.has_content; }));
   }
@@ -256,19 +235,6 @@ class Copy {
     return 0;
   }
 
-  void Quantize(const std::string& collection, Key vocabulary, const Quantizer& quantizer) {
-    const Key in = to_->catalogue().RequireCollection(collection).key;
-    std::int64_t after = 0;
-    while (true) {
-      ThrowIfStopped();
-      const std::vector<StoredFeatures> batch =
-          to_->catalogue().LoadUnquantized(in, vocabulary, after, kImagesABatch);
-      if (batch.empty()) return;
-      to_->writer().AddWords(vocabulary, QuantizeBatch(quantizer, batch, 0));
-      after = batch.back().version;
-    }
-  }
-
   void CopyVocabularies(const std::string& collection) {
     for (const VocabularyRecord& record : from_->catalogue().ListVocabularies(collection)) {
       const auto vocabulary = from_->catalogue().ReadVocabulary(record.id);
@@ -280,7 +246,10 @@ class Copy {
                                           *vocabulary);
       }
       const bool automatic = from_->catalogue().DescribeCollection(collection).automatic;
-      if (is_new || record.active) Quantize(collection, key, quantizer);
+      if (is_new || record.active) {
+        to_->writer().Quantize(to_->catalogue().RequireCollection(collection).key, key, quantizer,
+                               /*threads=*/0, [this](std::uint64_t) { ThrowIfStopped(); });
+      }
       if (is_new) {
         to_->writer().FinishVocabulary(collection, key, quantizer, automatic);
         ++result_.vocabularies;

@@ -18,7 +18,6 @@ namespace pliant {
 struct CopyOptions {
   std::filesystem::path from;  // files or URLs (database_url.h)
   std::filesystem::path to;    // made when it does not exist
-  int readers = 32;            // images that are read at once
   int commit_every = 250;      // images that are written in one commit, or as many as 64 MiB hold
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // images; one at a time
   std::stop_token stop;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The facade of the index: one database, many threads. All access to images, vocabularies and
-// searches goes through it; API keys and jobs of a server have a facade of their own
-// (index/store/service_store.h), and verification can be used without a database
+// The facade of the index: one database, many threads. An Engine has four faces: its images, its
+// searches, its vocabularies, and its maintenance. API keys and jobs of a server have a facade of
+// their own (index/store/service_store.h), and verification can be used without a database
 // (index/verify/verification.h).
 //
 // Thread safety: every method may be called from any thread. Searches run on an immutable
@@ -14,14 +14,13 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "descriptor/features/descriptor.h"
-#include "index/records/changes.h"
-#include "index/records/comparison.h"
 #include "index/records/listing.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
@@ -80,15 +79,11 @@ inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string&
   return text == "database" ? std::filesystem::path() : std::filesystem::path(text);
 }
 
-class Engine {
- public:
-  // Opens or makes the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
-  // database", "other_schema"), kConflict, kUnavailable.
-  explicit Engine(EngineOptions options);
-  ~Engine();
-  Engine(const Engine&) = delete;
-  Engine& operator=(const Engine&) = delete;
+class EngineCore;  // what the faces share (engine_core.h)
 
+// Collections, images and objects.
+class EngineImages {
+ public:
   // Collections: separate images, objects and vocabularies. `default` is there from the start and
   // cannot be removed. Create: false = it was there. Remove: with all it holds; false = it was not.
   bool CreateCollection(const std::string& name);
@@ -159,6 +154,16 @@ class Engine {
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 
+ protected:
+  explicit EngineImages(EngineCore* core) : core_(*core) {}
+
+ private:
+  EngineCore& core_;
+};
+
+// What is in an image.
+class EngineSearch {
+ public:
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
   // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
@@ -193,7 +198,17 @@ class Engine {
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
                         int threads);
 
-  // Vocabularies. Training makes a new version beside the old and re-quantises the images from
+ protected:
+  explicit EngineSearch(EngineCore* core) : core_(*core) {}
+
+ private:
+  EngineCore& core_;
+};
+
+// Vocabularies.
+class EngineVocabularies {
+ public:
+  // Training makes a new version beside the old and re-quantises the images from
   // their stored descriptors; UseVocabulary switches atomically.
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
@@ -202,6 +217,17 @@ class Engine {
   // Images that UseVocabulary would have to quantise first.
   std::uint64_t CountUnquantized(const std::string& collection, std::int64_t id);
 
+ protected:
+  explicit EngineVocabularies(EngineCore* core) : core_(*core) {}
+
+ private:
+  EngineCore& core_;
+  std::mutex training_mutex_;  // one training at a time
+};
+
+// The database as a whole.
+class EngineMaintenance {
+ public:
   EngineStats Stats();
   // Every invariant of the database; empty = sound. Each problem is a sentence.
   std::vector<std::string> Check();
@@ -218,9 +244,29 @@ class Engine {
   // the originals' directory: copy that afterwards. `stop`: then kCancelled "cancelled".
   void Backup(const std::filesystem::path& target, const std::stop_token& stop = {});
 
+ protected:
+  explicit EngineMaintenance(EngineCore* core) : core_(*core) {}
+
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  EngineCore& core_;
+};
+
+class Engine : public EngineImages,
+               public EngineSearch,
+               public EngineVocabularies,
+               public EngineMaintenance {
+ public:
+  // Opens or makes the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
+  // database", "other_schema"), kConflict, kUnavailable.
+  explicit Engine(EngineOptions options);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+ private:
+  explicit Engine(std::unique_ptr<EngineCore> core);
+
+  std::unique_ptr<EngineCore> core_;
 };
 
 }  // namespace pliant

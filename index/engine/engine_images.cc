@@ -1,23 +1,29 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: adding and reading images.
+// The face of an engine that has the images, with their collections and objects.
 #include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
 #include "descriptor/base/stopwatch.h"
-#include "index/engine/engine.h"
-#include "index/engine/engine_impl.h"
+#include "index/engine/engine_core.h"
 #include "index/files/names.h"
 #include "index/files/text.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/refusals.h"
 
 namespace pliant {
 namespace {
 
 constexpr std::size_t kGeneratedIdDigits = 32;
+
+void CheckPage(int limit) {
+  if (limit < 1 || limit > 1000) {
+    throw Error(ErrorCode::kInvalidArgument, "limit_invalid",
+                "limit must be 1 to 1000, not " + std::to_string(limit));
+  }
+}
 
 void CheckEnough(std::size_t keypoints) {
   if (keypoints >= kMinKeypoints) return;
@@ -27,56 +33,17 @@ void CheckEnough(std::size_t keypoints) {
                   " are the least: it is too plain, too small or too blurred to be recognised");
 }
 
-}  // namespace
-
-std::function<AddResult()> Engine::Impl::BeginAdd(const AddRequest& original,
-                                                  const ImageCheck& check) {
-  struct Pending {
-    AddRequest request;
-    std::optional<ImagePut> put;
-    AddResult result;
-  };
-  const auto pending = std::make_shared<Pending>();
-  AddRequest& request = pending->request = original;
-  if (request.id) CheckImageId(*request.id);
-  CheckObject(request.object);
-  request.source = ToDisplayText(request.source);  // a file's name is no choice: not refused
-  CheckSource(request.source);
-  request.metadata = CanonicalMetadata(request.metadata);
-  if (check && request.id) {
-    const auto now = catalogue().FindImage(request.collection, *request.id);
-    check(now ? &*now : nullptr);
-  }
-  const std::string sha256 = Sha256Hex(request.bytes);
-  if (auto unchanged = catalogue().FindUnchanged(request, sha256)) {
-    pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
-    return [this, pending] {
-      writer().RestoreContent(pending->result.image, pending->request.bytes);
-      return pending->result;
-    };
-  }
-  pending->put.emplace(Prepare(request, sha256, &pending->result.timings));
-  pending->put->check = check;
-  return [this, pending] {
-    const Stopwatch writing;
-    PutOutcome stored = writer().Put(*pending->put);
-    pending->result.timings.database_ms = writing.ms();
-    pending->result.outcome = stored.outcome;
-    pending->result.image = std::move(stored.image);
-    return pending->result;
-  };
-}
-
-ImagePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha256,
-                               AddTimings* timings) {
+// Everything about a new image that takes time.
+ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string& sha256,
+                 AddTimings* timings) {
   ImagePut put{.request = request};
   ImageRecord& record = put.record;
-  if (auto described = catalogue().FindDescribed(sha256)) {
+  if (auto described = core.catalogue().FindDescribed(sha256)) {
     record = std::move(described->record);
     put.encoded = std::move(described->features);
     put.features = DecodeFeatures(put.encoded);
   } else {
-    const FeatureExtractor& extract = request.as_query ? query_extractor() : extractor();
+    const FeatureExtractor& extract = request.as_query ? core.query_extractor() : core.extractor();
     const Stopwatch decoding;
     const DecodedImage decoded = extract.Decode(request.bytes);
     timings->extraction.decode_ms = decoding.ms();
@@ -96,7 +63,7 @@ ImagePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha
   record.metadata = request.metadata;
   record.source = request.source;
   record.bytes = request.bytes.size();
-  const CollectionView view = View(request.collection);
+  const CollectionView view = core.View(request.collection);
   if (view.has_vocabulary()) {
     const Stopwatch quantizing;
     put.vocabulary = view.vocabulary;
@@ -105,97 +72,199 @@ ImagePut Engine::Impl::Prepare(const AddRequest& request, const std::string& sha
         view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
     timings->quantize_ms = quantizing.ms();
   }
-  put.keep_content = options_.keep_originals;
+  put.keep_content = core.keeps_originals();
   return put;
 }
 
-ImageRecord Engine::Impl::Get(const std::string& collection, const std::string& id) {
-  auto found = catalogue().FindImage(collection, id);
-  if (!found) throw refusals::NoImage(collection, id);
-  return *std::move(found);
-}
+}  // namespace
 
-ImageRecord Engine::Impl::Change(const std::string& collection, const std::string& id,
-                                 const ImageChange& change) {
-  if (change.object) CheckObject(*change.object);
-  if (change.source) CheckSource(*change.source);
-  return writer().ChangeImage(collection, id, change);
-}
-
-ObjectRecord Engine::Impl::ChangeObject(const std::string& collection, const std::string& object,
-                                        const ObjectChange& change) {
-  CheckObject(change.name);
-  if (change.name.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "object_invalid", "an object needs a name");
-  }
-  return writer().ChangeObject(collection, object, change);
-}
-
-Features Engine::Impl::GetFeatures(const ImageRef& ref, const std::string& collection) {
-  const auto found = catalogue().LoadImages({&ref, 1}, Load::kRecordsAndFeatures).front();
-  if (!found) throw refusals::NoImage(collection, ref.id);
-  Features features = DecodeFeatures(found->features);
-  features.model_id = store_->model().info.model_id;
-  return features;
-}
-
-void Engine::Impl::ForEachFeatures(
-    const ImageListing& list, const std::function<void(const ImagePage&)>& look,
-    const std::function<void(const ImageRecord&, const Features&)>& take) {
-  catalogue().ForEachImageFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
-    Features features = DecodeFeatures(encoded);
-    features.model_id = store_->model().info.model_id;
-    take(record, features);
-  });
-}
-
-bool Engine::Impl::CreateCollection(const std::string& name) {
+bool EngineImages::CreateCollection(const std::string& name) {
   CheckCollectionName(name);
-  return writer().CreateCollection(name);
+  return core_.writer().CreateCollection(name);
 }
 
-void Engine::Impl::ChangeAliases(const AliasChanges& changes) {
+std::vector<std::string> EngineImages::ListCollections() {
+  return core_.catalogue().ListCollections();
+}
+
+std::vector<CollectionLabel> EngineImages::ListLabels() { return core_.catalogue().ListLabels(); }
+
+std::string EngineImages::CollectionName(const std::string& name_or_alias) {
+  return core_.catalogue().RequireCollection(name_or_alias).name;
+}
+
+std::vector<AliasRecord> EngineImages::ListAliases() { return core_.catalogue().ListAliases(); }
+
+void EngineImages::ChangeAliases(const AliasChanges& changes) {
   for (const auto& [name, collection] : changes) {
     if (collection) CheckAliasName(name);  // one that cannot be is not there
   }
-  writer().ChangeAliases(changes);
+  core_.writer().ChangeAliases(changes);
 }
 
-bool Engine::Impl::RemoveCollection(const std::string& name) {
+CollectionRecord EngineImages::ChangeCollection(const std::string& name,
+                                                const CollectionChange& change) {
+  if (change.display_name) CheckDisplayName(*change.display_name);
+  return core_.writer().ChangeCollection(name, change);
+}
+
+bool EngineImages::HasVocabulary(const std::string& collection) {
+  return core_.catalogue().RequireCollection(collection).vocabulary != 0;
+}
+
+CollectionRecord EngineImages::GetCollection(const std::string& name) {
+  return core_.catalogue().DescribeCollection(name);
+}
+
+bool EngineImages::RemoveCollection(const std::string& name) {
   if (name == kDefaultCollection) {
     throw Error(ErrorCode::kConflict, "collection_permanent",
                 "the collection \"default\" cannot be removed");
   }
-  return writer().RemoveCollection(name);
+  return core_.writer().RemoveCollection(name);
 }
 
-bool Engine::CreateCollection(const std::string& name) { return impl_->CreateCollection(name); }
-
-std::vector<std::string> Engine::ListCollections() { return impl_->catalogue().ListCollections(); }
-
-std::vector<CollectionLabel> Engine::ListLabels() { return impl_->catalogue().ListLabels(); }
-
-std::string Engine::CollectionName(const std::string& name_or_alias) {
-  return impl_->catalogue().RequireCollection(name_or_alias).name;
+AddResult EngineImages::Add(const AddRequest& request, const ImageCheck& check) {
+  return BeginAdd(request, check)();
 }
 
-std::vector<AliasRecord> Engine::ListAliases() { return impl_->catalogue().ListAliases(); }
-
-void Engine::ChangeAliases(const AliasChanges& changes) { impl_->ChangeAliases(changes); }
-
-CollectionRecord Engine::ChangeCollection(const std::string& name, const CollectionChange& change) {
-  if (change.display_name) CheckDisplayName(*change.display_name);
-  return impl_->writer().ChangeCollection(name, change);
+std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
+                                                  const ImageCheck& check) {
+  struct Pending {
+    AddRequest request;
+    std::optional<ImagePut> put;
+    AddResult result;
+  };
+  const auto pending = std::make_shared<Pending>();
+  AddRequest& request = pending->request = original;
+  if (request.id) CheckImageId(*request.id);
+  CheckObject(request.object);
+  request.source = ToDisplayText(request.source);  // a file's name is no choice: not refused
+  CheckSource(request.source);
+  request.metadata = CanonicalMetadata(request.metadata);
+  if (check && request.id) {
+    const auto now = core_.catalogue().FindImage(request.collection, *request.id);
+    check(now ? &*now : nullptr);
+  }
+  const std::string sha256 = Sha256Hex(request.bytes);
+  if (auto unchanged = core_.catalogue().FindUnchanged(request, sha256)) {
+    pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
+    return [&core = core_, pending] {
+      core.writer().RestoreContent(pending->result.image, pending->request.bytes);
+      return pending->result;
+    };
+  }
+  pending->put.emplace(Prepare(core_, request, sha256, &pending->result.timings));
+  pending->put->check = check;
+  return [&core = core_, pending] {
+    const Stopwatch writing;
+    PutOutcome stored = core.writer().Put(*pending->put);
+    pending->result.timings.database_ms = writing.ms();
+    pending->result.outcome = stored.outcome;
+    pending->result.image = std::move(stored.image);
+    return pending->result;
+  };
 }
 
-bool Engine::HasVocabulary(const std::string& collection) {
-  return impl_->catalogue().RequireCollection(collection).vocabulary != 0;
+std::optional<ImageRecord> EngineImages::FindBySha256(const std::string& collection,
+                                                      const std::string& sha256) {
+  return core_.catalogue().FindBySha256(collection, sha256);
 }
 
-CollectionRecord Engine::GetCollection(const std::string& name) {
-  return impl_->catalogue().DescribeCollection(name);
+ImageRecord EngineImages::Get(const std::string& collection, const std::string& id) {
+  auto found = core_.catalogue().FindImage(collection, id);
+  if (!found) throw refusals::NoImage(collection, id);
+  return *std::move(found);
 }
 
-bool Engine::RemoveCollection(const std::string& name) { return impl_->RemoveCollection(name); }
+Features EngineImages::GetFeatures(const std::string& collection, const std::string& id) {
+  const Key key = core_.catalogue().RequireCollection(collection).key;
+  return core_.GetFeatures({key, id}, collection);
+}
+
+std::vector<std::uint8_t> EngineImages::GetContent(const std::string& collection,
+                                                   const std::string& id) {
+  return core_.catalogue().ReadContent(collection, id);
+}
+
+std::vector<ImageRecord> EngineImages::List(const ListOptions& options) {
+  CheckPage(options.limit);
+  return core_.catalogue().ListImages(options);
+}
+
+bool EngineImages::Remove(const std::string& collection, const std::string& id,
+                          const ImageCheck& check) {
+  return core_.writer().Remove(collection, id, check);
+}
+
+ImagePage EngineImages::ListPage(const ImageListing& list) {
+  CheckListing(list.which, list);
+  return core_.catalogue().ListImagePage(list);
+}
+
+void EngineImages::ForEachPage(const ImageListing& list,
+                               const std::function<void(const ImagePage&)>& work) {
+  CheckListing(list.which, list);
+  core_.catalogue().ForEachImagePage(list, work);
+}
+
+void EngineImages::ForEachFeatures(
+    const ImageListing& list, const std::function<void(const ImagePage&)>& look,
+    const std::function<void(const ImageRecord&, const Features&)>& take) {
+  CheckListing(list.which, list);
+  core_.catalogue().ForEachImageFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
+    Features features = DecodeFeatures(encoded);
+    features.model_id = core_.model().model_id;
+    take(record, features);
+  });
+}
+
+DescriptorInfo EngineImages::Model() { return core_.model(); }
+
+ObjectPage EngineImages::ListPage(const ObjectListing& list) {
+  CheckListing(list.which, list);
+  return core_.catalogue().ListObjectPage(list);
+}
+
+std::uint64_t EngineImages::RemoveWhere(const Selection& which) {
+  CheckSelection(which);
+  if (which.all()) {
+    throw Error(ErrorCode::kInvalidArgument, "selection_empty",
+                "Specify which images to remove. RemoveCollection removes a whole collection.");
+  }
+  return core_.writer().RemoveWhere(which);
+}
+
+ImageRecord EngineImages::Change(const std::string& collection, const std::string& id,
+                                 const ImageChange& change) {
+  if (change.object) CheckObject(*change.object);
+  if (change.source) CheckSource(*change.source);
+  return core_.writer().ChangeImage(collection, id, change);
+}
+
+std::vector<ObjectRecord> EngineImages::ListObjects(const std::string& collection,
+                                                    const std::string& after, int limit) {
+  CheckPage(limit);
+  return core_.catalogue().ListObjects(collection, after, limit);
+}
+
+std::optional<ObjectRecord> EngineImages::GetObject(const std::string& collection,
+                                                    const std::string& object) {
+  return core_.catalogue().FindObject(collection, object);
+}
+
+std::uint64_t EngineImages::RemoveObject(const std::string& collection, const std::string& object,
+                                         const ObjectCheck& check) {
+  return core_.writer().RemoveObject(collection, object, check);
+}
+
+ObjectRecord EngineImages::ChangeObject(const std::string& collection, const std::string& object,
+                                        const ObjectChange& change) {
+  CheckObject(change.name);
+  if (change.name.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "object_invalid", "An object needs a name.");
+  }
+  return core_.writer().ChangeObject(collection, object, change);
+}
 
 }  // namespace pliant

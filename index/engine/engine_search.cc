@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: search.
+// The face of an engine that searches, compares and locates.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,10 +13,10 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/stopwatch.h"
 #include "descriptor/features/enlarged_keypoints.h"
-#include "index/engine/engine_impl.h"
+#include "index/engine/engine_core.h"
 #include "index/engine/search_run.h"
 #include "index/files/text.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/verify/explain.h"
 #include "index/verify/features_subset.h"
 #include "index/verify/locate.h"
@@ -165,42 +165,33 @@ void Conclude(const Features& query, const Features& reference, int threads,
   comparison->probability = Probability(LiftScore(kNoResemblance, evidence));
 }
 
-}  // namespace
-
-SearchResult Engine::Impl::Search(Bytes encoded, const SearchOptions& options) {
-  Validate(options);
-  const CollectionView view = View(options.collection);
-  CheckVocabulary(view, options);  // before any work
-  ExtractionTimings timings;
-  const FeatureExtractor& extractor = query_extractor();
-  const Features features =
-      options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
-                     : extractor.Extract(encoded, options.threads, &timings);
-  return Answer(view, InStoredPrecision(features), options, timings, [&](ExtractionTimings* more) {
-    return extractor.ExtractSecondPass(encoded, features, options.region, options.threads, more);
-  });
-}
-
-SearchResult Engine::Impl::SearchStored(const std::string& image_id, const SearchOptions& options) {
-  Validate(options);
-  const CollectionView view = View(options.collection);
-  return Answer(view, GetFeatures({view.collection, image_id}, options.collection), options, {});
-}
-
-SearchResult Engine::Impl::SearchFeatures(const Features& features, const SearchOptions& options,
-                                          const SecondPass& second) {
-  Validate(options);
-  const std::string& model_id = store_->model().info.model_id;
-  if (features.model_id != model_id) {
-    throw Error(ErrorCode::kConflict, "model_mismatch",
-                "the features are of " + features.model_id + ", the database holds " + model_id);
+// Throws kInvalidArgument that names the option.
+void Validate(const SearchOptions& options) {
+  if (!std::isfinite(options.min_score) || options.min_score < 0 || options.min_score > 1) {
+    ThrowInvalid("min_score", "must be 0 to 1");
   }
-  return Answer(View(options.collection), InStoredPrecision(features), options, {}, second);
+  if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
+  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
+  if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
+    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
+  }
+  if (options.without.size() > kMaxExcluded) {
+    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " images");
+  }
+  CheckFilter(options.filter);
+  if (!options.region) return;
+  const Region& r = *options.region;
+  for (const double value : {r.x, r.y, r.width, r.height}) {
+    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers");
+  }
+  if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
 }
 
-SearchResult Engine::Impl::Answer(const CollectionView& view, Features features,
-                                  const SearchOptions& options, const ExtractionTimings& timings,
-                                  const SecondPass& second) {
+// kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
+// the same ranking once more; the answer whose first hit has more evidence.
+SearchResult Answer(EngineCore& core, const CollectionView& view, Features features,
+                    const SearchOptions& options, const ExtractionTimings& timings,
+                    const EngineSearch::SecondPass& second = {}) {
   CheckVocabulary(view, options);
   const auto of_region = [&](Features all) {
     if (!options.region) return all;
@@ -208,7 +199,7 @@ SearchResult Engine::Impl::Answer(const CollectionView& view, Features features,
   };
   features = of_region(std::move(features));
   CheckQuery(features, options.region);
-  SearchRun run(ranker_.get(), &catalogue(), view, features, options);
+  SearchRun run(&core.ranker(), &core.catalogue(), view, features, options);
   SearchResult result = run.Run(features);
   std::size_t keypoints = features.keypoints.size();
   ExtractionTimings extraction = timings;
@@ -237,78 +228,95 @@ SearchResult Engine::Impl::Answer(const CollectionView& view, Features features,
   return result;
 }
 
-void Validate(const SearchOptions& options) {
-  if (!std::isfinite(options.min_score) || options.min_score < 0 || options.min_score > 1) {
-    ThrowInvalid("min_score", "must be 0 to 1");
-  }
-  if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
-  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
-  if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
-    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
-  }
-  if (options.without.size() > kMaxExcluded) {
-    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " images");
-  }
-  CheckFilter(options.filter);
-  if (!options.region) return;
-  const Region& r = *options.region;
-  for (const double value : {r.x, r.y, r.width, r.height}) {
-    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers");
-  }
-  if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
-}
-
 // All of the object's images, or one more than are compared.
-std::vector<ImageRef> Engine::Impl::ImagesOf(const std::string& collection,
-                                             const std::string& object) {
+std::vector<ImageRef> ImagesOf(EngineCore& core, const std::string& collection,
+                               const std::string& object) {
   ListOptions list;
   list.collection = collection;
   list.object = object;
   list.limit = kMostCompared + 1;
-  const Key key = catalogue().RequireCollection(collection).key;
+  const Key key = core.catalogue().RequireCollection(collection).key;
   std::vector<ImageRef> refs;
-  for (const ImageRecord& image : catalogue().ListImages(list)) refs.push_back({key, image.id});
+  for (const ImageRecord& image : core.catalogue().ListImages(list))
+    refs.push_back({key, image.id});
   return refs;
 }
 
 // Those of the object's images that rank best for the query; `some` where there is no vocabulary.
-std::vector<ImageRef> Engine::Impl::MostSimilar(const Features& query,
-                                                const std::string& collection,
-                                                const std::string& object, int threads,
-                                                std::vector<ImageRef> some) {
-  const CollectionView view = View(collection);
+std::vector<ImageRef> MostSimilar(EngineCore& core, const Features& query,
+                                  const std::string& collection, const std::string& object,
+                                  int threads, std::vector<ImageRef> some) {
+  const CollectionView view = core.View(collection);
   if (!view.has_vocabulary() || query.keypoints.size() < kMinKeypoints) return some;
   RankOptions options;
   options.keep = kMostCompared;
   options.threads = threads;
-  options.admission = catalogue().Admit(view.collection, object, {}, {});
-  const Ranking ranking = ranker_->Rank(view, {query, Bow()}, options);
+  options.admission = core.catalogue().Admit(view.collection, object, {}, {});
+  const Ranking ranking = core.ranker().Rank(view, {query, Bow()}, options);
   if (ranking.best.empty()) return some;
   some.clear();
   for (const RankedImage& image : ranking.best) some.push_back(image.ref);
   return some;
 }
 
-ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection,
+}  // namespace
+
+SearchResult EngineSearch::Search(Bytes encoded, const SearchOptions& options) {
+  Validate(options);
+  const CollectionView view = core_.View(options.collection);
+  CheckVocabulary(view, options);  // before any work
+  ExtractionTimings timings;
+  const FeatureExtractor& extractor = core_.query_extractor();
+  const Features features =
+      options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
+                     : extractor.Extract(encoded, options.threads, &timings);
+  return Answer(core_, view, InStoredPrecision(features), options, timings,
+                [&](ExtractionTimings* more) {
+                  return extractor.ExtractSecondPass(encoded, features, options.region,
+                                                     options.threads, more);
+                });
+}
+
+SearchResult EngineSearch::SearchStored(const std::string& image_id, const SearchOptions& options) {
+  Validate(options);
+  const CollectionView view = core_.View(options.collection);
+  return Answer(core_, view, core_.GetFeatures({view.collection, image_id}, options.collection),
+                options, {});
+}
+
+SearchResult EngineSearch::SearchFeatures(const Features& features, const SearchOptions& options,
+                                          const SecondPass& second) {
+  Validate(options);
+  const std::string& model_id = core_.model().model_id;
+  if (features.model_id != model_id) {
+    throw Error(ErrorCode::kConflict, "model_mismatch",
+                "the features are of " + features.model_id + ", the database holds " + model_id);
+  }
+  return Answer(core_, core_.View(options.collection), InStoredPrecision(features), options, {},
+                second);
+}
+
+ObjectLocation EngineSearch::Locate(Bytes encoded, const std::string& collection,
                                     const std::string& object, int threads) {
-  std::vector<ImageRef> refs = ImagesOf(collection, object);
+  std::vector<ImageRef> refs = ImagesOf(core_, collection, object);
   if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
                 "There is no image of an object '" + Shown(object) + "'.");
   }
   ObjectLocation result;
   result.object = object;
-  const Features query = InStoredPrecision(extractor().Extract(encoded, threads, &result.timings));
+  const Features query =
+      InStoredPrecision(core_.extractor().Extract(encoded, threads, &result.timings));
   result.query_width = query.width;
   result.query_height = query.height;
 
   const Stopwatch watch;
   if (refs.size() > static_cast<std::size_t>(kMostCompared)) {
     refs.pop_back();
-    refs = MostSimilar(query, collection, object, threads, std::move(refs));
+    refs = MostSimilar(core_, query, collection, object, threads, std::move(refs));
   }
   std::vector<std::optional<StoredImage>> images =
-      catalogue().LoadImages(refs, Load::kRecordsAndFeatures);
+      core_.catalogue().LoadImages(refs, Load::kRecordsAndFeatures);
   std::erase_if(images, [](const auto& image) { return !image; });  // removed just now
   const LocateOptions options;
   const Verifier verifier(query, options.verification);
@@ -331,7 +339,12 @@ ObjectLocation Engine::Impl::Locate(Bytes encoded, const std::string& collection
   return result;
 }
 
-SearchResult Engine::Impl::SearchExamples(const std::vector<std::string>& image_ids,
+std::optional<Features> EngineSearch::DescribeFiner(Bytes encoded, const Features& known,
+                                                    int threads) {
+  return core_.query_extractor().ExtractSecondPass(encoded, known, {}, threads);
+}
+
+SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_ids,
                                           const SearchOptions& options) {
   Validate(options);
   CheckExamples(image_ids, options);
@@ -340,16 +353,16 @@ SearchResult Engine::Impl::SearchExamples(const std::vector<std::string>& image_
   single.offset = 0;
   single.min_score = 0;
   single.without.insert(single.without.end(), image_ids.begin(), image_ids.end());
-  const CollectionView view = View(options.collection);
+  const CollectionView view = core_.View(options.collection);
   std::vector<Features> examples;  // all, before any search
   for (const std::string& id : image_ids) {
-    examples.push_back(GetFeatures({view.collection, id}, options.collection));
+    examples.push_back(core_.GetFeatures({view.collection, id}, options.collection));
   }
   SearchResult result;
   Merger merger(options.group_by, options.min_score);
   for (std::size_t i = 0; i < image_ids.size(); ++i) {
     const std::string& id = image_ids[i];
-    SearchResult one = Answer(view, std::move(examples[i]), single, {});
+    SearchResult one = Answer(core_, view, std::move(examples[i]), single, {});
     result.examples.push_back({id, one.keypoints, one.query_width, one.query_height});
     AddUp(one.timings, &result.timings);
     result.rank = one.rank;
@@ -373,7 +386,7 @@ SearchResult Engine::Impl::SearchExamples(const std::vector<std::string>& image_
   return result;
 }
 
-Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
+Comparison EngineSearch::Compare(Bytes first, Bytes second, int threads) {
   Comparison comparison;
   // Each as a search would have it: the first as what is stored, the second as what is asked.
   const auto describe = [&](const FeatureExtractor& extract, Bytes bytes, const char* which,
@@ -385,11 +398,12 @@ Comparison Engine::Impl::Compare(Bytes first, Bytes second, int threads) {
     return features;
   };
   const Features reference =
-      InStoredPrecision(describe(extractor(), first, "first", &comparison.first));
-  const Features query = describe(query_extractor(), second, "second", &comparison.second);
+      InStoredPrecision(describe(core_.extractor(), first, "first", &comparison.first));
+  const Features query = describe(core_.query_extractor(), second, "second", &comparison.second);
   Conclude(InStoredPrecision(query), reference, threads, &comparison);
   if (comparison.found()) return comparison;
-  auto finer = query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
+  auto finer =
+      core_.query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
   if (!finer) return comparison;
   Comparison at_second_sight = comparison;
   at_second_sight.second = Checked(*finer, "second");

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Engine: training, quantising and switching vocabularies.
+// The face of an engine that has the vocabularies: training, quantising, switching.
 #include <algorithm>
 
 #include "descriptor/base/error.h"
-#include "index/engine/engine_impl.h"
+#include "index/engine/engine_core.h"
 #include "index/engine/training_policy.h"
-#include "index/store/quantize_batch.h"
 
 namespace pliant {
 namespace {
@@ -76,14 +75,57 @@ auto OnCollection(Catalogue& catalogue, const CollectionState& collection, Work 
               "the collection " + collection.name + " was removed meanwhile");
 }
 
+// Gives words of `vocabulary` to all images that lack them. `progress` hears of the share done.
+void QuantizeMissing(EngineCore& core, Key collection, Key vocabulary, const Quantizer& quantizer,
+                     int threads, const std::stop_token& stop,
+                     const std::function<void(double)>& progress) {
+  const auto total = static_cast<double>(core.catalogue().CountImages(collection));
+  core.writer().Quantize(collection, vocabulary, quantizer, threads, [&](std::uint64_t done) {
+    ThrowIfStopped(stop);
+    progress(std::min(1.0, static_cast<double>(done) / std::max(total, 1.0)));
+  });
+}
+
+// Runs while another error is on its way out, which must not be covered by a second one: what
+// cannot be removed now is left to the next AddVocabulary, which removes what was abandoned.
+void DropUnfinished(EngineCore& core, Key vocabulary) noexcept {
+  try {
+    core.writer().DropVocabulary(vocabulary);
+  } catch (const std::exception&) {
+    return;
+  }
+}
+
+VocabularyRecord StoreVocabulary(EngineCore& core, const CollectionState& collection,
+                                 const std::shared_ptr<const Vocabulary>& vocabulary,
+                                 const TrainOptions& options) {
+  Key key = 0;
+  try {
+    key = core.writer().AddVocabulary(collection.key, *vocabulary);
+    const Quantizer quantizer(vocabulary);
+    QuantizeMissing(
+        core, collection.key, key, quantizer, options.threads, options.stop, [&](double share) {
+          if (!options.progress) return;
+          options.progress(kTrainingShare + (1 - kTrainingShare) * share, vocabulary->origin.loss);
+        });
+    const bool is_first = core.catalogue().RequireCollection(options.collection).vocabulary == 0;
+    const auto prepared = is_first ? core.ranker().Prepare(collection.key, key) : nullptr;
+    return core.writer().FinishVocabulary(options.collection, key, quantizer, options.automatic);
+  } catch (...) {
+    if (key != 0) DropUnfinished(core, key);
+    throw;
+  }
+}
+
 }  // namespace
 
-VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
+VocabularyRecord EngineVocabularies::TrainVocabulary(const TrainOptions& options) {
   Validate(options);
   const std::lock_guard lock(training_mutex_);
-  const CollectionState collection = catalogue().RequireCollection(options.collection);
-  const std::uint64_t descriptors = catalogue().DescribeCollection(options.collection).descriptors;
-  const DescriptorSample sample = catalogue().SampleDescriptors(
+  const CollectionState collection = core_.catalogue().RequireCollection(options.collection);
+  const std::uint64_t descriptors =
+      core_.catalogue().DescribeCollection(options.collection).descriptors;
+  const DescriptorSample sample = core_.catalogue().SampleDescriptors(
       collection.key, ChooseSample(options, descriptors), options.seed);
   KMedoidsOptions k_medoids;
   k_medoids.k = ChooseWords(options, sample);
@@ -96,86 +138,45 @@ VocabularyRecord Engine::Impl::TrainVocabulary(const TrainOptions& options) {
     };
   }
   const auto vocabulary = std::make_shared<const Vocabulary>(pliant::TrainVocabulary(
-      sample.descriptors, store_->model().info.model_id, sample.available, k_medoids));
+      sample.descriptors, core_.model().model_id, sample.available, k_medoids));
   ThrowIfStopped(options.stop);
 
-  return OnCollection(catalogue(), collection,
-                      [&] { return StoreVocabulary(collection, vocabulary, options); });
+  return OnCollection(core_.catalogue(), collection,
+                      [&] { return StoreVocabulary(core_, collection, vocabulary, options); });
 }
 
-VocabularyRecord Engine::Impl::StoreVocabulary(const CollectionState& collection,
-                                               const std::shared_ptr<const Vocabulary>& vocabulary,
-                                               const TrainOptions& options) {
-  Key key = 0;
-  try {
-    key = writer().AddVocabulary(collection.key, *vocabulary);
-    const Quantizer quantizer(vocabulary);
-    QuantizeMissing(
-        collection.key, key, quantizer, options.threads, options.stop, [&](double share) {
-          if (!options.progress) return;
-          options.progress(kTrainingShare + (1 - kTrainingShare) * share, vocabulary->origin.loss);
-        });
-    const bool is_first = catalogue().RequireCollection(options.collection).vocabulary == 0;
-    const auto prepared = is_first ? ranker_->Prepare(collection.key, key) : nullptr;
-    return writer().FinishVocabulary(options.collection, key, quantizer, options.automatic);
-  } catch (...) {
-    if (key != 0) DropUnfinished(key);
-    throw;
-  }
-}
-
-// Runs while another error is on its way out, which must not be covered by a second one: what
-// cannot be removed now is left to the next AddVocabulary, which removes what was abandoned.
-void Engine::Impl::DropUnfinished(Key vocabulary) noexcept {
-  try {
-    writer().DropVocabulary(vocabulary);
-  } catch (const std::exception&) {
-    return;
-  }
-}
-
-void Engine::Impl::QuantizeMissing(Key collection, Key vocabulary, const Quantizer& quantizer,
-                                   int threads, const std::stop_token& stop,
-                                   const std::function<void(double)>& progress) {
-  const auto total = static_cast<double>(catalogue().CountImages(collection));
-  double done = 0;
-  std::int64_t after = 0;
-  while (true) {
-    ThrowIfStopped(stop);
-    const std::vector<StoredFeatures> batch =
-        catalogue().LoadUnquantized(collection, vocabulary, after, kImagesABatch);
-    if (batch.empty()) return;
-    writer().AddWords(vocabulary, QuantizeBatch(quantizer, batch, threads));
-    after = batch.back().version;
-    done += static_cast<double>(batch.size());
-    progress(std::min(1.0, done / std::max(total, 1.0)));
-  }
-}
-
-void Engine::Impl::UseVocabulary(const std::string& collection_name, std::int64_t id,
-                                 const UseOptions& options) {
-  const CollectionState collection = catalogue().RequireCollection(collection_name);
-  const auto record = catalogue().FindVocabulary(collection_name, id);
+void EngineVocabularies::UseVocabulary(const std::string& collection_name, std::int64_t id,
+                                       const UseOptions& options) {
+  const CollectionState collection = core_.catalogue().RequireCollection(collection_name);
+  const auto record = core_.catalogue().FindVocabulary(collection_name, id);
   if (!record) {
     throw Error(ErrorCode::kNotFound, "vocabulary_not_found",
                 "there is no vocabulary " + std::to_string(id) + " in collection \"" +
                     collection_name + "\"");
   }
-  const std::string& model_id = store_->model().info.model_id;
+  const std::string& model_id = core_.model().model_id;
   if (record->model_id != model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "vocabulary " + std::to_string(id) + " was made for " + record->model_id +
                     ", the database holds " + model_id);
   }
-  OnCollection(catalogue(), collection, [&] {
-    const Quantizer quantizer(catalogue().ReadVocabulary(id));
-    QuantizeMissing(collection.key, id, quantizer, options.threads, options.stop,
+  OnCollection(core_.catalogue(), collection, [&] {
+    const Quantizer quantizer(core_.catalogue().ReadVocabulary(id));
+    QuantizeMissing(core_, collection.key, id, quantizer, options.threads, options.stop,
                     [&](double share) {
                       if (options.progress) options.progress(share);
                     });
-    const auto prepared = record->active ? nullptr : ranker_->Prepare(collection.key, id);
-    writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
+    const auto prepared = record->active ? nullptr : core_.ranker().Prepare(collection.key, id);
+    core_.writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
   });
+}
+
+std::vector<VocabularyRecord> EngineVocabularies::ListVocabularies(const std::string& collection) {
+  return core_.catalogue().ListVocabularies(collection);
+}
+
+std::uint64_t EngineVocabularies::CountUnquantized(const std::string& collection, std::int64_t id) {
+  return core_.catalogue().CountUnquantized(collection, id);
 }
 
 }  // namespace pliant

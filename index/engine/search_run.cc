@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "descriptor/base/stopwatch.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/verify/expansion.h"
 #include "index/verify/suppression.h"
 #include "index/verify/verification.h"
@@ -55,7 +55,75 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 
 }  // namespace
 
-void ImageShelf::Fetch(std::span<const RankedImage> images, Load what) {
+// Verifies what was ranked, a batch of it at a time.
+class CandidateVerifier {
+ public:
+  // All must outlive it. Times are added to `timings`.
+  CandidateVerifier(const Features& query, const SearchOptions& options, CandidateCache* cache,
+                    SearchTimings* timings)
+      : query_(query), options_(options), cache_(*cache), timings_(*timings) {}
+
+  // Those of the candidates that are surely verified: worth reading with the first batch.
+  std::span<const RankedImage> FirstBatch(std::span<const RankedImage> candidates) const {
+    return candidates.first(std::min(candidates.size(), BatchAfter(0)));
+  }
+
+  // In their order, the verified ones first: as many as it takes (IsEnough), or all where the
+  // search names its depth. The others as they were ranked.
+  std::vector<VerifiedImage> Verify(std::vector<RankedImage> candidates) {
+    return Run(std::move(candidates), /*all=*/options_.verify_depth != 0);
+  }
+
+  std::vector<VerifiedImage> VerifyAll(std::vector<RankedImage> candidates) {
+    return Run(std::move(candidates), /*all=*/true);
+  }
+
+ private:
+  // How many images are looked at next, after so many.
+  std::size_t BatchAfter(std::size_t looked_at) const {
+    if (options_.verify_depth != 0) return kImagesABatch;
+    return std::clamp(looked_at, kFirstImages, kImagesABatch);
+  }
+
+  void VerifyBatch(std::vector<RankedImage> batch, std::vector<VerifiedImage>* verified) {
+    {
+      const ScopedStopwatch watch(&timings_.database_ms);
+      if (!verified->empty()) cache_.DropFeatures();
+      cache_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
+    }
+    const ScopedStopwatch watch(&timings_.verify_ms);
+    auto hits = Rerank(query_, std::move(batch),
+                       {.max_instances = options_.max_instances,
+                        .explain = options_.explain,
+                        .threads = options_.threads},
+                       [&](std::int64_t version) { return cache_.LoadFeatures(version); });
+    std::move(hits.begin(), hits.end(), std::back_inserter(*verified));
+  }
+
+  std::vector<VerifiedImage> Run(std::vector<RankedImage> candidates, bool all) {
+    std::vector<VerifiedImage> verified;
+    while (verified.size() < candidates.size()) {
+      const auto begin = candidates.begin() + static_cast<std::ptrdiff_t>(verified.size());
+      const auto left = static_cast<std::size_t>(candidates.end() - begin);
+      const auto end =
+          begin + static_cast<std::ptrdiff_t>(std::min(left, BatchAfter(verified.size())));
+      VerifyBatch({std::make_move_iterator(begin), std::make_move_iterator(end)}, &verified);
+      if (!all && IsEnough(verified)) break;
+    }
+    for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
+      const double score = candidates[i].score;
+      verified.push_back({.image = std::move(candidates[i]), .ranking_score = score});
+    }
+    return verified;
+  }
+
+  const Features& query_;
+  const SearchOptions& options_;
+  CandidateCache& cache_;
+  SearchTimings& timings_;
+};
+
+void CandidateCache::Fetch(std::span<const RankedImage> images, Load what) {
   std::vector<ImageRef> wanted;
   for (const RankedImage& image : images) {
     const auto here = images_.find(image.ref.version);
@@ -72,79 +140,23 @@ void ImageShelf::Fetch(std::span<const RankedImage> images, Load what) {
   }
 }
 
-void ImageShelf::DropFeatures() {
+void CandidateCache::DropFeatures() {
   for (auto& [version, image] : images_) {
     if (image) image->features = {};
   }
 }
 
-const ImageRecord* ImageShelf::Record(std::int64_t version) const {
+const ImageRecord* CandidateCache::Record(std::int64_t version) const {
   const auto here = images_.find(version);
   return here != images_.end() && here->second ? &here->second->record : nullptr;
 }
 
-std::optional<Features> ImageShelf::LoadFeatures(std::int64_t version) const {
+std::optional<Features> CandidateCache::LoadFeatures(std::int64_t version) const {
   const auto here = images_.find(version);
   if (here == images_.end() || !here->second) return std::nullopt;
   Features features = DecodeFeatures(here->second->features);
   features.model_id = model_id_;
   return features;
-}
-
-CandidateVerifier::CandidateVerifier(const Features& query, const SearchOptions& options,
-                                     ImageShelf* shelf, SearchTimings* timings)
-    : query_(query), options_(options), shelf_(*shelf), timings_(*timings) {}
-
-std::span<const RankedImage> CandidateVerifier::FirstBatch(
-    std::span<const RankedImage> candidates) const {
-  return candidates.first(std::min(candidates.size(), BatchAfter(0)));
-}
-
-std::vector<VerifiedImage> CandidateVerifier::Verify(std::vector<RankedImage> candidates) {
-  return Run(std::move(candidates), /*all=*/options_.verify_depth != 0);
-}
-
-std::vector<VerifiedImage> CandidateVerifier::VerifyAll(std::vector<RankedImage> candidates) {
-  return Run(std::move(candidates), /*all=*/true);
-}
-
-// How many images are looked at next, after so many.
-std::size_t CandidateVerifier::BatchAfter(std::size_t looked_at) const {
-  if (options_.verify_depth != 0) return kImagesABatch;
-  return std::clamp(looked_at, kFirstImages, kImagesABatch);
-}
-
-void CandidateVerifier::VerifyBatch(std::vector<RankedImage> batch,
-                                    std::vector<VerifiedImage>* verified) {
-  {
-    const ScopedStopwatch watch(&timings_.database_ms);
-    if (!verified->empty()) shelf_.DropFeatures();
-    shelf_.Fetch(batch, Load::kRecordsAndFeatures);  // nothing to do for the first
-  }
-  const ScopedStopwatch watch(&timings_.verify_ms);
-  auto hits = Rerank(query_, std::move(batch),
-                     {.max_instances = options_.max_instances,
-                      .explain = options_.explain,
-                      .threads = options_.threads},
-                     [&](std::int64_t version) { return shelf_.LoadFeatures(version); });
-  std::move(hits.begin(), hits.end(), std::back_inserter(*verified));
-}
-
-std::vector<VerifiedImage> CandidateVerifier::Run(std::vector<RankedImage> candidates, bool all) {
-  std::vector<VerifiedImage> verified;
-  while (verified.size() < candidates.size()) {
-    const auto begin = candidates.begin() + static_cast<std::ptrdiff_t>(verified.size());
-    const auto left = static_cast<std::size_t>(candidates.end() - begin);
-    const auto end =
-        begin + static_cast<std::ptrdiff_t>(std::min(left, BatchAfter(verified.size())));
-    VerifyBatch({std::make_move_iterator(begin), std::make_move_iterator(end)}, &verified);
-    if (!all && IsEnough(verified)) break;
-  }
-  for (std::size_t i = verified.size(); i < candidates.size(); ++i) {
-    const double score = candidates[i].score;
-    verified.push_back({.image = std::move(candidates[i]), .ranking_score = score});
-  }
-  return verified;
 }
 
 SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
@@ -162,7 +174,7 @@ SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionVi
         const ScopedStopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
-      shelf_(source, &rank_.admission, query.model_id),
+      cache_(source, &rank_.admission, query.model_id),
       ranking_(Rank(rank_)) {}
 
 Ranking SearchRun::Rank(const RankOptions& options) {
@@ -197,7 +209,7 @@ SearchResult SearchRun::Run(const Features& features) {
 }
 
 std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking* ranking) {
-  CandidateVerifier verifier(features, options_, &shelf_, &timings_);
+  CandidateVerifier verifier(features, options_, &cache_, &timings_);
   depth_ = rank_.candidates;
   Fetch(verifier);
   if (!Verifies(options_)) return {};
@@ -246,10 +258,10 @@ void SearchRun::Fetch(const CandidateVerifier& verifier) {
   const ScopedStopwatch watch(&timings_.database_ms);
   const std::span<const RankedImage> candidates = ranking_.candidates;
   if (!candidates.empty()) {
-    shelf_.Fetch(verifier.FirstBatch(candidates), Load::kRecordsAndFeatures);
+    cache_.Fetch(verifier.FirstBatch(candidates), Load::kRecordsAndFeatures);
   } else {
     const std::span<const RankedImage> best = ranking_.best;
-    shelf_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
+    cache_.Fetch(best.subspan(std::min(options_.offset, best.size())), Load::kRecords);
   }
 }
 
@@ -284,16 +296,16 @@ void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedImage>* 
     of_part.candidates = depth;
     of_part.keep = 1;
     auto found = ranker_.Rank(view_, {part, Quantize(part)}, of_part).candidates;
-    shelf_.Fetch(found, Load::kRecordsAndFeatures);
+    cache_.Fetch(found, Load::kRecordsAndFeatures);
     return found;
   };
-  const auto load = [&](std::int64_t version) { return shelf_.LoadFeatures(version); };
+  const auto load = [&](std::int64_t version) { return cache_.LoadFeatures(version); };
   const int most = ExpansionsOf(options_);
-  std::vector<RankedImage> sources;  // still on the shelf unless there was more than one batch
+  std::vector<RankedImage> sources;  // still in the cache unless there was more than one batch
   for (const VerifiedImage* source : ExpansionSources(*hits, most)) {
     sources.push_back(source->image);
   }
-  shelf_.Fetch(sources, Load::kRecordsAndFeatures);
+  cache_.Fetch(sources, Load::kRecordsAndFeatures);
   std::unordered_map<std::int64_t, Support> supports;
   {
     const ScopedStopwatch watch(&timings_.verify_ms);
@@ -334,11 +346,11 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedImage> hits) {
   std::vector<RankedImage> shown;
   for (std::size_t i = begin; i < end; ++i) shown.push_back(hits[i].image);
   const ScopedStopwatch watch(&timings_.database_ms);
-  shelf_.Fetch(shown, Load::kRecords);
+  cache_.Fetch(shown, Load::kRecords);
   std::vector<Hit> page;
   for (std::size_t i = begin; i < end; ++i) {
     VerifiedImage& found = hits[i];
-    const ImageRecord* record = shelf_.Record(found.image.ref.version);
+    const ImageRecord* record = cache_.Record(found.image.ref.version);
     if (record == nullptr) continue;  // removed since it was ranked
     Hit hit;
     hit.rank = i + 1;

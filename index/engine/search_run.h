@@ -20,15 +20,13 @@
 
 namespace pliant {
 
-// The images that one search looks at, read from the store in batches. Private to engine/.
-
-// An image that was replaced since it was ranked stands on the shelf in its new state, under the
-// version that was ranked, so that no search misses it. Fetch: one thread. The rest: any, when no
-// Fetch runs.
-class ImageShelf {
+// The candidates of one search, read from the store in batches. An image that was replaced since
+// it was ranked is kept in its new state, under the version that was ranked, so that no search
+// misses it. Fetch: one thread. The rest: any, when no Fetch runs.
+class CandidateCache {
  public:
-  // New states that `admission` would not have admitted are left out. Both must outlive the shelf.
-  ImageShelf(Catalogue* source, const Admission* admission, std::string model_id)
+  // New states that `admission` would not have admitted are left out. Both must outlive the cache.
+  CandidateCache(Catalogue* source, const Admission* admission, std::string model_id)
       : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
 
   // Reads those that are not there yet, all at once.
@@ -46,35 +44,7 @@ class ImageShelf {
   std::unordered_map<std::int64_t, std::optional<StoredImage>> images_;  // by ranked version
 };
 
-// Verifies what was ranked, a batch of it at a time. Private to engine/.
-class CandidateVerifier {
- public:
-  // All must outlive it. Times are added to `timings`.
-  CandidateVerifier(const Features& query, const SearchOptions& options, ImageShelf* shelf,
-                    SearchTimings* timings);
-
-  // Of so many candidates those that are surely looked at: worth reading with the first batch.
-  std::span<const RankedImage> FirstBatch(std::span<const RankedImage> candidates) const;
-
-  // In their order, the verified ones first: as many as it takes (IsEnough), or all where the
-  // search names its depth. The others as they were ranked.
-  std::vector<VerifiedImage> Verify(std::vector<RankedImage> candidates);
-
-  std::vector<VerifiedImage> VerifyAll(std::vector<RankedImage> candidates);
-
- private:
-  std::size_t BatchAfter(std::size_t looked_at) const;
-  void VerifyBatch(std::vector<RankedImage> batch, std::vector<VerifiedImage>* verified);
-  std::vector<VerifiedImage> Run(std::vector<RankedImage> candidates, bool all);
-
-  const Features& query_;
-  const SearchOptions& options_;
-  ImageShelf& shelf_;
-  SearchTimings& timings_;
-};
-
-// Throws kInvalidArgument that names the option.
-void Validate(const SearchOptions& options);
+class CandidateVerifier;
 
 class SearchRun {
  public:
@@ -107,7 +77,7 @@ class SearchRun {
   SearchTimings timings_;  // before what is timed while it is made
   const Bow bow_;
   const RankOptions rank_;
-  ImageShelf shelf_;
+  CandidateCache cache_;
   // By the query, for all passes.
   Ranking ranking_;
   std::optional<Ranking> deeper_;  // once a pass has needed it

@@ -17,7 +17,7 @@
 #include "descriptor/base/sha256.h"
 #include "index/files/image_files.h"
 #include "index/files/text.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 
 namespace pliant {
 namespace fs = std::filesystem;

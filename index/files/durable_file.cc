@@ -7,6 +7,8 @@
 #include <system_error>
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
@@ -15,25 +17,48 @@ namespace pliant {
 
 namespace fs = std::filesystem;
 
+void FileHandle::Close() noexcept {
+  const int code = errno;
+  if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  errno = code;
+}
+
+FileHandle MakeLockedFile(const std::function<fs::path()>& next_name, int mode, fs::path* path) {
+  while (true) {
+    *path = next_name();
+    FileHandle file(::open(path->c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+    if (!file.is_open() && errno == EEXIST) continue;
+    if (!file.is_open()) ThrowErrno("cannot make", *path);
+    struct stat info{};
+    if (::flock(file.get(), LOCK_EX) != 0 || ::fstat(file.get(), &info) != 0) {
+      const int code = errno;
+      ::unlink(path->c_str());
+      errno = code;
+      ThrowErrno("cannot lock", *path);
+    }
+    if (info.st_nlink > 0) return file;
+  }
+}
+
+bool IsSameFile(int fd, const fs::path& path) {
+  struct stat held{};
+  struct stat named{};
+  return ::fstat(fd, &held) == 0 && ::stat(path.c_str(), &named) == 0 &&
+         held.st_dev == named.st_dev && held.st_ino == named.st_ino;
+}
+
 std::string DisplayPath(const fs::path& path) { return path.string(); }
 
 bool IsOutOfFiles(int code) { return code == EMFILE || code == ENFILE; }
 
 bool FilesAreUsedUp() {
-  std::array<int, 4>
-      files{};  // a database has a log and an index of it, and its directory is flushed
-  std::size_t opened = 0;
-  int code = 0;
-  while (opened < files.size() && code == 0) {
-    const int file = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (file >= 0) {
-      files[opened++] = file;
-    } else {
-      code = errno;
-    }
+  // A database has a log and an index of it, and its directory is flushed.
+  std::array<FileHandle, 4> files;
+  for (FileHandle& file : files) {
+    file = FileHandle(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+    if (!file.is_open()) return IsOutOfFiles(errno);
   }
-  for (std::size_t i = 0; i < opened; ++i) ::close(files[i]);
-  return IsOutOfFiles(code);
+  return false;
 }
 
 void ThrowOutOfFiles(const std::string& doing) {
@@ -66,13 +91,9 @@ void ThrowErrno(const std::string& doing, const fs::path& path) {
 }
 
 void SyncPath(const fs::path& path, int flags) {
-  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (fd < 0) ThrowErrno("cannot open", path);
-  const int status = ::fsync(fd);
-  const int code = errno;
-  ::close(fd);
-  errno = code;
-  if (status != 0) ThrowErrno("cannot flush", path);
+  const FileHandle file(::open(path.c_str(), flags | O_CLOEXEC));
+  if (!file.is_open()) ThrowErrno("cannot open", path);
+  if (::fsync(file.get()) != 0) ThrowErrno("cannot flush", path);
 }
 
 void SyncDirectoryOf(const fs::path& path) {

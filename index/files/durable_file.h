@@ -4,9 +4,39 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
+#include <utility>
 
 namespace pliant {
+
+// An open file; closed at the end of its scope, with errno as it was.
+class FileHandle {
+ public:
+  explicit FileHandle(int fd = -1) : fd_(fd) {}
+  ~FileHandle() { Close(); }
+  FileHandle(FileHandle&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  FileHandle& operator=(FileHandle&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+
+  int get() const { return fd_; }
+  bool is_open() const { return fd_ >= 0; }
+  void Close() noexcept;
+
+ private:
+  int fd_;
+};
+
+// A new empty file, locked (flock) until its handle is closed: so other processes tell that its
+// writer lives. Until it is locked it looks abandoned, and may be removed: then, and when the name
+// is taken, `next_name` gives another name. Throws what ThrowErrno throws.
+FileHandle MakeLockedFile(const std::function<std::filesystem::path()>& next_name, int mode,
+                          std::filesystem::path* path);
+
+// Whether both are one file.
+bool IsSameFile(int fd, const std::filesystem::path& path);
 
 // A path as text for messages.
 std::string DisplayPath(const std::filesystem::path& path);

@@ -4,13 +4,81 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <tuple>
 #include <utility>
 
+#include <zlib.h>
+
 #include "descriptor/base/error.h"
+#include "descriptor/base/utf8.h"
 
 namespace pliant {
 namespace {
+
+constexpr std::uint64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+constexpr std::size_t kPiece = 256 * 1024;  // of an array, in memory
+constexpr int kDate =
+    (0 << 9) | (1 << 5) | 1;  // 1980-01-01, the earliest: files do not depend on the time
+// Sizes of what has no name in it (PKWARE's APPNOTE.TXT, section 4.3).
+constexpr std::uint64_t kHeadBytes = 30;
+constexpr std::uint64_t kEntryBytes = 46;
+constexpr std::uint64_t kEndBytes = 22;
+constexpr std::uint64_t kLargeEndBytes = 56 + 20;  // ZIP64: its end, and where that is
+// ZIP64's extra fields: two sizes, and in the directory the offset as well.
+constexpr std::uint64_t kHeadExtra = 4 + 16;
+constexpr std::uint64_t kEntryExtra = 4 + 24;
+
+void Put(std::string& out, std::uint64_t value, int bytes) {
+  for (int i = 0; i < bytes; ++i) out += static_cast<char>(value >> (8 * i) & 0xFF);
+}
+
+std::uint32_t Crc(std::uint32_t before, std::string_view bytes) {
+  if (bytes.empty()) return before;  // zlib begins anew where it is given no place
+  return static_cast<std::uint32_t>(
+      crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
+// https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html, version 1.0
+std::string NpyHeader(std::string_view dtype, std::span<const std::int64_t> shape) {
+  std::string text = "{'descr': '" + std::string(dtype) + "', 'fortran_order': False, 'shape': (";
+  for (const std::int64_t side : shape) text += std::to_string(side) + ",";
+  text += "), }";
+  constexpr std::size_t kBefore = 10;
+  while ((kBefore + text.size() + 1) % 64 != 0) text += ' ';
+  text += '\n';
+  std::string header = "\x93NUMPY";
+  Put(header, 1, 2);  // major, minor
+  Put(header, text.size(), 2);
+  return header + text;
+}
+
+std::uint64_t ValueBytes(std::string_view dtype) {
+  const std::uint64_t count = std::stoull(std::string(dtype.substr(2)));
+  return dtype[1] == 'U' ? 4 * count : count;
+}
+
+// The part that a file's head and its entry in the directory share.
+void PutDescription(std::string& out, bool large, std::uint32_t crc, std::uint64_t size,
+                    std::uint64_t name, std::uint64_t extra) {
+  Put(out, large ? 45 : 20, 2);  // of zip: 4.5 has ZIP64
+  Put(out, 0, 2);                // flags
+  Put(out, 0, 2);                // method: stored
+  Put(out, 0, 2);                // time
+  Put(out, kDate, 2);
+  Put(out, crc, 4);
+  Put(out, large ? kMost32 : size, 4);
+  Put(out, large ? kMost32 : size, 4);
+  Put(out, name, 2);
+  Put(out, extra, 2);
+}
+
+void PutExtra(std::string& out, std::uint64_t bytes, std::uint64_t size) {
+  Put(out, 1, 2);  // ZIP64
+  Put(out, bytes - 4, 2);
+  Put(out, size, 8);
+  Put(out, size, 8);
+}
 
 template <typename Value>
 std::string_view ViewOf(const std::vector<Value>& values) {
@@ -38,6 +106,142 @@ std::pair<std::size_t, std::size_t> DeclareRows(NpzArchive& archive, std::int64_
 }
 
 }  // namespace
+
+std::size_t NpzArchive::Declare(std::string_view name, std::string_view dtype,
+                                std::span<const std::int64_t> shape) {
+  Entry entry;
+  entry.name = std::string(name) + ".npy";
+  entry.header = NpyHeader(dtype, shape);
+  std::uint64_t count = 1;
+  for (const std::int64_t side : shape) count *= static_cast<std::uint64_t>(side);
+  entry.size = entry.header.size() + count * ValueBytes(dtype);
+  entries_.push_back(std::move(entry));
+  return entries_.size() - 1;
+}
+
+// Gives everything its place; returns the size of the file.
+std::uint64_t NpzArchive::Lay(bool large) {
+  std::uint64_t at = 0;
+  std::uint64_t directory = 0;
+  for (Entry& entry : entries_) {
+    entry.offset = at;
+    entry.begin = at + kHeadBytes + entry.name.size() + (large ? kHeadExtra : 0);
+    at = entry.begin + entry.size;
+    directory += kEntryBytes + entry.name.size() + (large ? kEntryExtra : 0);
+  }
+  directory_ = at;
+  return at + directory + kEndBytes + (large ? kLargeEndBytes : 0);
+}
+
+void NpzArchive::Place() {
+  if (placed_) return;
+  placed_ = true;
+  bytes_ = Lay(false);
+  large_ = bytes_ >= kMost32;
+  if (large_) bytes_ = Lay(true);
+  for (Entry& entry : entries_) {
+    entry.waiting = std::move(entry.header);
+    entry.crc = Crc(0, entry.waiting);
+  }
+}
+
+std::uint64_t NpzArchive::bytes() {
+  Place();
+  return bytes_;
+}
+
+void NpzArchive::Flush(Entry& entry) {
+  if (entry.waiting.empty()) return;
+  write_(entry.begin + entry.written, entry.waiting);
+  entry.written += entry.waiting.size();
+  entry.waiting.clear();
+}
+
+void NpzArchive::Append(std::size_t array, std::string_view values) {
+  Place();
+  Entry& entry = entries_[array];
+  if (entry.written + entry.waiting.size() + values.size() > entry.size) {
+    throw Error(ErrorCode::kInternal, "archive_incomplete", "more values than were declared");
+  }
+  entry.crc = Crc(entry.crc, values);
+  entry.waiting.append(values);
+  if (entry.waiting.size() >= kPiece) Flush(entry);
+}
+
+std::size_t NpzArchive::TextLength(std::string_view text) {
+  return std::max<std::size_t>(1, DecodeUtf8(text).size());
+}
+
+void NpzArchive::AppendText(std::size_t array, std::string_view text, std::size_t length) {
+  std::u32string points = DecodeUtf8(text);
+  points.resize(length);  // NumPy fills up with zeros
+  std::string values;
+  for (const char32_t point : points) Put(values, point, 4);
+  Append(array, values);
+}
+
+std::string NpzArchive::Head(const Entry& entry) const {
+  std::string head = "PK\x03\x04";
+  PutDescription(head, large_, entry.crc, entry.size, entry.name.size(), large_ ? kHeadExtra : 0);
+  head += entry.name;
+  if (large_) PutExtra(head, kHeadExtra, entry.size);
+  return head;
+}
+
+std::string NpzArchive::Directory() const {
+  std::string directory;
+  for (const Entry& entry : entries_) {
+    directory += "PK\x01\x02";
+    Put(directory, large_ ? 45 : 20, 2);
+    PutDescription(directory, large_, entry.crc, entry.size, entry.name.size(),
+                   large_ ? kEntryExtra : 0);
+    Put(directory, 0, 2);  // comment
+    Put(directory, 0, 2);  // disk
+    Put(directory, 0, 2);  // internal attributes
+    Put(directory, 0, 4);  // external attributes
+    Put(directory, large_ ? kMost32 : entry.offset, 4);
+    directory += entry.name;
+    if (!large_) continue;
+    PutExtra(directory, kEntryExtra, entry.size);
+    Put(directory, entry.offset, 8);
+  }
+  const std::uint64_t size = directory.size();
+  if (large_) {
+    directory += "PK\x06\x06";
+    Put(directory, 56 - 12, 8);  // what follows of it
+    Put(directory, 45, 2);
+    Put(directory, 45, 2);
+    Put(directory, 0, 8);  // this disk, and that of the directory
+    Put(directory, entries_.size(), 8);
+    Put(directory, entries_.size(), 8);
+    Put(directory, size, 8);
+    Put(directory, directory_, 8);
+    directory += "PK\x06\x07";
+    Put(directory, 0, 4);  // disk
+    Put(directory, directory_ + size, 8);
+    Put(directory, 1, 4);  // disks
+  }
+  directory += "PK\x05\x06";
+  Put(directory, 0, 4);
+  Put(directory, entries_.size(), 2);
+  Put(directory, entries_.size(), 2);
+  Put(directory, large_ ? kMost32 : size, 4);
+  Put(directory, large_ ? kMost32 : directory_, 4);
+  Put(directory, 0, 2);  // comment
+  return directory;
+}
+
+void NpzArchive::Finish() {
+  Place();
+  for (Entry& entry : entries_) {
+    Flush(entry);
+    if (entry.written != entry.size) {
+      throw Error(ErrorCode::kInternal, "archive_incomplete", "fewer values than were declared");
+    }
+    write_(entry.offset, Head(entry));
+  }
+  write_(directory_, Directory());
+}
 
 std::vector<float> KeypointRows(const Features& features) {
   std::vector<float> rows;

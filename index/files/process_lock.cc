@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include "descriptor/base/hex.h"
-#include "index/files/durable_file.h"
 
 namespace pliant {
 namespace {
@@ -38,8 +37,9 @@ bool IsId(const std::string& text) {
 
 std::string NewId() { return std::to_string(::getpid()) + "-" + RandomHex(kRandomDigits); }
 
-// Whether the file was nobody's, who has a lock on it now.
-bool LockNow(int file, int kind) { return ::flock(file, kind | LOCK_NB) == 0; }
+FileHandle Open(const fs::path& path) {
+  return FileHandle(::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+}
 
 void RemoveAbandoned(const fs::path& database) {
   const std::string begin = database.filename().string() + kInfix;
@@ -50,13 +50,12 @@ void RemoveAbandoned(const fs::path& database) {
     if (name.starts_with(begin) && IsId(name.substr(begin.size()))) found.push_back(entry.path());
   }
   for (const fs::path& path : found) {
-    const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-    if (file < 0) continue;
+    const FileHandle file = Open(path);
+    if (!file.is_open()) continue;
     struct stat info{};
     const bool may_be_ours =
-        ::fstat(file, &info) == 0 && S_ISREG(info.st_mode) && info.st_size == 0;
-    if (may_be_ours && LockNow(file, LOCK_EX)) ::unlink(path.c_str());
-    ::close(file);
+        ::fstat(file.get(), &info) == 0 && S_ISREG(info.st_mode) && info.st_size == 0;
+    if (may_be_ours && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());
   }
 }
 
@@ -65,43 +64,17 @@ void RemoveAbandoned(const fs::path& database) {
 ProcessLock::ProcessLock(const fs::path& database)
     : database_(fs::weakly_canonical(fs::absolute(database))) {
   RemoveAbandoned(database_);
-  struct stat info{};
-  do {  // until it is locked it looks as if its process were dead, and may be removed
-    if (file_ >= 0) ::close(file_);
-    id_ = NewId();
-    path_ = PathOf(database_, id_);
-    file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, S_IRUSR | S_IWUSR);
-    if (file_ < 0) ThrowErrno("cannot make", path_);
-    if (::flock(file_, LOCK_EX) != 0 || ::fstat(file_, &info) != 0) {
-      const int code = errno;
-      ::unlink(path_.c_str());
-      ::close(file_);
-      errno = code;
-      ThrowErrno("cannot lock", path_);
-    }
-  } while (info.st_nlink == 0);
+  const auto next_name = [this] { return PathOf(database_, id_ = NewId()); };
+  file_ = MakeLockedFile(next_name, S_IRUSR | S_IWUSR, &path_);
 }
 
-ProcessLock::~ProcessLock() {
-  ::unlink(path_.c_str());
-  ::close(file_);
-}
-
-bool ProcessLock::IsInPlace() const {
-  struct stat mine{};
-  struct stat named{};
-  return ::fstat(file_, &mine) == 0 && ::stat(path_.c_str(), &named) == 0 &&
-         mine.st_dev == named.st_dev && mine.st_ino == named.st_ino;
-}
+ProcessLock::~ProcessLock() { ::unlink(path_.c_str()); }
 
 bool ProcessLock::IsHeld(const std::string& id) const {
   if (!IsId(id)) return false;  // the owner of no job that we wrote
-  const fs::path path = PathOf(database_, id);
-  const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  if (file < 0) return errno != ENOENT || !IsInPlace();
-  const bool free = LockNow(file, LOCK_SH);
-  ::close(file);
-  return !free;
+  const FileHandle file = Open(PathOf(database_, id));
+  if (!file.is_open()) return errno != ENOENT || !IsSameFile(file_.get(), path_);
+  return ::flock(file.get(), LOCK_SH | LOCK_NB) != 0;
 }
 
 }  // namespace pliant

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <string>
 
+#include "index/files/durable_file.h"
+
 namespace pliant {
 
 // An empty file beside the database, `NAME.server-ID`, that a process holds locked (flock) while it
@@ -28,12 +30,10 @@ class ProcessLock {
   bool IsHeld(const std::string& id) const;
 
  private:
-  bool IsInPlace() const;
-
   std::filesystem::path database_;  // without links
   std::string id_;                  // process number and 16 random hex digits
   std::filesystem::path path_;
-  int file_ = -1;
+  FileHandle file_;
 };
 
 }  // namespace pliant

@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Text from outside: what it is made of, and how it is shown.
+// Text from outside: what it is made of, how it is shown, and how it compares in any case.
+// Thread-safe.
 #pragma once
 
 #include <cstddef>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace pliant {
 
@@ -30,5 +32,16 @@ std::string Shown(std::string_view name, std::size_t most_bytes = kMostShownByte
 
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
 std::string PercentEncode(std::string_view text, std::string_view kept);
+
+// The code points of UTF-8 in lower case, one for one ("ß" stays: it is not "ss"), by Unicode's
+// simple mappings; every byte that belongs to none becomes U+FFFD. Letters and accents that are
+// characters of their own stay so: what is written with combining marks differs.
+std::u32string FoldCase(std::string_view text);
+
+// The words of `text`, folded, as white space parts them.
+std::vector<std::u32string> FoldedWords(std::string_view text);
+
+// Whether each of the folded words occurs in one of the texts.
+bool OccurIn(const std::vector<std::u32string>& words, const std::vector<std::string_view>& texts);
 
 }  // namespace pliant

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/json/result_json.h"
 
+#include <cmath>
 #include <optional>
 #include <utility>
 
-#include "index/json/location_json.h"
 #include "index/json/record_json.h"
 #include "index/verify/warp_mesh.h"
 
@@ -89,6 +89,8 @@ Json HitJson(const Hit& hit) {
   return json;
 }
 
+double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
+
 }  // namespace
 
 Json SearchResultJson(const SearchResult& result, double took_ms) {
@@ -148,6 +150,36 @@ Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) 
                  {"describe_ms", t.describe_ms},
                  {"verify_ms", comparison.verify_ms}}}};
   if (explain) json["explain"] = ExplanationJson(e);
+  return json;
+}
+
+Json PointJson(Vec2 point) { return Json::array({Hundredths(point.x), Hundredths(point.y)}); }
+
+Json MeshJson(const Mesh& mesh) {
+  Json points = Json::array();
+  for (const Vec2 point : mesh.points) points.push_back(PointJson(point));
+  return {{"columns", mesh.columns},
+          {"rows", mesh.rows},
+          {"reference_width", mesh.reference_width},
+          {"reference_height", mesh.reference_height},
+          {"points", std::move(points)},
+          {"trusted", mesh.trusted}};
+}
+
+Json LocationJson(const Location& location) {
+  Json json = {{"found", location.found},
+               {"reason", location.found ? Json(nullptr) : Json(ToString(location.reason))},
+               {"keypoints", location.keypoints},
+               {"matches", location.matches},
+               {"inliers", location.inliers.size()},
+               {"inlier_rate", std::round(location.inlier_rate() * 1e4) / 1e4},
+               {"outline", nullptr},
+               {"mesh", nullptr}};
+  if (location.found) {
+    json["outline"] = Json::array();
+    for (const Vec2 point : location.outline) json["outline"].push_back(PointJson(point));
+    json["mesh"] = MeshJson(*location.mesh);
+  }
   return json;
 }
 

@@ -1,11 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The JSON form of a search result, for the command line and the HTTP server.
+// The JSON forms of search results, comparisons and locations, for the command line and the HTTP
+// server.
 #pragma once
 
+#include <vector>
+
 #include "index/json/json.h"
-#include "index/records/comparison.h"
 #include "index/records/records.h"
+#include "index/records/search.h"
+#include "index/verify/locate.h"
+#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 
@@ -26,5 +31,16 @@ Json SearchResultJson(const SearchResult& result, double took_ms);
 // "keypoints"}, "second": the same, "matches", "inliers", "inlier_fraction", "polygon", "failure":
 // text or null, "timings": {...}}, and as asked "explain" as above.
 Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain);
+
+// [x, y], with hundredths of a pixel.
+Json PointJson(Vec2 point);
+
+// {"columns", "rows", "reference_width", "reference_height", "points": [[x, y], ...],
+// "trusted": [true, ...]}.
+Json MeshJson(const Mesh& mesh);
+
+// {"found", "reason": word or null, "keypoints", "matches", "inliers", "inlier_rate",
+// "outline": [[x, y], ...] or null, "mesh": MeshJson or null}.
+Json LocationJson(const Location& location);
 
 }  // namespace pliant

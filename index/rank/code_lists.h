@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "index/records/indexed_image.h"
+#include "index/records/image_ref.h"
 #include "vocab/code_scan.h"
 #include "vocab/residual_codes.h"
 

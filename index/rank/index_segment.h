@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "index/rank/code_lists.h"
-#include "index/records/indexed_image.h"
+#include "index/records/image_ref.h"
 
 namespace pliant {
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "descriptor/features/features.h"
-#include "index/records/admission.h"
 #include "index/records/image_ref.h"
 #include "index/records/search.h"
 #include "vocab/quantizer.h"

@@ -186,43 +186,28 @@ class Checker {
   std::size_t terms_ = 0;
 };
 
-// Of two keys that are the same a parser keeps one: what the other demands would be lost.
-class Watcher {
- public:
-  bool Keep(int depth, Json::parse_event_t event, const Json& parsed) {
-    too_deep_ = too_deep_ || depth > kDeepestJson;
-    if (event == Json::parse_event_t::object_start) keys_.emplace_back();
-    if (event == Json::parse_event_t::object_end && !keys_.empty()) keys_.pop_back();
-    if (event == Json::parse_event_t::key && !keys_.empty()) {
-      const auto& key = parsed.get_ref<const std::string&>();
-      if (!keys_.back().insert(key).second && twice_.empty())
-        twice_ = "\"" + Shown(key, kShownBytes) + "\"";
-    }
-    return !too_deep_;
-  }
-  bool too_deep() const { return too_deep_; }
-  const std::string& twice() const { return twice_; }
-
- private:
-  std::vector<std::set<std::string>> keys_;  // of the objects that are open
-  bool too_deep_ = false;
-  std::string twice_;
-};
-
 }  // namespace
 
 void CheckFilter(const Filter& filter) { Checker().Check("", filter, 1); }
 
 Filter ParseFilter(const std::string& text) {
   if (text.size() > kMaxFilterBytes) ThrowInvalid("", "is larger than 64 KiB");
-  Watcher watcher;
-  const Json json = Json::parse(
-      text,
-      [&](int depth, Json::parse_event_t event, const Json& parsed) {
-        return watcher.Keep(depth, event, parsed);
-      },
-      /*allow_exceptions=*/false);
-  if (watcher.too_deep()) {
+  // Of two keys that are the same a parser keeps one: what the other demands would be lost.
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  bool too_deep = false;
+  std::string twice;
+  const auto watch = [&](int depth, Json::parse_event_t event, const Json& parsed) {
+    too_deep = too_deep || depth > kDeepestJson;
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end && !keys.empty()) keys.pop_back();
+    if (event == Json::parse_event_t::key && !keys.empty()) {
+      const auto& key = parsed.get_ref<const std::string&>();
+      if (!keys.back().insert(key).second && twice.empty()) twice = Shown(key, kShownBytes);
+    }
+    return !too_deep;
+  };
+  const Json json = Json::parse(text, watch, /*allow_exceptions=*/false);
+  if (too_deep) {
     ThrowInvalid("", "is nested too deep: " + std::to_string(kMaxFilterDepth) +
                          " levels of and, or and not, and values that are no lists of lists");
   }
@@ -230,8 +215,8 @@ Filter ParseFilter(const std::string& text) {
     ThrowInvalid("",
                  "must be a JSON object such as {\"shop\": \"east\", \"year\": {\"gte\": 2020}}");
   }
-  if (!watcher.twice().empty()) {
-    ThrowInvalid("", "has the key " + watcher.twice() + " twice in one object; \"and\" joins both");
+  if (!twice.empty()) {
+    ThrowInvalid("", "has the key \"" + twice + "\" twice in one object; \"and\" joins both");
   }
   Filter filter = ReadFilter("", json, 1);
   CheckFilter(filter);

@@ -16,7 +16,6 @@
 #include <string>
 #include <vector>
 
-#include "index/records/admission.h"
 #include "index/records/image_ref.h"
 #include "index/records/listing.h"
 #include "index/records/records.h"
@@ -43,11 +42,6 @@ struct CollectionState {
   std::string name;
   Key vocabulary = 0;  // the active one; 0 = none
   std::int64_t created_ms = 0;
-};
-
-struct StoredFeatures {
-  std::int64_t version = 0;           // ImageRef::version
-  std::vector<std::uint8_t> encoded;  // as EncodeFeatures (feature_codec.h) makes it
 };
 
 struct StoredImage {
@@ -106,7 +100,8 @@ class Catalogue {
   void ForEachImageFeatures(ImageListing list, const std::function<void(const ImagePage&)>& look,
                             const std::function<void(const ImageRecord&, Bytes features)>& take);
   ObjectPage ListObjectPage(const ObjectListing& list);
-  // The image that `request` would only store once more (store/unchanged.h).
+  // The image that `request` would only store once more . Throws kConflict "same_bytes"
+  // for another object or other metadata.
   std::optional<ImageRecord> FindUnchanged(const AddRequest& request, const std::string& sha256);
   // An image of any collection with these bytes, with its features.
   std::optional<StoredImage> FindDescribed(const std::string& sha256);
@@ -120,9 +115,6 @@ class Catalogue {
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary);
   std::uint64_t CountImages(Key collection);
   std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary);
-  // Images without words of the vocabulary: at most `limit`, by version, after `after`.
-  std::vector<StoredFeatures> LoadUnquantized(Key collection, Key vocabulary, std::int64_t after,
-                                              int limit);
   // The words of the images that have some, by version. `words`: the size of the vocabulary.
   std::map<Key, Bow> LoadWords(Key vocabulary, std::size_t words, std::span<const Key> versions);
   // Each descriptor of the collection is as likely as any other, none is drawn twice. The same

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "index/records/indexed_image.h"
+#include "index/records/image_ref.h"
 #include "index/store/catalogue.h"
 #include "vocab/vocabulary.h"
 

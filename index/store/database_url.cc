@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "descriptor/base/error.h"
+
 namespace pliant {
 
 bool IsDatabaseUrl(std::string_view database) {
@@ -13,6 +15,17 @@ bool IsDatabaseUrl(std::string_view database) {
 std::filesystem::path FolderOf(const std::filesystem::path& database) {
   if (IsDatabaseUrl(database.string())) return std::filesystem::temp_directory_path();
   return std::filesystem::absolute(database).parent_path();
+}
+
+void RequireDatabaseFile(const std::filesystem::path& path) {
+  if (path.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "database_unnamed",
+                "the name of the database is empty");
+  }
+  if (!IsDatabaseUrl(path.string())) return;
+  throw Error(ErrorCode::kInvalidArgument, "database_file_needed",
+              "this needs a database file, and the database is on a server; its own tools back it "
+              "up and restore it, and `pliant db copy` copies it to a file");
 }
 
 }  // namespace pliant

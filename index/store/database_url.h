@@ -14,4 +14,8 @@ bool IsDatabaseUrl(std::string_view database);
 // this system keeps temporary files.
 std::filesystem::path FolderOf(const std::filesystem::path& database);
 
+// Throws kInvalidArgument "database_unnamed" for an empty name and "database_file_needed" for a
+// URL. A file of such a name can be given as ./NAME.
+void RequireDatabaseFile(const std::filesystem::path& path);
+
 }  // namespace pliant

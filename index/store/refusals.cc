@@ -30,51 +30,9 @@ Error NoImage(const std::string& collection, const std::string& id) {
           "there is no image \"" + Shown(id) + "\" in collection \"" + Shown(collection) + "\""};
 }
 
-Error NoObject(const std::string& object) {
-  return {ErrorCode::kNotFound, "object_not_found",
-          "there is no image of an object \"" + Shown(object) + "\""};
-}
-
-Error ContentNotKept(const std::string& id) {
-  return {ErrorCode::kNotFound, "content_not_kept",
-          "the uploaded bytes of \"" + Shown(id) + "\" were not kept"};
-}
-
 Error FeaturesMissing() {
   return {ErrorCode::kCorrupt, "features_missing",
           "a stored image has lost its features; run `pliant db check`"};
-}
-
-Error ObjectExists(const std::string& object, std::uint64_t images) {
-  return {ErrorCode::kConflict, "object_exists",
-          "there is an object \"" + Shown(object) + "\" already, of " + std::to_string(images) +
-              (images == 1 ? " image" : " images") + "; merge=true makes one object of the two"};
-}
-
-Error KeyAmbiguous(const std::string& name) {
-  return {ErrorCode::kConflict, "key_ambiguous",
-          "several keys are called \"" + Shown(name) + "\"; name the id of the one to revoke"};
-}
-
-Error NoAlias(const std::string& name) {
-  return {ErrorCode::kNotFound, "alias_not_found", "there is no alias \"" + Shown(name) + "\""};
-}
-
-Error AliasIsCollection(const std::string& name) {
-  return {ErrorCode::kConflict, "collection_exists",
-          "\"" + Shown(name) + "\" is a collection and cannot be an alias, too"};
-}
-
-Error NoAliasTarget(const std::string& name, const std::string& other) {
-  return {ErrorCode::kNotFound, "collection_not_found",
-          "there is no collection \"" + Shown(name) + "\"" +
-              (other.empty() ? "" : ": that is an alias of \"" + Shown(other) + "\"")};
-}
-
-Error CollectionIsAlias(const std::string& alias, const std::string& collection) {
-  return {ErrorCode::kConflict, "collection_is_alias",
-          "\"" + Shown(alias) + "\" is an alias of the collection \"" + Shown(collection) +
-              "\"; remove the alias, or name the collection"};
 }
 
 }  // namespace pliant::refusals

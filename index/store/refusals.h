@@ -22,19 +22,7 @@ Error NoCollection(const std::string& name);  // kNotFound "collection_not_found
 // Throws NoCollection where the request means another of this name (collection_created_ms).
 void CheckIsMeant(const AddRequest& request, std::int64_t created_ms);
 Error NoImage(const std::string& collection, const std::string& id);  // "image_not_found"
-Error NoObject(const std::string& object);                            // "object_not_found"
-Error ContentNotKept(const std::string& id);                          // "content_not_kept"
 Error FeaturesMissing();                                              // kCorrupt "features_missing"
-Error ObjectExists(const std::string& object, std::uint64_t images);  // kConflict
-Error KeyAmbiguous(const std::string& name);                          // kConflict
-
-// Aliases.
-Error NoAlias(const std::string& name);            // kNotFound "alias_not_found"
-Error AliasIsCollection(const std::string& name);  // kConflict "collection_exists"
-// kNotFound "collection_not_found"; `other`: the collection that it is an alias of, or empty.
-Error NoAliasTarget(const std::string& name, const std::string& other);
-// kConflict "collection_is_alias"
-Error CollectionIsAlias(const std::string& alias, const std::string& collection);
 
 }  // namespace refusals
 }  // namespace pliant

@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "index/records/changes.h"
 #include "index/records/image_ref.h"
 #include "index/records/listing.h"
 #include "index/records/records.h"
@@ -24,7 +23,7 @@ namespace pliant {
 struct ImagePut {
   const AddRequest& request;  // outlives the put
   ImageRecord record = {};
-  std::vector<std::uint8_t> encoded = {};  // features (feature_codec.h)
+  std::vector<std::uint8_t> encoded = {};  // features (blob_codec.h)
   Features features = {};                  // the same, in stored precision
   Key vocabulary = 0;  // that made `bow`; another is active by now: quantised anew
   Bow bow = {};
@@ -36,11 +35,6 @@ struct ImagePut {
 struct PutOutcome {
   AddOutcome outcome = AddOutcome::kCreated;
   ImageRecord image;
-};
-
-struct ImageWords {
-  std::int64_t version = 0;  // ImageRef::version
-  Bow bow;
 };
 
 class Access;
@@ -86,8 +80,11 @@ class Writer {
   // A vocabulary comes in three steps: it is added, not ready yet; images get words of it; it is
   // finished. The last two give words to what lacks them, while nobody adds images.
   Key AddVocabulary(Key collection, const Vocabulary& vocabulary);
-  // Does nothing for images that are gone.
-  void AddWords(Key vocabulary, std::span<const ImageWords> images);
+  // Gives words of the vocabulary to the images of the collection that lack them, in batches,
+  // while others add images. `progress` hears how many have them, before each batch and at the
+  // end; what it throws ends the work. `threads`: 0 = all cores.
+  void Quantize(Key collection, Key vocabulary, const Quantizer& quantizer, int threads,
+                const std::function<void(std::uint64_t images)>& progress);
   // Ready, and active where the collection has none. `automatic`: nobody chose it
   // (CollectionRecord).
   VocabularyRecord FinishVocabulary(const std::string& collection, Key vocabulary,

@@ -4,7 +4,7 @@
 #include <memory>
 #include <optional>
 
-#include "index/json/location_json.h"
+#include "index/json/result_json.h"
 #include "index/tracking/frame_source.h"
 #include "index/tracking/tracker.h"
 #include "python/native/bindings.h"

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Objects: what images show, and where one is in an image.
 #include "descriptor/base/stopwatch.h"
-#include "index/json/location_json.h"
 #include "index/json/record_json.h"
-#include "index/records/changes.h"
+#include "index/json/result_json.h"
+#include "index/records/records.h"
 #include "index/verify/locate.h"
 #include "server/http/problem.h"
 #include "server/routes/answers.h"

@@ -18,7 +18,7 @@
 #include "index/rank/memory_ranker.h"
 #include "index/rank/ranking.h"
 #include "index/store/open_store.h"
-#include "index/store/sql/catalogue_vocabularies.h"
+#include "index/store/sql/rows.h"
 #include "index/store/sqlite/database.h"
 
 namespace pliant {

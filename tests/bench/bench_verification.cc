@@ -11,7 +11,7 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/match/matching.h"
 #include "descriptor/match/stepped.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/verify/verification.h"
 
 namespace pliant {

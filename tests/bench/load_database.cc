@@ -24,7 +24,7 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/sha256.h"
 #include "index/engine/engine.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/open_store.h"
 #include "index/store/store.h"
 

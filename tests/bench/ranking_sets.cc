@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "descriptor/match/distance.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant::bench {

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <vector>
 
-#include "index/store/blob_bytes.h"
+#include "index/store/blob_codec.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace pliant::fuzz {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Bags of words as they are stored. The first byte of an input chooses the vocabulary's size.
-#include "index/store/word_codec.h"
+#include "index/store/blob_codec.h"
 #include "tests/fuzz/blob.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -4,7 +4,7 @@
 // words: kind, dimensions, and how many.
 #include <memory>
 
-#include "index/store/word_codec.h"
+#include "index/store/blob_codec.h"
 #include "tests/fuzz/blob.h"
 #include "vocab/residual_codes.h"
 

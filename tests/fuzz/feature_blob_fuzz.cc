@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Features as they are stored.
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "tests/fuzz/blob.h"
 
 namespace {

@@ -117,7 +117,7 @@ TEST_F(SurvivalTest, KilledAtAnyMomentEveryImageHasItsOriginalsFile) {
   ASSERT_EQ(resumed.status, 0) << resumed.err;
   // What a process left that was killed while it wrote the owner's name goes after a minute.
   for (const auto& entry : std::filesystem::directory_iterator(originals)) {
-    if (!entry.path().filename().string().starts_with("pliant-originals.new-")) continue;
+    if (!entry.path().filename().string().starts_with("pliant-originals.part-")) continue;
     std::filesystem::last_write_time(
         entry.path(), std::filesystem::file_time_type::clock::now() - std::chrono::minutes(2));
   }

@@ -1,5 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
+#include "index/store/blob_codec.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -9,9 +11,6 @@
 
 #include <gtest/gtest.h>
 
-#include "index/store/blob_bytes.h"
-#include "index/store/feature_codec.h"
-#include "index/store/word_codec.h"
 #include "tests/unit/expect_error.h"
 
 namespace pliant {

@@ -23,7 +23,6 @@ class CopyDatabaseTest : public EngineTest {
     CopyOptions options;
     options.from = Options().database;
     options.to = Database(folder_ / to);
-    options.readers = 4;
     return options;
   }
   static void ExpectSame(const ImageRecord& a, const ImageRecord& b) {

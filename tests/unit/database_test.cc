@@ -15,7 +15,6 @@
 #include "index/store/open_store.h"
 #include "index/store/sql/rows.h"
 #include "index/store/sqlite/new_database.h"
-#include "index/store/sqlite/schema.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/open_store.h"
 #include "tests/unit/engine_fixture.h"
 

@@ -10,7 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "index/files/fold_case.h"
+#include "index/files/text.h"
 #include "tests/unit/engine_fixture.h"
 #include "tests/unit/facets.h"
 

@@ -97,7 +97,7 @@ TEST_F(EngineOriginalsTest, WhatADeadProcessLeftIsSweptAndNothingElse) {
   fs::create_directory(directory_ / "ee");
   WriteText(directory_ / "ee" / orphan, "renamed, never committed");
   WriteText(directory_ / "incoming" / "dead", "half a pic");
-  const fs::path claim = directory_ / "pliant-originals.new-77";
+  const fs::path claim = directory_ / "pliant-originals.part-77";
   WriteText(claim, "an ow");
   EXPECT_EQ(engine.SweepOriginals(), 2U);
   EXPECT_TRUE(fs::exists(claim)) << "it could be of a living process";

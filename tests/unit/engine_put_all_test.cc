@@ -4,7 +4,7 @@
 #include <deque>
 
 #include "descriptor/base/error.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 #include "index/store/open_store.h"
 #include "tests/unit/engine_fixture.h"
 

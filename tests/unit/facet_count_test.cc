@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "index/files/fold_case.h"
+#include "index/files/text.h"
 #include "tests/unit/facets.h"
 
 namespace pliant::testing {

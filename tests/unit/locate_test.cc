@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/warp/tps_ransac.h"
-#include "index/json/location_json.h"
+#include "index/json/result_json.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {

@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Archives of NumPy, read by Python's zipfile: NumPy itself reads them in tests/python.
-#include "index/files/npz_archive.h"
-
 #include <array>
 #include <cstdio>
 #include <memory>

@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // What the schema of a database may be.
-#include "index/store/sqlite/schema_check.h"
-
 #include <array>
 #include <string>
 
@@ -11,6 +9,7 @@
 
 #include "index/store/open_store.h"
 #include "index/store/sqlite/database.h"
+#include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/sqlite_connection.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "index/json/location_json.h"
+#include "index/json/result_json.h"
 
 namespace pliant {
 namespace {

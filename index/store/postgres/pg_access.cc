@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // A database on PostgreSQL, which other processes use at the same time, on this machine and others.
-#include <algorithm>
-#include <condition_variable>
 #include <mutex>
 
 #include "descriptor/base/error.h"
@@ -27,87 +25,6 @@ constexpr std::size_t kMostIdle = 4;        // that are kept
 constexpr int kReadingMs = 10 * 60 * 1000;  // a client may be slow to take what is read
 constexpr std::int64_t kCommits = std::int64_t{1} << 48;  // more than a history ever has
 
-// Reading connections for many threads. Thread-safe.
-class PgPool {
- public:
-  PgPool(const Address* address, const Health* health, PgConnection::Options options, int wait_ms)
-      : address_(*address), health_(*health), options_(std::move(options)), wait_ms_(wait_ms) {}
-
-  // Throws kUnavailable "database_busy" when none becomes free in time.
-  std::unique_ptr<PgConnection> Borrow() {
-    std::unique_lock lock(mutex_);
-    if (lent_ >= kMostReaders) ++waits_;
-    const bool free = changed_.wait_for(lock, std::chrono::milliseconds(wait_ms_),
-                                        [&] { return lent_ < kMostReaders; });
-    if (!free) {
-      throw Error(ErrorCode::kUnavailable, "database_busy",
-                  "all connections to the database " + address_.shown + " are in use; try again");
-    }
-    ++lent_;
-    std::erase_if(idle_, [](const auto& connection) { return !connection->IsGood(); });
-    if (!idle_.empty()) {
-      auto connection = std::move(idle_.back());
-      idle_.pop_back();
-      return connection;
-    }
-    lock.unlock();
-    try {
-      return std::make_unique<PgConnection>(&address_, &health_, options_);
-    } catch (...) {
-      GiveBack(nullptr);
-      throw;
-    }
-  }
-
-  void GiveBack(std::unique_ptr<PgConnection> connection) noexcept {
-    if (connection) connection->Rollback();
-    const std::lock_guard lock(mutex_);
-    --lent_;
-    changed_.notify_one();
-    if (connection && connection->IsGood() && idle_.size() < kMostIdle) {
-      idle_.push_back(std::move(connection));
-    }
-  }
-
-  std::size_t connections() const {
-    const std::lock_guard lock(mutex_);
-    return lent_ + idle_.size();
-  }
-  std::uint64_t waits() const {
-    const std::lock_guard lock(mutex_);
-    return waits_;
-  }
-
- private:
-  const Address& address_;
-  const Health& health_;
-  const PgConnection::Options options_;
-  const int wait_ms_;
-  mutable std::mutex mutex_;  // guards what follows
-  std::condition_variable changed_;
-  std::size_t lent_ = 0;
-  std::uint64_t waits_ = 0;
-  std::vector<std::unique_ptr<PgConnection>> idle_;
-};
-
-class PgReading : public Access::Reading {
- public:
-  explicit PgReading(PgPool* pool) : pool_(*pool), connection_(pool->Borrow()) {
-    try {
-      connection_->BeginRead();
-    } catch (...) {
-      pool_.GiveBack(std::move(connection_));
-      throw;
-    }
-  }
-  ~PgReading() override { pool_.GiveBack(std::move(connection_)); }
-  PgConnection& db() override { return *connection_; }
-
- private:
-  PgPool& pool_;
-  std::unique_ptr<PgConnection> connection_;
-};
-
 class PgAccess : public Access {
  public:
   PgAccess(Address address, const StoreOptions& options, StorePart part)
@@ -115,13 +32,8 @@ class PgAccess : public Access {
         part_(static_cast<int>(part)),
         lock_timeout_ms_(options.busy_timeout_ms),
         monitor_(&address_),
-        primary_(&address_, &monitor_.health(), ReadingOptions(PgConnection::Target::kPrimary),
-                 options.busy_timeout_ms) {
-    if (address_.reads_on_standby) {
-      standby_ = std::make_unique<PgPool>(&address_, &monitor_.health(),
-                                          ReadingOptions(PgConnection::Target::kAny),
-                                          options.busy_timeout_ms);
-    }
+        primary_(PoolOf(PgConnection::Target::kPrimary)) {
+    if (address_.reads_on_standby) standby_.emplace(PoolOf(PgConnection::Target::kAny));
   }
 
   const std::string& name() const override { return address_.shown; }
@@ -137,32 +49,31 @@ class PgAccess : public Access {
     });
   }
 
-  std::unique_ptr<Reading> BeginReading() override {
-    if (standby_ == nullptr) return std::make_unique<PgReading>(&primary_);
+  std::unique_ptr<ReadTransaction> BeginReading() override {
+    if (!standby_) return std::make_unique<ReadTransaction>(&primary_);
     // What was committed when this began must be seen, wherever it is read.
     const std::int64_t wanted = Version();
     try {
-      auto reading = std::make_unique<PgReading>(standby_.get());
-      if (!reading->db().IsStandby() || CommitsOf(reading->db()) >= wanted) return reading;
+      auto reading = std::make_unique<ReadTransaction>(&*standby_);
+      const bool is_standby = static_cast<const PgConnection&>(reading->db()).IsStandby();
+      if (!is_standby || CommitsOf(reading->db()) >= wanted) return reading;
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kUnavailable) throw;
     }
-    return std::make_unique<PgReading>(&primary_);
+    return std::make_unique<ReadTransaction>(&primary_);
   }
 
   std::int64_t Version() override {
     const std::lock_guard lock(watch_mutex_);
-    if (!watch_ || !watch_->IsGood()) {
-      watch_.reset();
-      watch_.emplace(&address_, &monitor_.health(), ReadingOptions(PgConnection::Target::kPrimary));
+    if (watch_ && watch_->IsGood()) {
+      try {
+        return CommitsOf(*watch_);
+      } catch (const Error&) {
+        if (watch_->IsGood()) throw;
+      }
     }
-    try {
-      return CommitsOf(*watch_);
-    } catch (const Error&) {
-      if (watch_->IsGood()) throw;
-      watch_.reset();
-    }
-    watch_.emplace(&address_, &monitor_.health(), ReadingOptions(PgConnection::Target::kPrimary));
+    watch_ = nullptr;  // before it is made again
+    watch_ = OpenReader(PgConnection::Target::kPrimary);
     return CommitsOf(*watch_);
   }
 
@@ -210,7 +121,7 @@ class PgAccess : public Access {
                           (writes() ? 1 : 0) + 2;  // the monitor's and Version's
     figures.commit = Version();
     figures.connection_waits = primary_.waits() + (standby_ ? standby_->waits() : 0);
-    PgReading reading(&primary_);
+    const ReadTransaction reading(&primary_);
     Cursor row = reading.db().Prepare(
         // Of users without the right to see it (pg_monitor) there is none.
         "SELECT CAST(extract(epoch FROM max(coalesce(replay_lag, interval '0'))) AS float8) "
@@ -232,12 +143,21 @@ class PgAccess : public Access {
   }
 
  private:
-  PgConnection::Options ReadingOptions(PgConnection::Target target) {
-    return {.target = target,
-            .lock_timeout_ms = lock_timeout_ms_,
-            .idle_in_transaction_ms = kReadingMs,
-            .part = part_,
-            .features = &features_};
+  std::unique_ptr<PgConnection> OpenReader(PgConnection::Target target) {
+    return std::make_unique<PgConnection>(
+        &address_, &monitor_.health(),
+        PgConnection::Options{.target = target,
+                              .lock_timeout_ms = lock_timeout_ms_,
+                              .idle_in_transaction_ms = kReadingMs,
+                              .part = part_,
+                              .features = &features_});
+  }
+  ConnectionPool::Options PoolOf(PgConnection::Target target) {
+    return {.open = [this, target] { return OpenReader(target); },
+            .most_lent = kMostReaders,
+            .most_idle = kMostIdle,
+            .wait_ms = lock_timeout_ms_,
+            .database = address_.shown};
   }
   // Greater after each commit; after a standby took the place of a primary, too, also where it had
   // received fewer.
@@ -251,10 +171,10 @@ class PgAccess : public Access {
   const int lock_timeout_ms_;
   FeatureCache features_{kCacheBytes};
   PgMonitor monitor_;
-  PgPool primary_;
-  std::unique_ptr<PgPool> standby_;  // nullptr: all reads go to the primary
-  std::mutex watch_mutex_;           // guards watch_
-  std::optional<PgConnection> watch_;
+  ConnectionPool primary_;
+  std::optional<ConnectionPool> standby_;  // absent: all reads go to the primary
+  std::mutex watch_mutex_;                 // guards watch_
+  std::unique_ptr<PgConnection> watch_;
 };
 
 [[noreturn]] void ThrowNotThere(const Address& address) {
@@ -272,7 +192,7 @@ void Settle(PgConnection& db, const Address& address, const StoreOptions& option
   if (!HasTables(db)) {
     if (!options.create || options.read_only) ThrowNotThere(address);
     db.Exec("BEGIN; SELECT pg_advisory_xact_lock(hashtext('pliant'))");
-    if (!HasTables(db)) db.Exec(kSchema);
+    if (!HasTables(db)) db.Exec(SchemaSql());
     db.Exec("COMMIT");
   }
   refusals::CheckSchemaVersion(address.shown, db.Scalar("SELECT version FROM pliant"));
@@ -281,15 +201,7 @@ void Settle(PgConnection& db, const Address& address, const StoreOptions& option
   if (!options.create || options.read_only) ThrowNotThere(address);
   const DescriptorInfo model = options.model_of_new();
   db.BeginWrite();
-  if (db.Scalar("SELECT count(*) FROM models") == 0) {
-    const Key key = db.Prepare(
-                          "INSERT INTO models (name, model_id, kind, dim) VALUES (?, ?, ?, ?) "
-                          "RETURNING key")
-                        .Bind(model.name, model.model_id, static_cast<int>(model.kind), model.dim)
-                        .One()
-                        .Int(0);
-    InsertCollection(db, kDefaultCollection, key);
-  }
+  if (db.Scalar("SELECT count(*) FROM models") == 0) InsertFirstRows(db, model);
   db.Commit();
 }
 

@@ -3,8 +3,11 @@
 #include "index/store/postgres/pg_connection.h"
 
 #include <array>
+#include <bit>
+#include <cctype>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string_view>
 
 #include <libpq-fe.h>
@@ -12,9 +15,8 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/utf8.h"
-#include "index/files/fold_case.h"
+#include "index/files/text.h"
 #include "index/store/postgres/filter_sql.h"
-#include "index/store/postgres/pg_statement.h"
 
 namespace pliant::postgres {
 namespace {
@@ -51,6 +53,173 @@ bool Succeeded(const PGresult* result) {
   const ExecStatusType status = PQresultStatus(result);
   return status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK;
 }
+
+// PostgreSQL's pg_type.dat.
+constexpr Oid kBytea = 17, kInt8 = 20, kText = 25, kFloat8 = 701, kInt8Array = 1016;
+
+template <typename Integer>
+void AppendBigEndian(std::string* bytes, Integer value) {
+  for (int shift = sizeof(Integer) * 8 - 8; shift >= 0; shift -= 8) {
+    *bytes += static_cast<char>(static_cast<std::make_unsigned_t<Integer>>(value) >> shift);
+  }
+}
+
+// ? is the next parameter, ?N is parameter N. Texts within quotes are left as they are.
+std::string WithDollars(const std::string& sql) {
+  std::string out;
+  char quote = '\0';
+  int next = 0;
+  for (std::size_t i = 0; i < sql.size(); ++i) {
+    const char c = sql[i];
+    if (quote != '\0') {
+      if (c == quote) quote = '\0';
+    } else if (c == '\'' || c == '"') {
+      quote = c;
+    } else if (c == '?') {
+      out += '$';
+      if (i + 1 >= sql.size() || std::isdigit(static_cast<unsigned char>(sql[i + 1])) == 0) {
+        out += std::to_string(++next);
+      }
+      continue;
+    }
+    out += c;
+  }
+  return out;
+}
+
+// Prepared on the server when it first runs, as only then the types of its parameters are known; a
+// parameter has the same type each time. All rows of a result are in memory.
+class PgStatement : public Statement {
+ public:
+  // `sql` has its parameters as ? and ?N.
+  PgStatement(PgConnection* connection, const std::string& sql, bool kept)
+      : connection_(*connection), sql_(WithDollars(sql)), kept_(kept) {}
+
+  void Bind(int index, std::int64_t value) override {
+    std::string bytes;
+    AppendBigEndian(&bytes, value);
+    Set(index, {kInt8, std::move(bytes)});
+  }
+
+  void Bind(int index, double value) override {
+    std::string bytes;
+    AppendBigEndian(&bytes, std::bit_cast<std::int64_t>(value));
+    Set(index, {kFloat8, std::move(bytes)});
+  }
+
+  void Bind(int index, const std::string& value) override { Set(index, {kText, value}); }
+
+  void Bind(int index, Bytes value) override {
+    if (value.size() > std::size_t{1} << 30) {
+      throw Error(ErrorCode::kTooLarge, "value_too_large",
+                  "a value of more than 1 GiB is too large for the database");
+    }
+    static constexpr std::uint8_t kNothing[1] = {};
+    Set(index, {kBytea, std::nullopt, value.empty() ? Bytes(kNothing, 0) : value});
+  }
+
+  // Binary form of an array: dimensions, whether there are NULLs, type of the elements; of each
+  // dimension its size and first index; of each element its size and bytes.
+  void Bind(int index, std::span<const Key> keys) override {
+    std::string bytes;
+    AppendBigEndian(&bytes, std::int32_t{keys.empty() ? 0 : 1});
+    AppendBigEndian(&bytes, std::int32_t{0});
+    AppendBigEndian(&bytes, static_cast<std::int32_t>(kInt8));
+    if (!keys.empty()) {
+      AppendBigEndian(&bytes, static_cast<std::int32_t>(keys.size()));
+      AppendBigEndian(&bytes, std::int32_t{1});
+    }
+    for (const Key key : keys) {
+      AppendBigEndian(&bytes, std::int32_t{sizeof(Key)});
+      AppendBigEndian(&bytes, key);
+    }
+    Set(index, {kInt8Array, std::move(bytes)});
+  }
+
+  void BindNull(int index) override { Set(index, {kInt8, std::nullopt}); }
+
+  void Bind(int /*index*/, const SqlPointer& /*value*/) override {
+    throw Error(ErrorCode::kInternal, "database_error", "there are no functions of this process");
+  }
+
+  bool Step() override {
+    if (!result_) Execute();
+    return ++row_ < PQntuples(result_.get());
+  }
+
+  std::int64_t Changed() override {
+    const char* rows = PQcmdTuples(result_.get());
+    return rows[0] == '\0' ? 0 : std::stoll(rows);
+  }
+
+  void Reset() noexcept override { result_.reset(); }
+  void ClearBindings() noexcept override {}  // all are bound again before the next run
+
+  bool IsNull(int column) const override { return PQgetisnull(result_.get(), row_, column) != 0; }
+
+  std::int64_t Int(int column) const override {
+    const Bytes bytes = Blob(column);
+    if (bytes.empty()) return 0;  // NULL
+    auto value = static_cast<std::uint64_t>(bytes[0] >= 0x80 ? -1 : 0);
+    for (const std::uint8_t byte : bytes) value = value << 8 | byte;
+    return static_cast<std::int64_t>(value);
+  }
+
+  double Double(int column) const override { return std::bit_cast<double>(Int(column)); }
+
+  std::string Text(int column) const override {
+    const Bytes bytes = Blob(column);
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+  }
+
+  Bytes Blob(int column) const override {
+    return {reinterpret_cast<const std::uint8_t*>(PQgetvalue(result_.get(), row_, column)),
+            static_cast<std::size_t>(PQgetlength(result_.get(), row_, column))};
+  }
+
+ private:
+  struct Parameter {
+    Oid type = 0;
+    std::optional<std::string> copy;  // of the value; else
+    Bytes bytes = {};                 // the value; without data: NULL
+  };
+
+  void Set(int index, Parameter parameter) {
+    const auto at = static_cast<std::size_t>(index) - 1;
+    if (parameters_.size() <= at) parameters_.resize(at + 1);
+    parameters_[at] = std::move(parameter);
+  }
+
+  void Execute() {
+    if (!kept_ || prepared_ != connection_.session()) {
+      std::vector<Oid> types;
+      for (const Parameter& parameter : parameters_) types.push_back(parameter.type);
+      if (kept_) name_ = connection_.NewName();
+      connection_.PrepareNamed(name_, sql_, types);
+      prepared_ = connection_.session();
+    }
+    std::vector<const char*> values;
+    std::vector<int> lengths;
+    for (const Parameter& parameter : parameters_) {
+      values.push_back(parameter.copy ? parameter.copy->data()
+                                      : reinterpret_cast<const char*>(parameter.bytes.data()));
+      lengths.push_back(
+          static_cast<int>(parameter.copy ? parameter.copy->size() : parameter.bytes.size()));
+    }
+    const std::vector<int> formats(parameters_.size(), 1);
+    result_ = connection_.RunNamed(name_, values, lengths, formats);
+    row_ = -1;
+  }
+
+  PgConnection& connection_;
+  std::string sql_;             // with parameters as $N
+  std::uint64_t prepared_ = 0;  // PgConnection::session() in which it was prepared; 0: never
+  const bool kept_;
+  std::string name_;  // empty: until another statement without a name is prepared
+  std::vector<Parameter> parameters_;
+  Result result_;
+  int row_ = -1;
+};
 
 }  // namespace
 

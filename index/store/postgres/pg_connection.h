@@ -8,7 +8,9 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include <libpq-fe.h>
 
@@ -17,7 +19,7 @@
 namespace pliant::postgres {
 
 // A database's URL, as libpq understands it (PostgreSQL's manual, "Connection URIs"), with its
-// environment variables and files. Private to store/postgres.
+// environment variables and files.
 struct Address {
   std::string url;
   std::string shown;  // for people: hosts, database, schema; no user's secrets
@@ -97,13 +99,13 @@ class PgConnection : public Connection {
                        const std::vector<std::string>& columns) const override;
 
   bool IsStandby() const;
-  // Whether it can be used again: connected, to a server that has been there since.
-  bool IsGood() const;
+  // Connected, to a server that has been there since.
+  bool IsGood() const override;
   // Waits for a message of another session (NOTIFY), or for the time to pass; whether there was
   // one.
   bool WaitForNotice(std::chrono::milliseconds time);
 
-  // For PgStatement.
+  // For its statements.
   void PrepareNamed(const std::string& name, const std::string& sql, std::span<const Oid> types);
   Result RunNamed(const std::string& name, std::span<const char* const> values,
                   std::span<const int> lengths, std::span<const int> formats);

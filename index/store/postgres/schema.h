@@ -3,9 +3,11 @@
 // Private to store/postgres.
 #pragma once
 
+#include <string>
+
 namespace pliant::postgres {
 
 // Statements that make the tables of a new database, and a row of each part in `feed`.
-extern const char* const kSchema;
+std::string SchemaSql();
 
 }  // namespace pliant::postgres

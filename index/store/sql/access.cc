@@ -13,28 +13,50 @@
 namespace pliant {
 
 void WriteQueue::Run(Work work, const WriteOptions& options) {
-  Job job;
-  job.alone = options.alone;
-  job.work = std::move(work);
-  job.options = options;
-  queue_.Run(job, [this](std::span<GroupQueue::Job* const> batch) { Execute(batch); });
+  Job job{std::move(work), options};
+  std::unique_lock lock(mutex_);
+  jobs_.push_back(&job);
+  while (!job.done) {
+    changed_.wait(lock, [&] { return job.done || !busy_; });
+    if (job.done) break;
+    // Nothing throws before busy_ is false again, or all threads would wait for ever.
+    busy_ = true;
+    TakeBatch();
+    lock.unlock();
+    Execute();
+    lock.lock();
+    for (Job* each : batch_) each->done = true;
+    busy_ = false;
+    changed_.notify_all();
+  }
+  lock.unlock();
+  if (job.failure) std::rethrow_exception(job.failure);
 }
 
-void WriteQueue::Execute(std::span<GroupQueue::Job* const> batch) noexcept {
+void WriteQueue::TakeBatch() {
+  const auto is_alone = [](const Job* job) { return job->options.alone; };
+  auto end = std::find_if(jobs_.begin(), jobs_.end(), is_alone);
+  if (end == jobs_.begin()) ++end;
+  end = std::min(end, jobs_.begin() + std::min(kMostTogether, std::ssize(jobs_)));
+  batch_.assign(jobs_.begin(), end);
+  jobs_.erase(jobs_.begin(), end);
+}
+
+void WriteQueue::Execute() noexcept {
   try {
     if (behind_) CatchUp();
     connection_->Rollback();  // of what a failed commit left
     connection_->BeginWrite();
-    for (GroupQueue::Job* job : batch) RunInSavepoint(static_cast<Job&>(*job));
+    for (Job* job : batch_) RunInSavepoint(*job);
     connection_->Commit();
   } catch (...) {
-    for (GroupQueue::Job* job : batch) {
+    for (Job* job : batch_) {
       if (!job->failure) job->failure = std::current_exception();
     }
     connection_->Rollback();
     return;
   }
-  Reclaim(batch);
+  Reclaim();
   try {
     after_commit_();
   } catch (...) {
@@ -58,9 +80,9 @@ void WriteQueue::CatchUp() {
 }
 
 // Nothing depends on it: space that is not given back now is given back after a later removal.
-void WriteQueue::Reclaim(std::span<GroupQueue::Job* const> batch) {
-  const bool wanted = std::any_of(batch.begin(), batch.end(), [](const GroupQueue::Job* job) {
-    return static_cast<const Job*>(job)->options.reclaim && !job->failure;
+void WriteQueue::Reclaim() {
+  const bool wanted = std::any_of(batch_.begin(), batch_.end(), [](const Job* job) {
+    return job->options.reclaim && !job->failure;
   });
   if (!wanted || !reclaim_) return;
   try {

@@ -5,12 +5,16 @@
 // Thread-safe. Lets out only Error.
 #pragma once
 
+#include <condition_variable>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
-#include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -19,14 +23,11 @@
 
 #include "index/records/records.h"
 #include "index/store/change_feed.h"
-#include "index/store/group_queue.h"
 #include "index/store/open_store.h"
 #include "index/store/sql/connection.h"
 
 namespace pliant {
 
-// One writer for many threads, with group commit: what waits runs in ONE transaction (a savepoint
-// each), which is committed once. Private to index/store/.
 struct WriteOptions {
   bool reclaim = false;  // it removes much: give space back to the file system after the commit
   // In a transaction without others' work, which sees nothing but what is committed. For work with
@@ -34,6 +35,8 @@ struct WriteOptions {
   bool alone = false;
 };
 
+// One writer for many threads, with group commit: a thread that finds no writer runs all waiting
+// work in ONE transaction (a savepoint each), and commits it once. Thread-safe.
 class WriteQueue {
  public:
   using Work = std::function<void(Connection& db)>;
@@ -46,29 +49,39 @@ class WriteQueue {
              Work reclaim = {})
       : connection_(std::move(connection)),
         after_commit_(std::move(after_commit)),
-        reclaim_(std::move(reclaim)) {}
+        reclaim_(std::move(reclaim)) {
+    batch_.reserve(kMostTogether);
+  }
 
   // Returns when `work` is committed and durable. What `work` throws undoes only its own changes
   // and is thrown here; a failing transaction fails every work in it. `work` may run once more
   // than its effects are kept, so it must not change anything but the database and its own result.
-  // Thread-safe.
   void Run(Work work, const WriteOptions& options = {});
 
  private:
-  struct Job : GroupQueue::Job {
+  struct Job {
     Work work;
     WriteOptions options;
+    std::exception_ptr failure = {};
+    bool done = false;
   };
+  static constexpr std::ptrdiff_t kMostTogether = 64;  // in one transaction
 
-  void Execute(std::span<GroupQueue::Job* const> batch) noexcept;
+  void TakeBatch();  // from the front of jobs_; mutex_ held; does not throw
+  void Execute() noexcept;
   void CatchUp();
-  void Reclaim(std::span<GroupQueue::Job* const> batch);
+  void Reclaim();
   void RunInSavepoint(Job& job);
 
-  GroupQueue queue_;
-  std::unique_ptr<Connection> connection_;  // like behind_: owned by the thread that runs a batch
-  std::function<void()> after_commit_;
-  Work reclaim_;
+  std::mutex mutex_;  // guards jobs_, busy_ and Job::done
+  std::condition_variable changed_;
+  std::deque<Job*> jobs_;
+  bool busy_ = false;
+  // What follows is owned by the thread that runs a batch.
+  std::vector<Job*> batch_;
+  const std::unique_ptr<Connection> connection_;
+  const std::function<void()> after_commit_;
+  const Work reclaim_;
   bool behind_ = false;  // after_commit_ has failed since it last ran to its end
 };
 
@@ -85,19 +98,13 @@ class Access {
   void BeginWriting(std::function<void()> after_commit);
   bool writes() const { return writer_ != nullptr; }
 
-  // A connection in a read transaction, for as long as it lives. Must not outlive the Access.
-  class Reading {
-   public:
-    virtual ~Reading() = default;
-    virtual Connection& db() = 0;
-  };
-  virtual std::unique_ptr<Reading> BeginReading() = 0;
+  virtual std::unique_ptr<ReadTransaction> BeginReading() = 0;
 
   // Runs `work` in a read transaction.
   template <typename Work>
   auto Read(Work&& work) {
     return Guarded([&] {
-      const std::unique_ptr<Reading> reading = BeginReading();
+      const std::unique_ptr<ReadTransaction> reading = BeginReading();
       return work(reading->db());
     });
   }

@@ -2,15 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The change feed: Access::Version says whether anybody has committed, new images have greater
 // keys, removed ones are in the table `removals`.
-#include "index/store/sql/change_feed.h"
+#include "index/store/change_feed.h"
 
 #include <algorithm>
 #include <string>
 #include <utility>
 
-#include "index/store/sql/catalogue_vocabularies.h"
+#include "index/store/blob_codec.h"
+#include "index/store/sql/access.h"
 #include "index/store/sql/rows.h"
-#include "index/store/word_codec.h"
+#include "index/store/store.h"
 
 namespace pliant {
 namespace {
@@ -20,18 +21,18 @@ constexpr std::size_t kRowsAtOnce = 512;  // a database may send all rows before
 class SqlFeedView : public FeedView {
   template <typename Work>  // before its users, which need its type
   auto Read(const Work& work) {
-    return access_.Guarded([&] { return work(reading_->db(), access_); });
+    return access_.Guarded([&] { return work(reading_->db()); });
   }
 
  public:
   explicit SqlFeedView(Access* access) : access_(*access), reading_(access->BeginReading()) {}
 
   FeedPosition Position() override {
-    return Read([](Connection& db, Access& access) { return access.Position(db); });
+    return Read([this](Connection& db) { return access_.Position(db); });
   }
 
   std::vector<CollectionState> Collections() override {
-    return Read([](Connection& db, Access&) {
+    return Read([](Connection& db) {
       std::vector<CollectionState> states;
       for (const CollectionRow& row : AllCollections(db)) states.push_back(StateOf(row));
       return states;
@@ -39,8 +40,8 @@ class SqlFeedView : public FeedView {
   }
 
   std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) override {
-    return Read([&](Connection& db, Access& access) -> std::optional<std::vector<std::int64_t>> {
-      const FeedPosition now = access.Position(db);
+    return Read([&](Connection& db) -> std::optional<std::vector<std::int64_t>> {
+      const FeedPosition now = access_.Position(db);
       if (!now.Continues(at)) return std::nullopt;
       std::vector<std::int64_t> removed;
       Cursor row = db.Prepare("SELECT seq, image FROM removals WHERE seq > ? ORDER BY seq");
@@ -57,16 +58,16 @@ class SqlFeedView : public FeedView {
   }
 
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) override {
-    return Read([&](Connection& db, Access&) { return pliant::ReadVocabulary(db, vocabulary); });
+    return Read([&](Connection& db) { return pliant::ReadVocabulary(db, vocabulary); });
   }
 
   std::uint64_t CountImages(Key collection) override {
-    return Read([&](Connection& db, Access&) { return CountImagesIn(db, collection); });
+    return Read([&](Connection& db) { return CountImagesIn(db, collection); });
   }
 
   void ForEachImage(Key vocabulary, std::size_t words, std::int64_t after, std::size_t chunk,
                     const std::function<void(std::vector<IndexedImage>)>& work) override {
-    Read([&](Connection& db, Access&) {
+    Read([&](Connection& db) {
       std::vector<IndexedImage> images;
       for (std::size_t rows = kRowsAtOnce; rows == kRowsAtOnce;) {
         rows = 0;
@@ -87,13 +88,24 @@ class SqlFeedView : public FeedView {
 
  private:
   Access& access_;
-  const std::unique_ptr<Access::Reading> reading_;
+  const std::unique_ptr<ReadTransaction> reading_;
+};
+
+class SqlFeed : public ChangeFeed {
+ public:
+  explicit SqlFeed(Access* access) : access_(*access) {}
+
+  std::int64_t Version() override { return access_.Version(); }
+  std::unique_ptr<FeedView> Look() override {
+    return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
+  }
+
+ private:
+  Access& access_;
 };
 
 }  // namespace
 
-std::unique_ptr<FeedView> SqlFeed::Look() {
-  return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
-}
+std::unique_ptr<ChangeFeed> Store::OpenFeed() { return std::make_unique<SqlFeed>(access_.get()); }
 
 }  // namespace pliant

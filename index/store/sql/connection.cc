@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sql/connection.h"
 
+#include <chrono>
+
+#include "descriptor/base/error.h"
 #include "index/store/facet_count.h"
 
 namespace pliant {
@@ -58,6 +61,50 @@ std::vector<Facet> Connection::CountFacets(const Query& listed,
     count.Add(row.Text(1));
   }
   return count.Result();
+}
+
+std::unique_ptr<Connection> ConnectionPool::Borrow() {
+  std::unique_lock lock(mutex_);
+  const auto is_free = [this] { return lent_ < options_.most_lent; };
+  if (!is_free()) ++waits_;
+  if (!changed_.wait_for(lock, std::chrono::milliseconds(options_.wait_ms), is_free)) {
+    throw Error(
+        ErrorCode::kUnavailable, "database_busy",
+        "All connections to the database " + options_.database + " are in use. Try again later.");
+  }
+  ++lent_;
+  std::erase_if(idle_, [](const auto& connection) { return !connection->IsGood(); });
+  if (!idle_.empty()) {
+    std::unique_ptr<Connection> connection = std::move(idle_.back());
+    idle_.pop_back();
+    return connection;
+  }
+  lock.unlock();
+  try {
+    return options_.open();
+  } catch (...) {
+    GiveBack(nullptr);
+    throw;
+  }
+}
+
+void ConnectionPool::GiveBack(std::unique_ptr<Connection> connection) noexcept {
+  if (connection) connection->Rollback();
+  const std::lock_guard lock(mutex_);
+  --lent_;
+  changed_.notify_one();
+  if (connection && connection->IsGood() && idle_.size() < options_.most_idle) {
+    idle_.push_back(std::move(connection));
+  }
+}
+
+ReadTransaction::ReadTransaction(ConnectionPool* pool) : pool_(*pool), connection_(pool->Borrow()) {
+  try {
+    connection_->BeginRead();
+  } catch (...) {
+    pool_.GiveBack(std::move(connection_));
+    throw;
+  }
 }
 
 }  // namespace pliant

@@ -6,9 +6,14 @@
 // throws its own database's exceptions or Error; Access lets out only Error.
 #pragma once
 
+#include <condition_variable>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <limits>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
@@ -166,6 +171,9 @@ class Connection {
   // database may end it, and each further statement fails.
   virtual bool KeepsItsTurn() const = 0;
 
+  // Whether it can be used again.
+  virtual bool IsGood() const { return true; }
+
   // Features that were read lately, where it is worth to keep them; and FeatureCache's epoch.
   virtual FeatureCache* feature_cache() { return nullptr; }
   virtual std::uint64_t epoch() const { return 0; }
@@ -196,6 +204,57 @@ class Connection {
   friend class Cursor;
   using Idle = std::map<std::string, std::vector<std::unique_ptr<Statement>>, std::less<>>;
   Idle idle_;  // keys stay: a Cursor refers to one
+};
+
+// Connections that read, for many threads. Thread-safe.
+class ConnectionPool {
+ public:
+  struct Options {
+    std::function<std::unique_ptr<Connection>()> open;
+    std::size_t most_lent = std::numeric_limits<std::size_t>::max();
+    std::size_t most_idle = 16;  // that are kept
+    int wait_ms = 0;             // for one of most_lent
+    std::string database = {};   // as people call it
+  };
+  explicit ConnectionPool(Options options) : options_(std::move(options)) {
+    idle_.reserve(options_.most_idle);  // so that GiveBack does not throw
+  }
+
+  // Throws kUnavailable "database_busy" when none becomes free in time.
+  std::unique_ptr<Connection> Borrow();
+  void GiveBack(std::unique_ptr<Connection> connection) noexcept;
+
+  std::size_t connections() const {
+    const std::lock_guard lock(mutex_);
+    return lent_ + idle_.size();
+  }
+  std::uint64_t waits() const {  // times that somebody waited for a free one
+    const std::lock_guard lock(mutex_);
+    return waits_;
+  }
+
+ private:
+  const Options options_;
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable changed_;
+  std::size_t lent_ = 0;
+  std::uint64_t waits_ = 0;
+  std::vector<std::unique_ptr<Connection>> idle_;
+};
+
+// A borrowed connection in a read transaction, for as long as it lives. Must not outlive the pool.
+class ReadTransaction {
+ public:
+  explicit ReadTransaction(ConnectionPool* pool);
+  ~ReadTransaction() { pool_.GiveBack(std::move(connection_)); }
+  ReadTransaction(const ReadTransaction&) = delete;
+  ReadTransaction& operator=(const ReadTransaction&) = delete;
+
+  Connection& db() const { return *connection_; }
+
+ private:
+  ConnectionPool& pool_;
+  std::unique_ptr<Connection> connection_;
 };
 
 }  // namespace pliant

@@ -8,9 +8,8 @@
 #include "descriptor/base/hex.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/names.h"
-#include "index/store/feature_codec.h"
-#include "index/store/sql/catalogue_vocabularies.h"
-#include "index/store/word_codec.h"
+#include "index/store/blob_codec.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 namespace {
@@ -35,6 +34,16 @@ void EachRow(Connection& db, const char* select, int key, const Work& work) {
   }
 }
 
+// Runs `work`; what it throws is a problem of `whose`.
+template <typename Work>
+void Note(Problems& problems, const std::string& whose, const Work& work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    problems.push_back(whose + error.what());
+  }
+}
+
 void CheckFeatures(Connection& db, Problems& problems) {
   const char* select =
       "SELECT p.id, p.width, p.height, p.keypoints, f.data, m.kind, m.dim, f.model = c.model, "
@@ -48,7 +57,7 @@ void CheckFeatures(Connection& db, Problems& problems) {
       return;
     }
     if (row.Int(7) == 0) problems.push_back(image + "its features are of another model");
-    try {
+    Note(problems, image, [&] {
       const Features features = DecodeFeatures(row.Blob(4));
       if (features.width != row.Int(1) || features.height != row.Int(2) ||
           static_cast<std::int64_t>(features.keypoints.size()) != row.Int(3)) {
@@ -58,9 +67,7 @@ void CheckFeatures(Connection& db, Problems& problems) {
           features.descriptors.dim != row.Int(6)) {
         problems.push_back(image + "its descriptors are not of their model's form");
       }
-    } catch (const Error& error) {
-      problems.push_back(image + error.what());
-    }
+    });
   });
 }
 
@@ -70,11 +77,7 @@ void CheckVocabularies(Connection& db, Problems& problems) {
     bool active_seen = collection.active_vocabulary == 0;
     for (const VocabularyRecord& record : records) {
       active_seen = active_seen || record.active;
-      try {
-        ReadVocabulary(db, record.id);
-      } catch (const Error& error) {
-        problems.emplace_back(error.what());
-      }
+      Note(problems, "", [&] { ReadVocabulary(db, record.id); });
     }
     if (!active_seen) {
       problems.push_back("collection \"" + collection.name +
@@ -105,13 +108,11 @@ void CheckWords(Connection& db, Problems& problems) {
     const std::string image = "image \"" + row.Text(0) + "\": ";
     if (row.Int(4) == 0)
       problems.push_back(image + "its words are of another collection's vocabulary");
-    try {
+    Note(problems, image, [&] {
       const Bow bow = DecodeBow(row.Blob(3), static_cast<std::size_t>(row.Int(1)));
       if (bow.total != row.Int(2))
         problems.push_back(image + "it has more or fewer words than keypoints");
-    } catch (const Error& error) {
-      problems.push_back(image + error.what());
-    }
+    });
   });
 }
 
@@ -140,11 +141,7 @@ void CheckObjects(Connection& db, Problems& problems) {
 // Names and metadata that no program of ours would have stored.
 void CheckNames(Connection& db, Problems& problems) {
   const auto check = [&](const std::string& whose, const auto& rule, const std::string& text) {
-    try {
-      rule(text);
-    } catch (const Error& error) {
-      problems.push_back(whose + ": " + error.what());
-    }
+    Note(problems, whose + ": ", [&] { rule(text); });
   };
   const char* select =
       "SELECT id, metadata, source, key FROM images WHERE key > ? ORDER BY key LIMIT ?";
@@ -154,16 +151,14 @@ void CheckNames(Connection& db, Problems& problems) {
     check(whose, CheckSource, image.Text(2));
     check(whose, CanonicalMetadata, image.Text(1));
   });
-  Cursor object = db.Prepare("SELECT name FROM objects");
-  while (object.Next()) {
-    check("object \"" + object.Text(0) + "\"", CheckObject, object.Text(0));
-  }
-  Cursor collection = db.Prepare("SELECT name FROM collections");
-  while (collection.Next()) {
-    check("collection \"" + collection.Text(0) + "\"", CheckCollectionName, collection.Text(0));
-  }
-  Cursor alias = db.Prepare("SELECT name FROM aliases");
-  while (alias.Next()) check("alias \"" + alias.Text(0) + "\"", CheckAliasName, alias.Text(0));
+  const auto check_names = [&](const std::string& table, const std::string& kind,
+                               const auto& rule) {
+    Cursor row = db.Prepare("SELECT name FROM " + table);
+    while (row.Next()) check(kind + " \"" + row.Text(0) + "\"", rule, row.Text(0));
+  };
+  check_names("objects", "object", CheckObject);
+  check_names("collections", "collection", CheckCollectionName);
+  check_names("aliases", "alias", CheckAliasName);
   if (db.Scalar("SELECT count(*) FROM aliases a JOIN collections c ON c.name = a.name") != 0) {
     problems.emplace_back("an alias has the name of a collection");
   }
@@ -221,13 +216,10 @@ std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore*
       problems.push_back(image + "the directory with its original is not known");
       continue;
     }
-    try {
-      if (!files->Read(sha256, static_cast<std::uint64_t>(row.Int(3)))) {
-        problems.push_back(image + "its original is not in " + files->directory().string());
-      }
-    } catch (const Error& error) {
-      problems.push_back(image + error.what());
-    }
+    Note(problems, image, [&] {
+      if (files->Read(sha256, row.Count(3))) return;
+      problems.push_back(image + "its original is not in " + files->directory().string());
+    });
   }
   return problems;
 }

@@ -3,7 +3,6 @@
 #include "index/store/sql/original_store.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <fstream>
@@ -15,8 +14,8 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
+#include "descriptor/base/replace_file.h"
 #include "descriptor/base/sha256.h"
-#include "index/files/durable_file.h"
 #include "index/files/image_files.h"
 
 namespace pliant {
@@ -25,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kOwnerFile = "pliant-originals";
-constexpr const char* kNewOwnerFile = "pliant-originals.new-";  // and the process
+constexpr const char* kNewOwnerFile = "pliant-originals.part-";  // as ReplaceFile has it
 constexpr const char* kIncoming = "incoming";
 constexpr std::chrono::minutes kClaimTakes{1};  // no longer, by far
 constexpr std::size_t kHashDigits = 64;
@@ -45,58 +44,32 @@ void MakeDirectory(const fs::path& path) {
   SyncDirectoryOf(path);
 }
 
-void WriteAll(int fd, const char* data, std::size_t size, const fs::path& path) {
-  while (size > 0) {
-    const ssize_t written = ::write(fd, data, size);
+void WriteAll(int fd, Bytes bytes, const fs::path& path) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) ThrowErrno("cannot write", path);
-    data += written;
-    size -= static_cast<std::size_t>(written);
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
   }
 }
 
 }  // namespace
 
 IncomingOriginal::IncomingOriginal(const fs::path& directory, std::string sha256, Bytes bytes)
-    : sha256_(std::move(sha256)) {
-  static std::atomic<unsigned> counter{0};
-  path_ = directory / kIncoming /
-          (sha256_ + "." + std::to_string(::getpid()) + "-" + std::to_string(++counter));
+    : sha256_(std::move(sha256)),
+      file_(MakeLockedFile([&] { return directory / kIncoming / (sha256_ + "." + RandomHex(16)); },
+                           0666, &path_)) {
   try {
-    Write(bytes);
+    WriteAll(file_.get(), bytes, path_);
+    if (::fsync(file_.get()) != 0) ThrowErrno("cannot flush", path_);
   } catch (...) {
-    if (fd_ >= 0) {
-      ::unlink(path_.c_str());
-      ::close(fd_);
-    }
+    ::unlink(path_.c_str());
     throw;
   }
 }
 
-// Until the file is locked it looks as if its writer were dead, and may be removed.
-void IncomingOriginal::OpenLocked() {
-  struct stat info{};
-  do {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    while (fd_ < 0 && errno == EEXIST) {  // two containers can have processes of one number
-      path_ += "x";
-      fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    }
-    if (fd_ < 0) ThrowErrno("cannot make", path_);
-    if (::flock(fd_, LOCK_EX) != 0 || ::fstat(fd_, &info) != 0) ThrowErrno("cannot lock", path_);
-  } while (info.st_nlink == 0);
-}
-
-void IncomingOriginal::Write(Bytes bytes) {
-  OpenLocked();
-  WriteAll(fd_, reinterpret_cast<const char*>(bytes.data()), bytes.size(), path_);
-  if (::fsync(fd_) != 0) ThrowErrno("cannot flush", path_);
-}
-
 IncomingOriginal::~IncomingOriginal() {
   if (!path_.empty()) ::unlink(path_.c_str());
-  ::close(fd_);
 }
 
 void OriginalStore::Folders::Make(const fs::path& path) {
@@ -152,21 +125,12 @@ void OriginalStore::Claim(const OriginalsOwner& owner) const {
   MakeDirectory(directory_);
   MakeDirectory(directory_ / kIncoming);
   const fs::path file = directory_ / kOwnerFile;
-  const fs::path temporary = directory_ / (kNewOwnerFile + std::to_string(::getpid()));
   const std::string text = owner.id + "\n" + owner.database + "\n";
-  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (fd < 0) ThrowErrno("cannot make", temporary);
-  try {
-    WriteAll(fd, text.data(), text.size(), temporary);
-    if (::fsync(fd) != 0) ThrowErrno("cannot flush", temporary);
-    if (::rename(temporary.c_str(), file.c_str()) != 0) ThrowErrno("cannot make", file);
-  } catch (...) {
-    ::unlink(temporary.c_str());
-    ::close(fd);
-    throw;
+  const std::string_view parts[] = {text};
+  if (const std::error_code error = ReplaceFile(file, parts)) {
+    errno = error.value();
+    ThrowErrno("cannot make", file);
   }
-  ::close(fd);
-  SyncDirectoryOf(file);
 }
 
 void OriginalStore::Publish(IncomingOriginal& incoming) const {
@@ -187,30 +151,24 @@ bool OriginalStore::Remove(const std::string& sha256) const {
 bool OriginalStore::RemoveIf(const std::string& sha256,
                              const std::function<void()>& confirm) const {
   const fs::path path = PathOf(sha256);
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0 && errno == ENOENT) return false;
-  if (fd < 0) ThrowErrno("cannot remove", path);
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.is_open() && errno == ENOENT) return false;
+  if (!file.is_open()) ThrowErrno("cannot remove", path);
   const fs::path aside = directory_ / kIncoming / (sha256 + "." + RandomHex(16));
+  // Locked, by this process or by the one that has just written it, it is not taken for what a dead
+  // writer left.
+  if ((::flock(file.get(), LOCK_SH | LOCK_NB) != 0 && errno != EWOULDBLOCK) ||
+      ::rename(path.c_str(), aside.c_str()) != 0) {
+    ThrowErrno("cannot remove", path);
+  }
   try {
-    // Locked, by this process or by the one that has just written it, it is not taken for what a
-    // dead writer left.
-    if ((::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno != EWOULDBLOCK) ||
-        ::rename(path.c_str(), aside.c_str()) != 0) {
-      ThrowErrno("cannot remove", path);
-    }
-    try {
-      confirm();
-    } catch (...) {
-      // Another process may have put the same bytes there since.
-      if (::link(aside.c_str(), path.c_str()) == 0 || errno == EEXIST) ::unlink(aside.c_str());
-      throw;
-    }
+    confirm();
   } catch (...) {
-    ::close(fd);
+    // Another process may have put the same bytes there since.
+    if (::link(aside.c_str(), path.c_str()) == 0 || errno == EEXIST) ::unlink(aside.c_str());
     throw;
   }
   ::unlink(aside.c_str());  // what is left there is removed as abandoned
-  ::close(fd);
   return true;
 }
 
@@ -272,24 +230,18 @@ std::vector<std::string> OriginalStore::List() const {
 std::uint64_t OriginalStore::RemoveAbandoned() const {
   std::uint64_t removed = 0;
   std::error_code none;  // no folder, nothing abandoned
-  for (const fs::directory_entry& file : fs::directory_iterator(directory_ / kIncoming, none)) {
-    const int fd = ::open(file.path().c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0) continue;  // published or removed meanwhile
-    // Whoever writes it holds the lock, and lets go of it by ending.
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0 && ::unlink(file.path().c_str()) == 0) ++removed;
-    ::close(fd);
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_ / kIncoming, none)) {
+    const FileHandle file(::open(entry.path().c_str(), O_RDONLY | O_CLOEXEC));
+    if (!file.is_open()) continue;  // published or removed meanwhile
+    // Its writer holds the lock, and loses it by ending.
+    const bool free = ::flock(file.get(), LOCK_EX | LOCK_NB) == 0;
+    if (free && ::unlink(entry.path().c_str()) == 0) ++removed;
   }
-  return removed + RemoveAbandonedClaims();
-}
-
-std::uint64_t OriginalStore::RemoveAbandonedClaims() const {
-  std::uint64_t removed = 0;
-  std::error_code none;
   const auto young = fs::file_time_type::clock::now() - kClaimTakes;
-  for (const fs::directory_entry& file : fs::directory_iterator(directory_, none)) {
-    if (!file.path().filename().string().starts_with(kNewOwnerFile)) continue;
-    const auto written = fs::last_write_time(file.path(), none);
-    if (!none && written < young && ::unlink(file.path().c_str()) == 0) ++removed;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_, none)) {
+    if (!entry.path().filename().string().starts_with(kNewOwnerFile)) continue;
+    const auto written = fs::last_write_time(entry.path(), none);
+    if (!none && written < young && ::unlink(entry.path().c_str()) == 0) ++removed;
   }
   return removed;
 }

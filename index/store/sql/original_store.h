@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "descriptor/image/image.h"
+#include "index/files/durable_file.h"
 
 namespace pliant {
 
@@ -45,12 +46,10 @@ class IncomingOriginal {
 
  private:
   friend class OriginalStore;
-  void OpenLocked();
-  void Write(Bytes bytes);
 
+  const std::string sha256_;
   std::filesystem::path path_;  // empty = published
-  std::string sha256_;
-  int fd_ = -1;
+  const FileHandle file_;
 };
 
 // Thread-safe; every method may also be called while other processes use the directory. Publish and
@@ -106,7 +105,6 @@ class OriginalStore {
     std::set<std::filesystem::path> flushed_;    // by FlushOnce
   };
 
-  std::uint64_t RemoveAbandonedClaims() const;
   std::filesystem::path PathOf(const std::string& sha256) const;
 
   std::filesystem::path directory_;

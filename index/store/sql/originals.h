@@ -24,38 +24,6 @@
 
 namespace pliant {
 
-// The catalogue's originals: in the database, or which of them are files of a directory
-// (original_store.h). One function a statement or two. Private to index/. Functions that write must
-// run inside a transaction (WriteQueue).
-struct OriginalsDirectoryRow {
-  std::string path;   // absolute
-  std::string owner;  // id that the directory names
-  bool active = false;
-};
-
-std::optional<OriginalsDirectoryRow> FindOriginalsDirectory(Connection& db);
-void StoreOriginalsDirectory(Connection& db, const OriginalsDirectoryRow& row);
-
-void InsertOriginal(Connection& db, Key image, Bytes bytes);
-std::optional<std::vector<std::uint8_t>> ReadOriginal(Connection& db, Key image);
-
-void InsertOriginalFile(Connection& db, Key image, const std::string& sha256);
-bool HasOriginalFile(Connection& db, Key image);
-bool IsOriginalFile(Connection& db, const std::string& sha256);  // of any image
-std::uint64_t CountOriginalFiles(Connection& db);                // different ones
-std::string AnyOriginalFile(Connection& db);                     // hash of one; "" = there is none
-
-// Images after `after`, in order of their keys, whose bytes are in the database (`files` false)
-// or in a file. An original has bytes in one place only.
-std::vector<Key> SelectOriginals(Connection& db, bool files, Key after, int limit);
-std::uint64_t CountOriginals(Connection& db, bool files);
-// False = it is not there (any more).
-bool DeleteOriginal(Connection& db, Key image, bool file);
-
-// Files whose last image is gone, and which may still be there.
-std::vector<std::string> DroppedOriginals(Connection& db);
-void ForgetDroppedOriginal(Connection& db, const std::string& sha256);
-
 class Originals {
  public:
   Originals() = default;

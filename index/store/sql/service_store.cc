@@ -5,9 +5,10 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
 #include "descriptor/base/unix_time.h"
+#include "index/files/text.h"
 #include "index/store/open_store.h"
-#include "index/store/refusals.h"
 #include "index/store/sql/access.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 namespace {
@@ -83,8 +84,7 @@ std::vector<ApiKeyRecord> ServiceStore::Keys() {
 }
 
 void ServiceStore::AddKey(const ApiKeyRecord& key) {
-  const std::vector<std::uint8_t> hash =
-      FromHex(key.hash).value_or(std::vector<std::uint8_t>{});  // the table refuses another length
+  const std::vector<std::uint8_t> hash = HashBytes(key.hash);  // the table refuses another length
   access_->Write([&](Connection& db) {
     db.Prepare("INSERT INTO api_keys (id, name, scope, hash, created_ms) VALUES (?, ?, ?, ?, ?)")
         .Bind(key.id, key.name, key.scope, hash, key.created_ms)
@@ -104,7 +104,9 @@ bool ServiceStore::RevokeKey(const std::string& id_or_name) {
     const std::int64_t key = row.Int(0);
     Cursor by_id = db.Prepare("SELECT 1 FROM api_keys WHERE revoked_ms IS NULL AND id = ?");
     if (!by_id.Bind(id_or_name).Next() && row.Next()) {
-      throw refusals::KeyAmbiguous(id_or_name);
+      throw Error(ErrorCode::kConflict, "key_ambiguous",
+                  "several keys are called \"" + Shown(id_or_name) +
+                      "\"; name the id of the one to revoke");
     }
     db.Prepare("UPDATE api_keys SET revoked_ms = ? WHERE key = ?").Bind(NowMs(), key).Run();
     revoked = true;
@@ -228,7 +230,7 @@ void ServiceStore::KeepNewestJobs(std::size_t count) {
 RequestState ServiceStore::BeginRequest(const RepeatableRequest& request) {
   const std::string& self = Owner();
   const std::vector<std::uint8_t> fingerprint =
-      FromHex(request.fingerprint).value_or(std::vector<std::uint8_t>{});  // the table refuses it
+      HashBytes(request.fingerprint);  // the table refuses it
   RequestState state;
   access_->Write([&](Connection& db) {
     state = {};

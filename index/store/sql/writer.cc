@@ -10,30 +10,25 @@
 #include "descriptor/base/unix_time.h"
 #include "index/files/names.h"
 #include "index/files/text.h"
-#include "index/store/quantize_batch.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
-#include "index/store/sql/catalogue_lists.h"
-#include "index/store/sql/catalogue_vocabularies.h"
 #include "index/store/sql/originals.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 namespace {
 
-void InsertWords(Connection& db, Key vocabulary, std::span<const ImageWords> images) {
-  for (const ImageWords& image : images) {
-    InsertImageWords(db, vocabulary, image.version, image.bow);
-  }
+Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) {
+  if (name.empty()) return 0;
+  if (const Key found = FindObject(db, collection, name)) return found;
+  return db.Prepare("INSERT INTO objects (collection, name) VALUES (?, ?) RETURNING key")
+      .Bind(collection, name)
+      .One()
+      .Int(0);
 }
 
-// What was added while the others were quantised; inside the writer's transaction.
-void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantizer& quantizer) {
-  while (true) {
-    const std::vector<StoredFeatures> batch =
-        SelectUnquantized(db, collection, vocabulary, 0, kImagesABatch);
-    if (batch.empty()) return;
-    InsertWords(db, vocabulary, QuantizeBatch(quantizer, batch, 0));
-  }
+void RenameObject(Connection& db, Key object, const std::string& name) {
+  db.Prepare("UPDATE objects SET name = ? WHERE key = ?").Bind(name, object).Run();
 }
 
 // What a moved image is written again with: MoveImage gives it a new key.
@@ -50,7 +45,10 @@ void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
   const bool into_one = CountImagesOf(db, one) >= CountImagesOf(db, other);
   const Key kept = into_one ? one : other;
   const Key gone = into_one ? other : one;
-  const std::vector<ImageRow> moved = ImagesOf(db, gone);
+  std::vector<ImageRow> moved;
+  Cursor row = db.Prepare(kSelectImage + "WHERE p.object = ? ORDER BY p.id");
+  row.Bind(gone);
+  while (row.Next()) moved.push_back(ToImage(row));
   std::uint64_t bytes = 0;
   for (const ImageRow& image : moved) bytes += StoredBytes(db, image);
   access.RequireSpace(bytes);
@@ -62,6 +60,13 @@ void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
   RenameObject(db, kept, name);
 }
 
+// `check` of the object as it is.
+void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
+                    const ObjectCheck& check) {
+  const ListOptions first{/*collection=*/{}, now.object, /*after_id=*/{}, /*limit=*/1};
+  check(now, SelectImages(db, collection, first).at(0).id);
+}
+
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
   return a.object == b.object && a.metadata == b.metadata && a.source == b.source;
 }
@@ -69,7 +74,9 @@ bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
 void Change(Access& access, Connection& db, Key collection, ImageRow image,
             const ImageRecord& changed) {
   if (changed.metadata != image.record.metadata || changed.source != image.record.source) {
-    DescribeImage(db, image.key, changed);
+    db.Prepare("UPDATE images SET metadata = ?, source = ?, updated_ms = ? WHERE key = ?")
+        .Bind(changed.metadata, changed.source, changed.updated_ms, image.key)
+        .Run();
   }
   image.record = changed;
   const Key object = FindOrInsertObject(db, collection, changed.object);
@@ -133,7 +140,9 @@ PutOutcome Writer::Store(Connection& db, const ImagePut& put, IncomingOriginal* 
   image.object = FindOrInsertObject(db, collection.key, request.object);
   if (!put.keep_times) image.record.added_ms = image.record.updated_ms = NowMs();
   const Key key = InsertImage(db, collection.key, image);
-  InsertFeatures(db, key, model_.key, put.encoded);
+  db.Prepare("INSERT INTO features (image, model, data) VALUES (?, ?, ?)")
+      .Bind(key, model_.key, put.encoded)
+      .Run();
   if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
   if (collection.active_vocabulary != 0) {
     if (collection.active_vocabulary == put.vocabulary) {
@@ -171,93 +180,14 @@ std::uint64_t Writer::RemoveObject(const std::string& collection, const std::str
       [&](Connection& db) {
         const Key in = RequireCollection(db, collection).key;
         const Key key = FindObject(db, in, object);
-        if (check && key != 0)
-          pliant::CheckObjectNow(db, in, {object, CountImagesOf(db, key)}, check);
-        removed = DeleteImagesOf(db, key);
+        if (check && key != 0) CheckObjectNow(db, in, {object, CountImagesOf(db, key)}, check);
+        removed = static_cast<std::uint64_t>(
+            db.Prepare("DELETE FROM images WHERE object = ?").Bind(key).Run());
+        db.Prepare("DELETE FROM objects WHERE key = ?").Bind(key).Run();
       },
       {.reclaim = true});
   originals_.Tidy();
   return removed;
-}
-
-std::uint64_t Writer::RemoveWhere(const Selection& which) {
-  std::uint64_t removed = 0;
-  access_.Write(
-      [&](Connection& db) {
-        removed = DeleteImagesWhere(db, RequireCollection(db, which.collection).key, which);
-      },
-      {.reclaim = true, .alone = true});  // it may be all there is
-  originals_.Tidy();
-  return removed;
-}
-
-bool Writer::CreateCollection(const std::string& name) {
-  bool created = false;
-  access_.Write([&](Connection& db) {
-    created = !FindCollection(db, name).has_value();
-    if (created) InsertCollection(db, name, model_.key);
-  });
-  return created;
-}
-
-bool Writer::RemoveCollection(const std::string& name) {
-  bool removed = false;
-  access_.Write(
-      [&](Connection& db) {
-        const auto collection = FindCollection(db, name);
-        removed = collection.has_value();
-        if (!collection) return;
-        if (collection->name != name) {
-          throw refusals::CollectionIsAlias(name, collection->name);
-        }
-        DeleteCollection(db, collection->key);
-      },
-      {.reclaim = true});
-  originals_.Tidy();
-  return removed;
-}
-
-Key Writer::AddVocabulary(Key collection, const Vocabulary& vocabulary) {
-  Key key = 0;
-  access_.Write([&](Connection& db) {
-    DeleteAbandonedVocabularies(db, collection);
-    key = InsertVocabulary(db, collection, model_.key, vocabulary);
-  });
-  return key;
-}
-
-void Writer::AddWords(Key vocabulary, std::span<const ImageWords> images) {
-  access_.Write([&](Connection& db) { InsertWords(db, vocabulary, images); });
-}
-
-VocabularyRecord Writer::FinishVocabulary(const std::string& collection, Key vocabulary,
-                                          const Quantizer& quantizer, bool automatic) {
-  std::optional<VocabularyRecord> record;
-  access_.Write([&](Connection& db) {
-    CollectionRow now = RequireCollection(db, collection);
-    QuantizeRest(db, now.key, vocabulary, quantizer);
-    MarkVocabularyReady(db, vocabulary);
-    if (now.active_vocabulary == 0) {
-      pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
-      now.active_vocabulary = vocabulary;
-    }
-    record = FindVocabulary(db, now, vocabulary);
-  });
-  return record.value();
-}
-
-void Writer::SetActiveVocabulary(const std::string& collection, Key vocabulary,
-                                 const Quantizer& quantizer, bool automatic) {
-  access_.Write([&](Connection& db) {
-    const CollectionRow now = RequireCollection(db, collection);
-    if (automatic && now.active_vocabulary != 0 && !now.automatic) return;
-    QuantizeRest(db, now.key, vocabulary, quantizer);
-    pliant::SetActiveVocabulary(db, now.key, vocabulary, automatic);
-  });
-}
-
-void Writer::DropVocabulary(Key vocabulary) {
-  access_.Write([&](Connection& db) { DeleteVocabulary(db, vocabulary); }, {.reclaim = true});
 }
 
 std::uint64_t Writer::SweepOriginals() { return originals_.Sweep(); }
@@ -269,12 +199,6 @@ void Writer::RestoreContent(const ImageRecord& stored, Bytes bytes) {
 MoveOriginalsResult Writer::MoveOriginals(const std::filesystem::path& directory,
                                           const std::function<void(double)>& progress) {
   return originals_.Move(directory, progress);
-}
-
-void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
-                    const ObjectCheck& check) {
-  const ListOptions first{/*collection=*/{}, now.object, /*after_id=*/{}, /*limit=*/1};
-  check(now, SelectImages(db, collection, first).at(0).id);
 }
 
 ImageRecord Writer::ChangeImage(const std::string& collection, const std::string& id,
@@ -294,22 +218,6 @@ ImageRecord Writer::ChangeImage(const std::string& collection, const std::string
   return changed;
 }
 
-CollectionRecord Writer::ChangeCollection(const std::string& name, const CollectionChange& change) {
-  access_.RequireSpace(0);
-  CollectionRecord changed;
-  access_.Write([&](Connection& db) {
-    const Key key = RequireCollection(db, name).key;
-    if (change.display_name) SetDisplayName(db, key, *change.display_name);
-    changed = RecordOf(db, RequireCollection(db, name));
-  });
-  return changed;
-}
-
-void Writer::ChangeAliases(const AliasChanges& changes) {
-  access_.RequireSpace(0);
-  access_.Write([&](Connection& db) { pliant::ChangeAliases(db, changes); });
-}
-
 ObjectRecord Writer::ChangeObject(const std::string& collection, const std::string& object,
                                   const ObjectChange& change) {
   access_.RequireSpace(0);
@@ -318,7 +226,8 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     const Key in = RequireCollection(db, collection).key;
     const Key key = FindObject(db, in, object);
     if (key == 0) {
-      throw refusals::NoObject(object);
+      throw Error(ErrorCode::kNotFound, "object_not_found",
+                  "there is no image of an object \"" + Shown(object) + "\"");
     }
     changed = {object, CountImagesOf(db, key)};
     if (change.check) CheckObjectNow(db, in, changed, change.check);
@@ -331,7 +240,10 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     }
     const std::uint64_t there = CountImagesOf(db, taken);
     if (!change.merge) {
-      throw refusals::ObjectExists(change.name, there);
+      throw Error(ErrorCode::kConflict, "object_exists",
+                  "there is an object \"" + Shown(change.name) + "\" already, of " +
+                      std::to_string(there) + (there == 1 ? " image" : " images") +
+                      "; merge=true makes one object of the two");
     }
     Merge(access_, db, in, key, taken, change.name);
     changed.images += there;

@@ -13,7 +13,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/durable_file.h"
 #include "index/store/sqlite/new_database.h"
-#include "index/store/sqlite/sqlite_error.h"
+#include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant {
 namespace {

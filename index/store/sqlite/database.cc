@@ -8,20 +8,54 @@
 #include <string>
 
 #include <SQLiteCpp/Backup.h>
-#include <SQLiteCpp/VariadicBind.h>
+#include <SQLiteCpp/Transaction.h>
 #include <sqlite3.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/base/unix_time.h"
 #include "index/files/durable_file.h"
-#include "index/records/records.h"
 #include "index/store/open_store.h"
+#include "index/store/refusals.h"
+#include "index/store/sql/rows.h"
+#include "index/store/sql/schema.h"
 #include "index/store/sqlite/new_database.h"
-#include "index/store/sqlite/schema.h"
-#include "index/store/sqlite/sqlite_error.h"
+#include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant {
 namespace {
+
+// What this database adds to the common tables.
+constexpr const char* kOwn = R"sql(
+CREATE TABLE removals (
+  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  image INTEGER NOT NULL
+);
+CREATE TRIGGER image_removed AFTER DELETE ON images BEGIN
+  INSERT INTO removals (image) VALUES (old.key);
+  -- A reader that missed more than these loads everything again.
+  DELETE FROM removals WHERE seq <= (SELECT max(seq) FROM removals) - 10000;
+END;
+CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
+  INSERT OR IGNORE INTO dropped_originals (sha256) VALUES (old.sha256);
+END;
+CREATE TRIGGER image_counted AFTER INSERT ON images BEGIN
+  UPDATE collections SET images = images + 1, descriptors = descriptors + new.keypoints
+  WHERE key = new.collection;
+END;
+CREATE TRIGGER image_uncounted AFTER DELETE ON images BEGIN
+  UPDATE collections SET images = images - 1, descriptors = descriptors - old.keypoints
+  WHERE key = old.collection;
+END;
+CREATE TRIGGER object_counted AFTER INSERT ON objects BEGIN
+  UPDATE collections SET objects = objects + 1 WHERE key = new.collection;
+END;
+CREATE TRIGGER object_uncounted AFTER DELETE ON objects BEGIN
+  UPDATE collections SET objects = objects - 1 WHERE key = old.collection;
+END;
+CREATE TRIGGER job_forgotten AFTER DELETE ON jobs BEGIN
+  DELETE FROM job_inputs WHERE job = old.id;
+  DELETE FROM job_items WHERE job = old.id;
+END;
+)sql";
 
 namespace fs = std::filesystem;
 
@@ -41,20 +75,15 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
                   "); it was left untouched: name another file");
 }
 
-void AddFirstRows(SQLite::Database& database, const DescriptorInfo& model) {
+}  // namespace
+
+void MakeTables(SQLite::Database& database) {
   SQLite::Transaction transaction(database);
-  SQLite::Statement add_model(database,
-                              "INSERT INTO models (name, model_id, kind, dim) VALUES (?, ?, ?, ?)");
-  SQLite::bind(add_model, model.name, model.model_id, static_cast<int>(model.kind), model.dim);
-  add_model.exec();
-  SQLite::Statement add_collection(
-      database, "INSERT INTO collections (name, model, created_ms) VALUES (?, ?, ?)");
-  SQLite::bind(add_collection, kDefaultCollection, database.getLastInsertRowid(), NowMs());
-  add_collection.exec();
+  database.exec(kTables);
+  database.exec(kOwn);
+  database.exec("PRAGMA user_version = " + std::to_string(kSchemaVersion));
   transaction.commit();
 }
-
-}  // namespace
 
 FileState InspectDatabaseFile(const fs::path& path) {
   std::error_code error;
@@ -98,9 +127,15 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
     database.exec("PRAGMA journal_mode = WAL");
     MakeTables(database);
-    AddFirstRows(database, model);
+  }
+  {
+    SqliteConnection db(temporary.path(), SqliteConnection::Mode::kReadWrite,
+                        /*busy_timeout_ms=*/0);
+    db.BeginWrite();
+    InsertFirstRows(db, model);
+    db.Commit();
     // Closing would do this and keep silent about a failure, and the log does not come along.
-    database.exec("PRAGMA wal_checkpoint(TRUNCATE)");
+    db.Exec("PRAGMA wal_checkpoint(TRUNCATE)");
   }
   temporary.Publish(path, NewDatabaseFile::Over::kEmptyFile);
 }

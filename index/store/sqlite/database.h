@@ -4,13 +4,21 @@
 // index/.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <stop_token>
+
+#include <SQLiteCpp/Database.h>
 
 #include "descriptor/features/descriptor.h"
 #include "index/store/sqlite/sqlite_connection.h"
 
 namespace pliant {
+
+inline constexpr std::uint32_t kApplicationId = 0x504C4E54;  // "PLNT", at byte 68 of the file
+
+// Makes all tables in an empty database and sets user_version to kSchemaVersion (refusals.h).
+void MakeTables(SQLite::Database& database);
 
 enum class FileState { kAbsent, kEmpty, kPliant };
 

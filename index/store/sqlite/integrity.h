@@ -10,6 +10,13 @@
 
 namespace pliant {
 
+// Whether a database's tables, indices and triggers are Pliant's. A file from elsewhere may have a
+// view in place of a table, on which a query never ends, or a trigger that works on every write.
+// Everything in the schema must be, to the letter, what MakeTables makes, and all of that must be
+// there. The operator's own tables, indices and views are left, but triggers are refused. One
+// sentence a problem; empty = sound, or of another version than this program's.
+std::vector<std::string> CheckSchema(SqliteConnection& db);
+
 // The schema, SQLite's own checks, foreign keys, and that keys are never used again. Adds a
 // sentence a problem. False: the schema is not Pliant's, and nothing may be asked of its tables, as
 // the answer might never end.

@@ -21,7 +21,6 @@
 #include <unistd.h>
 
 #include "descriptor/base/hex.h"
-#include "index/files/durable_file.h"
 #include "index/store/open_store.h"
 
 namespace pliant {
@@ -56,15 +55,12 @@ bool IsAbandoned(const fs::path& path) {
   std::error_code error;
   const auto written = fs::last_write_time(path, error);
   if (error || fs::file_time_type::clock::now() - written < kUnlockedFor) return false;
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) return false;
-  const bool free = ::flock(file, LOCK_EX | LOCK_NB) == 0;
-  ::close(file);
-  return free;
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  return file.is_open() && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0;
 }
 
 // Whether `name` is that of a NewDatabaseFile, with kMark at `mark`: a process number, a dash, and
-// hex digits (a number, of versions before).
+// hex digits.
 bool IsTemporaryName(const std::string& name, std::size_t mark) {
   if (mark == std::string::npos) return false;
   const std::size_t process = mark + std::strlen(kMark);
@@ -108,23 +104,19 @@ NewDatabaseFile::NewDatabaseFile(const fs::path& beside) {
   // Random: two containers can have processes of one number.
   path_ = beside;
   path_ += kMark + std::to_string(::getpid()) + "-" + RandomHex(16);
-  file_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (file_ < 0) ThrowErrno("cannot make", path_);
-  ::flock(file_, LOCK_EX | LOCK_NB);
+  file_ =
+      FileHandle(::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  if (!file_.is_open()) ThrowErrno("cannot make", path_);
+  ::flock(file_.get(), LOCK_EX | LOCK_NB);  // where the file system can
 }
 
 NewDatabaseFile::~NewDatabaseFile() {
-  Unlock();
+  file_.Close();
   RemoveWithSideFiles(path_);
 }
 
-void NewDatabaseFile::Unlock() {
-  if (file_ >= 0) ::close(file_);
-  file_ = -1;
-}
-
 bool NewDatabaseFile::Publish(const fs::path& name, Over over) {
-  Unlock();
+  file_.Close();
   SyncPath(path_, O_RDONLY);
   std::error_code ignored;  // an absent file has no size
   const bool replaces =

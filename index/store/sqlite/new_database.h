@@ -5,6 +5,8 @@
 
 #include <filesystem>
 
+#include "index/files/durable_file.h"
+
 namespace pliant {
 
 // A database in the making: an empty file that only its owner may read, because a database holds
@@ -29,10 +31,8 @@ class NewDatabaseFile {
   bool Publish(const std::filesystem::path& name, Over over);
 
  private:
-  void Unlock();
-
   std::filesystem::path path_;
-  int file_ = -1;
+  FileHandle file_;
 };
 
 // Removes what killed processes have left of databases in the making beside `database`, of that

@@ -14,17 +14,13 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/unix_time.h"
 #include "index/files/durable_file.h"
-#include "index/store/database_file.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/store/refusals.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
-#include "index/store/sqlite/schema.h"
-#include "index/store/sqlite/schema_check.h"
 #include "index/store/sqlite/sqlite_connection.h"
-#include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
 namespace {
@@ -53,32 +49,28 @@ class ExclusiveHold {
  public:
   explicit ExclusiveHold(const fs::path& database)
       : database_(database), file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
-    if (file_ < 0) ThrowErrno("cannot open", database);
+    if (!file_.is_open()) ThrowErrno("cannot open", database);
     struct flock lock{};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;
     lock.l_start = 0x40000000;
     lock.l_len = 512;
-    if (::fcntl(file_, F_SETLK, &lock) == 0 && IsInPlace()) return;
-    const int code = errno;
-    ::close(file_);
-    errno = code;
-    if (code != EAGAIN && code != EACCES && code != 0) ThrowErrno("cannot lock", database);
-    ThrowInUse(database);
+    if (::fcntl(file_.get(), F_SETLK, &lock) != 0) {
+      if (errno != EAGAIN && errno != EACCES) ThrowErrno("cannot lock", database);
+      ThrowInUse(database);
+    }
+    RequireInPlace();
   }
-  ~ExclusiveHold() { ::close(file_); }
-  ExclusiveHold(const ExclusiveHold&) = delete;
-  ExclusiveHold& operator=(const ExclusiveHold&) = delete;
 
   // Throws "database_in_use" when another process has put something else in its place.
   void RequireInPlace() const {
-    if (!IsInPlace()) ThrowInUse(database_);
+    if (!IsSameFile(file_.get(), database_)) ThrowInUse(database_);
   }
 
   // The new file belongs to whom the old one belongs, who may read it as before.
   void GiveOwnerAndModeTo(const fs::path& path) const {
     struct stat old{};
-    if (::fstat(file_, &old) != 0) ThrowErrno("cannot read the owner for", path);
+    if (::fstat(file_.get(), &old) != 0) ThrowErrno("cannot read the owner for", path);
     struct stat made{};
     if (::stat(path.c_str(), &made) != 0) ThrowErrno("cannot read the owner of", path);
     if ((made.st_uid != old.st_uid || made.st_gid != old.st_gid) &&
@@ -91,16 +83,8 @@ class ExclusiveHold {
   }
 
  private:
-  bool IsInPlace() const {
-    errno = 0;
-    struct stat held{};
-    struct stat named{};
-    return ::fstat(file_, &held) == 0 && ::stat(database_.c_str(), &named) == 0 &&
-           held.st_dev == named.st_dev && held.st_ino == named.st_ino;
-  }
-
   const fs::path database_;
-  const int file_;
+  const FileHandle file_;
 };
 
 // One that is cut short is the best reason to restore a backup.

@@ -10,15 +10,13 @@
 #include "descriptor/base/format_bytes.h"
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
-#include "index/store/database_file.h"
+#include "index/store/database_url.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sqlite/database.h"
 #include "index/store/sqlite/integrity.h"
 #include "index/store/sqlite/new_database.h"
-#include "index/store/sqlite/schema.h"
 #include "index/store/sqlite/sqlite_connection.h"
-#include "index/store/sqlite/sqlite_error.h"
 
 namespace pliant {
 namespace {
@@ -39,15 +37,15 @@ class SqliteAccess : public Access {
         busy_timeout_ms_(options.busy_timeout_ms),
         reserve_bytes_(options.reserve_bytes),
         file_(FileAt(path_)),
-        readers_(std::make_unique<ConnectionPool>(path_, busy_timeout_ms_)),
+        readers_({.open = [this] { return Open(SqliteConnection::Mode::kReadOnly); }}),
         watch_(Guarded([&] { return Open(SqliteConnection::Mode::kReadOnly); })) {}
 
   const std::string& name() const override { return name_; }
   std::string Identity() override { return fs::weakly_canonical(fs::absolute(path_)).string(); }
 
-  std::unique_ptr<Reading> BeginReading() override {
+  std::unique_ptr<ReadTransaction> BeginReading() override {
     CheckInPlace();
-    return std::make_unique<FileReading>(readers_->Borrow());
+    return std::make_unique<ReadTransaction>(&readers_);
   }
 
   std::int64_t Version() override {
@@ -101,18 +99,6 @@ class SqliteAccess : public Access {
   }
 
  private:
-  class FileReading : public Reading {
-   public:
-    explicit FileReading(ConnectionPool::Lease lease) : lease_(std::move(lease)) {
-      lease_->BeginRead();
-    }
-    ~FileReading() override { lease_->Rollback(); }
-    Connection& db() override { return *lease_; }
-
-   private:
-    ConnectionPool::Lease lease_;
-  };
-
   // Device and inode of the database; 0, 0 where there is no file.
   using File = std::pair<std::uint64_t, std::uint64_t>;
   static File FileAt(const fs::path& path) {
@@ -135,7 +121,7 @@ class SqliteAccess : public Access {
   const File file_;
   // The writer, in the base, is destroyed after them: the last connection to close puts the log
   // into the database and removes it, which only a writing one can.
-  std::unique_ptr<ConnectionPool> readers_;
+  ConnectionPool readers_;
   std::mutex watch_mutex_;  // guards watch_
   // data_version tells of commits by other connections than the one that asks: this one never
   // writes, and is never in a transaction, within which the version stands still.

@@ -2,17 +2,82 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/sqlite_connection.h"
 
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
 #include <sqlite3.h>
 #include <unistd.h>
 
-#include "index/files/fold_case.h"
+#include "descriptor/base/error.h"
+#include "index/files/durable_file.h"
 #include "index/files/text.h"
-#include "index/store/sqlite/row_tests.h"
+#include "index/records/filter.h"
 
 namespace pliant {
 namespace {
 
-constexpr std::size_t kMaxIdleConnections = 16;
+// What SQL cannot say of a row, as functions of the connection:
+//   pliant_passes(metadata, FILTER)    whether the filter lets it pass
+//   pliant_contains(WORDS, text, ...)  whether each word occurs in one of the texts, in any case
+// FILTER and WORDS are numbers of bound values: a Filter, or FoldedText.
+using BoundPointers = std::map<std::int64_t, SqlPointer>;
+using FoldedText = std::vector<std::u32string>;  // as FoldedWords makes it
+constexpr const char* kFilterPointer = "filter";
+constexpr const char* kWordsPointer = "words";
+
+std::string_view TextOf(sqlite3_value* value) {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(value));  // NULL: none
+  if (text == nullptr) return {};
+  return {text, static_cast<std::size_t>(sqlite3_value_bytes(value))};
+}
+
+// No exception may pass through SQLite.
+template <typename Test>
+void Answer(sqlite3_context* context, const Test& test) noexcept {
+  try {
+    sqlite3_result_int(context, test() ? 1 : 0);
+  } catch (const std::exception& error) {
+    sqlite3_result_error(context, error.what(), -1);
+  }
+}
+
+template <typename Value>
+const Value& Bound(sqlite3_context* context, sqlite3_value* value, const char* type) {
+  const auto& all = *static_cast<const BoundPointers*>(sqlite3_user_data(context));
+  const SqlPointer& bound = all.at(sqlite3_value_int64(value));
+  if (std::string_view(bound.type) != type)
+    throw std::invalid_argument("another kind of value is bound");
+  return *static_cast<const Value*>(bound.value.get());
+}
+
+void PassesFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {
+  Answer(context, [&] {
+    return Passes(Bound<Filter>(context, values[1], kFilterPointer), TextOf(values[0]));
+  });
+}
+
+void ContainsFunction(sqlite3_context* context, int count, sqlite3_value** values) {
+  Answer(context, [&] {
+    std::vector<std::string_view> texts;
+    for (int i = 1; i < count; ++i) texts.push_back(TextOf(values[i]));
+    return count > 0 && OccurIn(Bound<FoldedText>(context, values[0], kWordsPointer), texts);
+  });
+}
+
+void AddRowTests(sqlite3* connection, BoundPointers* bound) {
+  // Not "deterministic": what they look for changes from statement to statement.
+  constexpr int kHow = SQLITE_UTF8 | SQLITE_DIRECTONLY;
+  const auto add = [&](const char* name, int arguments, auto* function) {
+    const int code = sqlite3_create_function_v2(connection, name, arguments, kHow, bound, function,
+                                                nullptr, nullptr, nullptr);
+    if (code != SQLITE_OK) throw SQLite::Exception(connection, code);
+  };
+  add("pliant_passes", 2, &PassesFunction);
+  add("pliant_contains", -1, &ContainsFunction);
+}
 
 // SQLite reads a name that begins with "file:" as a URI; an absolute one never does.
 std::string FileName(const std::filesystem::path& path) {
@@ -139,6 +204,54 @@ class SqliteStatement : public Statement {
 
 }  // namespace
 
+void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& database) {
+  const std::string name = "the database " + DisplayPath(database);
+  const std::string detail = std::string(" (SQLite: ") + error.what() + ")";
+  const int extended = error.getExtendedErrorCode();
+  const int kind = error.getErrorCode() & 0xff;
+  if ((kind == SQLITE_CANTOPEN || kind == SQLITE_IOERR) && FilesAreUsedUp()) {
+    ThrowOutOfFiles(name + " cannot be opened");
+  }
+  switch (kind) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      throw Error(ErrorCode::kUnavailable, "database_busy",
+                  name + " is being written by another process; try again later" + detail);
+    case SQLITE_FULL:
+      throw Error(ErrorCode::kNoSpace, "disk_full",
+                  "no space is left for " + name + "; free some and run again" + detail);
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+      throw Error(ErrorCode::kReadOnly, "read_only",
+                  name + " cannot be written; check its permissions and file system" + detail);
+    case SQLITE_CORRUPT:
+      throw Error(ErrorCode::kCorrupt, "database_corrupt",
+                  name + " is damaged; restore a backup" + detail);
+    case SQLITE_NOTADB:
+      throw Error(ErrorCode::kCorrupt, "not_a_database",
+                  DisplayPath(database) + " is not a Pliant database" + detail);
+    case SQLITE_CANTOPEN:
+      throw Error(ErrorCode::kNotFound, "cannot_open", name + " cannot be opened" + detail);
+    case SQLITE_NOMEM:
+      throw Error(ErrorCode::kUnavailable, "out_of_memory",
+                  "not enough memory to work on " + name + detail);
+    case SQLITE_TOOBIG:
+      throw Error(ErrorCode::kTooLarge, "value_too_large", "too large for " + name + detail);
+    case SQLITE_IOERR:
+      if (extended == SQLITE_IOERR_WRITE || extended == SQLITE_IOERR_FSYNC ||
+          extended == SQLITE_IOERR_SHMSIZE || extended == SQLITE_IOERR_TRUNCATE) {
+        throw Error(
+            ErrorCode::kNoSpace, "write_failed",
+            "writing " + name + " failed: disk full, over a file size limit, or failing" + detail);
+      }
+      throw Error(ErrorCode::kInternal, "io_error",
+                  "reading or writing " + name + " failed" + detail);
+    default:
+      throw Error(ErrorCode::kInternal, "database_error",
+                  "an unexpected error of " + name + detail);
+  }
+}
+
 SqliteConnection::SqliteConnection(const std::filesystem::path& path, Mode mode,
                                    int busy_timeout_ms)
     : database_(Open(path, mode, busy_timeout_ms)) {
@@ -196,29 +309,6 @@ std::unique_ptr<Statement> SqliteConnection::Make(const std::string& sql, bool /
 
 void SqliteConnection::ThrowRowMissing() {
   throw SQLite::Exception("a row that must exist is missing", SQLITE_CORRUPT);
-}
-
-ConnectionPool::Lease ConnectionPool::Borrow() {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!idle_.empty()) {
-      std::unique_ptr<SqliteConnection> connection = std::move(idle_.back());
-      idle_.pop_back();
-      return {*this, std::move(connection)};
-    }
-  }
-  return {*this, std::make_unique<SqliteConnection>(path_, SqliteConnection::Mode::kReadOnly,
-                                                    busy_timeout_ms_)};
-}
-
-void ConnectionPool::GiveBack(std::unique_ptr<SqliteConnection> connection) noexcept {
-  try {
-    connection->Rollback();
-    const std::lock_guard lock(mutex_);
-    if (idle_.size() < kMaxIdleConnections) idle_.push_back(std::move(connection));
-  } catch (const std::exception&) {
-    connection.reset();
-  }
 }
 
 }  // namespace pliant

@@ -1,22 +1,35 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One SQLite connection with its prepared statements. Private to store/sqlite. Used by one thread
-// at a time; throws SQLite::Exception, which SqliteAccess turns into Error (sqlite_error.h).
+// at a time; throws SQLite::Exception, which SqliteAccess turns into Error.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
-#include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include "index/store/sql/connection.h"
-#include "index/store/sqlite/row_tests.h"
 
 namespace pliant {
+
+// Throws the Error that stands for `error`; the message names the database file.
+[[noreturn]] void ThrowAsError(const SQLite::Exception& error,
+                               const std::filesystem::path& database);
+
+// Runs `work` and lets out only Error (and what is no database error at all).
+template <typename Work>
+auto WithDatabaseErrors(const std::filesystem::path& database, Work&& work) {
+  try {
+    return work();
+  } catch (const SQLite::Exception& error) {
+    ThrowAsError(error, database);
+  }
+}
 
 class SqliteConnection : public Connection {
  public:
@@ -24,7 +37,8 @@ class SqliteConnection : public Connection {
   // without making any beside it.
   enum class Mode { kReadOnly, kReadWrite, kReadCopy };
 
-  // Opens a file that OpenDatabase (database.h) has checked, and sets the pragmas of a connection.
+  // Opens a file that InspectDatabaseFile (database.h) has checked, and sets the pragmas of a
+  // connection.
   SqliteConnection(const std::filesystem::path& path, Mode mode, int busy_timeout_ms);
   ~SqliteConnection() override { ForgetStatements(); }  // before their database
 
@@ -49,42 +63,10 @@ class SqliteConnection : public Connection {
   [[noreturn]] void ThrowRowMissing() override;
 
  private:
-  BoundPointers bound_;  // before what uses it
+  // What is bound to its statements at the moment, by the numbers that stand for it in SQL. Before
+  // what uses it.
+  std::map<std::int64_t, SqlPointer> bound_;
   SQLite::Database database_;
-};
-
-// Reading connections for many threads. Thread-safe.
-class ConnectionPool {
- public:
-  ConnectionPool(std::filesystem::path path, int busy_timeout_ms)
-      : path_(std::move(path)), busy_timeout_ms_(busy_timeout_ms) {}
-
-  class Lease {
-   public:
-    Lease(ConnectionPool& pool, std::unique_ptr<SqliteConnection> connection)
-        : pool_(&pool), connection_(std::move(connection)) {}
-    ~Lease() {
-      if (connection_) pool_->GiveBack(std::move(connection_));
-    }
-    Lease(Lease&&) = default;
-    Lease& operator=(Lease&&) = delete;
-    SqliteConnection& operator*() const { return *connection_; }
-    SqliteConnection* operator->() const { return connection_.get(); }
-
-   private:
-    ConnectionPool* pool_;
-    std::unique_ptr<SqliteConnection> connection_;
-  };
-
-  Lease Borrow();
-
- private:
-  void GiveBack(std::unique_ptr<SqliteConnection> connection) noexcept;
-
-  std::filesystem::path path_;
-  int busy_timeout_ms_;
-  std::mutex mutex_;  // guards idle_
-  std::vector<std::unique_ptr<SqliteConnection>> idle_;
 };
 
 }  // namespace pliant

@@ -1,19 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sqlite/schema.h"
-
-#include <string>
-
-#include <SQLiteCpp/Transaction.h>
-
-#include "index/store/refusals.h"
+#include "index/store/sql/schema.h"
 
 namespace pliant {
-namespace {
 
-// Keys are AUTOINCREMENT: a key is never used twice, so that an index in memory can tell what is
-// new (greater keys) and what is gone (removals) since it last looked.
-constexpr const char* kSchema = R"sql(
+// A key is never used twice, so that an index in memory can tell what is new (greater keys) and
+// what is gone (the table `removals`) since it last asked.
+const char* const kTables = R"sql(
 CREATE TABLE models (
   key INTEGER PRIMARY KEY,
   name TEXT NOT NULL,                  -- "deal", "sift", ...
@@ -123,32 +116,6 @@ CREATE TABLE image_words (
   UNIQUE (vocabulary, image)
 );
 CREATE INDEX image_words_by_image ON image_words (image);
-CREATE TABLE removals (
-  seq INTEGER PRIMARY KEY AUTOINCREMENT,
-  image INTEGER NOT NULL
-);
-CREATE TRIGGER image_removed AFTER DELETE ON images BEGIN
-  INSERT INTO removals (image) VALUES (old.key);
-  -- A reader that missed more than these loads everything again.
-  DELETE FROM removals WHERE seq <= (SELECT max(seq) FROM removals) - 10000;
-END;
-CREATE TRIGGER original_dropped AFTER DELETE ON original_files BEGIN
-  INSERT OR IGNORE INTO dropped_originals (sha256) VALUES (old.sha256);
-END;
-CREATE TRIGGER image_counted AFTER INSERT ON images BEGIN
-  UPDATE collections SET images = images + 1, descriptors = descriptors + new.keypoints
-  WHERE key = new.collection;
-END;
-CREATE TRIGGER image_uncounted AFTER DELETE ON images BEGIN
-  UPDATE collections SET images = images - 1, descriptors = descriptors - old.keypoints
-  WHERE key = old.collection;
-END;
-CREATE TRIGGER object_counted AFTER INSERT ON objects BEGIN
-  UPDATE collections SET objects = objects + 1 WHERE key = new.collection;
-END;
-CREATE TRIGGER object_uncounted AFTER DELETE ON objects BEGIN
-  UPDATE collections SET objects = objects - 1 WHERE key = old.collection;
-END;
 
 -- What a server keeps beside the images (service_store.h).
 CREATE TABLE api_keys (
@@ -189,10 +156,6 @@ CREATE TABLE job_items (
   result TEXT NOT NULL,                -- a JSON object
   PRIMARY KEY (job, number)
 ) WITHOUT ROWID;
-CREATE TRIGGER job_forgotten AFTER DELETE ON jobs BEGIN
-  DELETE FROM job_inputs WHERE job = old.id;
-  DELETE FROM job_items WHERE job = old.id;
-END;
 CREATE TABLE repeatable_requests (
   caller TEXT NOT NULL,                -- id of the API key; '': none
   name TEXT NOT NULL,                  -- the Idempotency-Key
@@ -204,14 +167,5 @@ CREATE TABLE repeatable_requests (
 ) WITHOUT ROWID;
 CREATE INDEX repeatable_requests_by_age ON repeatable_requests (begun_ms);
 )sql";
-
-}  // namespace
-
-void MakeTables(SQLite::Database& database) {
-  SQLite::Transaction transaction(database);
-  database.exec(kSchema);
-  database.exec("PRAGMA user_version = " + std::to_string(kSchemaVersion));
-  transaction.commit();
-}
 
 }  // namespace pliant

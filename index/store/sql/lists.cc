@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/sql/catalogue_lists.h"
-
+// Lists of images and objects, and what is removed by the same conditions: the catalogue and the
+// writer.
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,6 +11,10 @@
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
+#include "index/store/sql/access.h"
+#include "index/store/sql/originals.h"
+#include "index/store/sql/rows.h"
+#include "index/store/writer.h"
 
 namespace pliant {
 namespace {
@@ -200,13 +204,10 @@ ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) 
   return object;
 }
 
-}  // namespace
-
 ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list) {
   ImagePage page;
   ReadPage(
-      db, {ColumnOf(list.order), "p.id", list},
-      ImagesOf(db, SelectImageSql(), collection, list.which),
+      db, {ColumnOf(list.order), "p.id", list}, ImagesOf(db, kSelectImage, collection, list.which),
       [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list.order, place); },
       &page);
   const auto select = [&](const std::string& columns) {
@@ -220,35 +221,17 @@ ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& li
   return page;
 }
 
-ObjectPage SelectObjectPage(Connection& db, Key collection, const ObjectListing& list) {
-  ObjectPage page;
-  Query query =
-      ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
-  query.sql += ") AS listed WHERE TRUE";
-  ReadPage(
-      db, {ColumnOf(list.order), "name", list}, query,
-      [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
-      &page);
-  if (list.count) {
-    page.total =
-        db.Prepare(ObjectsOf(db, "SELECT count(*) FROM objects o ", collection, list.which))
-            .One()
-            .Count(0);
+void EachPage(Connection& db, Key collection, ImageListing list,
+              const std::function<void(const ImagePage&)>& work) {
+  while (true) {
+    const ImagePage page = SelectImagePage(db, collection, list);
+    work(page);
+    if (!page.next) return;
+    list.after = *page.next;
   }
-  if (!list.facets.empty()) {
-    query = ObjectsOf(db,
-                      "SELECT p.object AS item, " + db.MetadataOf("p") +
-                          " AS metadata FROM objects o JOIN images p ON p.object = o.key ",
-                      collection, list.which);
-    if (!list.which.filter.empty()) {
-      query.sql += " AND " + db.Passes(query, "p", list.which.filter);
-    }
-    query.sql += " ORDER BY o.key";
-    page.facets = db.CountFacets(query, list.facets);
-  }
-  return page;
 }
 
+// How many. Also removes objects that have no image left.
 std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection& which) {
   std::vector<Key> keys;  // a statement must not see what it deletes
   {
@@ -263,6 +246,96 @@ std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection&
       .Bind(collection)
       .Run();
   return keys.size();
+}
+
+}  // namespace
+
+std::vector<ImageRecord> SelectImages(Connection& db, Key collection, const ListOptions& options) {
+  Selection which;
+  which.object = options.object;
+  Query query = ImagesOf(db, kSelectImage, collection, which);
+  query.sql += " AND p.id > " + query.Bind(options.after_id) + " ORDER BY p.id LIMIT " +
+               query.Bind(std::int64_t{options.limit});
+  Cursor row = db.Prepare(query);
+  std::vector<ImageRecord> records;
+  while (row.Next()) records.push_back(ToImage(row).record);
+  return records;
+}
+
+std::vector<ImageRecord> Catalogue::ListImages(const ListOptions& options) {
+  return access_.Read([&](Connection& db) {
+    return SelectImages(db, pliant::RequireCollection(db, options.collection).key, options);
+  });
+}
+
+ImagePage Catalogue::ListImagePage(const ImageListing& list) {
+  return access_.Read([&](Connection& db) {
+    return SelectImagePage(db, pliant::RequireCollection(db, list.which.collection).key, list);
+  });
+}
+
+void Catalogue::ForEachImagePage(ImageListing list,
+                                 const std::function<void(const ImagePage&)>& work) {
+  access_.Read([&](Connection& db) {
+    EachPage(db, pliant::RequireCollection(db, list.which.collection).key, list, work);
+  });
+}
+
+void Catalogue::ForEachImageFeatures(
+    ImageListing list, const std::function<void(const ImagePage&)>& look,
+    const std::function<void(const ImageRecord&, Bytes features)>& take) {
+  access_.Read([&](Connection& db) {
+    const Key collection = pliant::RequireCollection(db, list.which.collection).key;
+    EachPage(db, collection, list, look);
+    EachPage(db, collection, list, [&](const ImagePage& page) {
+      for (const ImageRecord& record : page.records) {
+        take(record, ReadFeaturesBlob(db, KeyOfImage(db, collection, record.id)));
+      }
+    });
+  });
+}
+
+ObjectPage Catalogue::ListObjectPage(const ObjectListing& list) {
+  return access_.Read([&](Connection& db) {
+    const Key collection = pliant::RequireCollection(db, list.which.collection).key;
+    ObjectPage page;
+    Query query =
+        ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
+    query.sql += ") AS listed WHERE TRUE";
+    ReadPage(
+        db, {ColumnOf(list.order), "name", list}, query,
+        [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
+        &page);
+    if (list.count) {
+      page.total =
+          db.Prepare(ObjectsOf(db, "SELECT count(*) FROM objects o ", collection, list.which))
+              .One()
+              .Count(0);
+    }
+    if (!list.facets.empty()) {
+      query = ObjectsOf(db,
+                        "SELECT p.object AS item, " + db.MetadataOf("p") +
+                            " AS metadata FROM objects o JOIN images p ON p.object = o.key ",
+                        collection, list.which);
+      if (!list.which.filter.empty()) {
+        query.sql += " AND " + db.Passes(query, "p", list.which.filter);
+      }
+      query.sql += " ORDER BY o.key";
+      page.facets = db.CountFacets(query, list.facets);
+    }
+    return page;
+  });
+}
+
+std::uint64_t Writer::RemoveWhere(const Selection& which) {
+  std::uint64_t removed = 0;
+  access_.Write(
+      [&](Connection& db) {
+        removed = DeleteImagesWhere(db, RequireCollection(db, which.collection).key, which);
+      },
+      {.reclaim = true, .alone = true});  // it may be all there is
+  originals_.Tidy();
+  return removed;
 }
 
 }  // namespace pliant

@@ -1,14 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/draw_descriptors.h"
-
+// A random sample of the stored descriptors.
 #include <algorithm>
 #include <limits>
 #include <random>
 #include <unordered_set>
 
 #include "descriptor/base/error.h"
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
+#include "index/store/catalogue.h"
+#include "index/store/sql/access.h"
+#include "index/store/sql/rows.h"
 
 namespace pliant {
 namespace {
@@ -49,6 +51,11 @@ void AppendRow(Descriptors& to, const Descriptors& from, std::size_t row) {
   ++to.rows;
 }
 
+struct StoredCount {
+  Key key = 0;
+  std::uint64_t descriptors = 0;
+};
+
 // The images that one of the numbers falls into, and the rows of each.
 struct Drawn {
   std::vector<Key> keys;
@@ -76,30 +83,39 @@ Drawn Divide(std::span<const StoredCount> images, const std::vector<std::uint64_
 
 }  // namespace
 
-DescriptorSample DrawDescriptors(const DescriptorInfo& model, std::span<const StoredCount> images,
-                                 std::size_t count, std::uint64_t seed, const LoadEncoded& load) {
-  DescriptorSample sample;
-  for (const StoredCount& image : images) sample.available += image.descriptors;
-  sample.descriptors.kind = model.kind;
-  sample.descriptors.dim = model.dim;
-  const Drawn drawn = Divide(
-      images, Choose(std::min<std::uint64_t>(count, sample.available), sample.available, seed));
-  for (std::size_t from = 0; from < drawn.keys.size(); from += kLoadedTogether) {
-    const std::size_t size = std::min(kLoadedTogether, drawn.keys.size() - from);
-    const auto encoded = load(std::span(drawn.keys).subspan(from, size));
-    for (std::size_t i = 0; i < size; ++i) {
-      const Features features = DecodeFeatures(encoded.at(i));
-      if (features.descriptors.rows != drawn.descriptors[from + i] ||
-          features.descriptors.kind != model.kind || features.descriptors.dim != model.dim) {
-        throw Error(ErrorCode::kCorrupt, "features_mismatch",
-                    "a stored image's features differ from its record; run `pliant db check`");
-      }
-      for (const std::uint64_t row : drawn.rows[from + i]) {
-        AppendRow(sample.descriptors, features.descriptors, row);
+DescriptorSample Catalogue::SampleDescriptors(Key collection, std::size_t count,
+                                              std::uint64_t seed) {
+  const DescriptorInfo& model = model_.model.info;
+  return access_.Read([&](Connection& db) {
+    DescriptorSample sample;
+    sample.descriptors.kind = model.kind;
+    sample.descriptors.dim = model.dim;
+    std::vector<StoredCount> images;
+    Cursor row = db.Prepare("SELECT key, keypoints FROM images WHERE collection = ? ORDER BY id");
+    row.Bind(collection);
+    while (row.Next()) {
+      images.push_back({row.Int(0), row.Count(1)});
+      sample.available += row.Count(1);
+    }
+    const Drawn drawn = Divide(
+        images, Choose(std::min<std::uint64_t>(count, sample.available), sample.available, seed));
+    for (std::size_t from = 0; from < drawn.keys.size(); from += kLoadedTogether) {
+      const std::size_t size = std::min(kLoadedTogether, drawn.keys.size() - from);
+      const auto encoded = ReadFeaturesBlobs(db, std::span(drawn.keys).subspan(from, size));
+      for (std::size_t i = 0; i < size; ++i) {
+        const Features features = DecodeFeatures(encoded.at(i));
+        if (features.descriptors.rows != drawn.descriptors[from + i] ||
+            features.descriptors.kind != model.kind || features.descriptors.dim != model.dim) {
+          throw Error(ErrorCode::kCorrupt, "features_mismatch",
+                      "a stored image's features differ from its record; run `pliant db check`");
+        }
+        for (const std::uint64_t drawn_row : drawn.rows[from + i]) {
+          AppendRow(sample.descriptors, features.descriptors, drawn_row);
+        }
       }
     }
-  }
-  return sample;
+    return sample;
+  });
 }
 
 }  // namespace pliant

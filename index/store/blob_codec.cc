@@ -1,17 +1,31 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/store/feature_codec.h"
+#include "index/store/blob_codec.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string>
 
+#include <zlib.h>
+
 #include "descriptor/base/error.h"
-#include "index/store/blob_bytes.h"
+#include "vocab/residual_codes.h"
 
 namespace pliant {
+
+std::uint32_t Crc32(Bytes bytes, std::uint32_t seed) {
+  return static_cast<std::uint32_t>(::crc32_z(seed, bytes.data(), bytes.size()));
+}
+
 namespace {
+
+static_assert(std::endian::native == std::endian::little,
+              "the blob formats are little-endian and written by memcpy");
+
+constexpr std::size_t kChecksumBytes = 4;
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
 constexpr std::uint8_t kFeatureVersion = 1;
@@ -22,6 +36,49 @@ constexpr std::uint8_t kWithColours = 1;
 constexpr std::size_t kColourHeaderBytes = 4;
 constexpr std::uint16_t kMaxColourSide = 1024;
 constexpr float kLargestScale = std::numeric_limits<float>::max() / 128.0F;  // of 8-bit steps
+
+// `what`: the blob, in the plural.
+[[noreturn]] void ThrowCorruptBlob(const std::string& what) {
+  throw Error(ErrorCode::kCorrupt, "blob_corrupt", "stored " + what);
+}
+
+// The caller has checked that the bytes are there.
+template <typename T>
+T GetValue(Bytes bytes, std::size_t offset) {
+  T value;
+  std::memcpy(&value, bytes.data() + offset, sizeof(T));
+  return value;
+}
+
+void PutVarint(std::vector<std::uint8_t>& out, std::uint32_t value) {
+  for (; value >= 0x80; value >>= 7) out.push_back(static_cast<std::uint8_t>(value | 0x80));
+  out.push_back(static_cast<std::uint8_t>(value));
+}
+
+// Moves `offset` behind the integer.
+std::uint32_t GetVarint(Bytes bytes, std::size_t& offset, const char* what) {
+  std::uint64_t value = 0;
+  for (int shift = 0; shift <= 28; shift += 7) {
+    if (offset >= bytes.size()) ThrowCorruptBlob(std::string(what) + " are cut short");
+    const std::uint8_t byte = bytes[offset++];
+    value |= static_cast<std::uint64_t>(byte & 0x7f) << shift;
+    if (byte < 0x80) {
+      if (value > std::numeric_limits<std::uint32_t>::max()) break;
+      return static_cast<std::uint32_t>(value);
+    }
+  }
+  ThrowCorruptBlob(std::string(what) + " hold a number that is too large");
+}
+
+// The blob without the checksum at its end.
+Bytes CheckedBody(Bytes blob, const char* what) {
+  if (blob.size() < kChecksumBytes) ThrowCorruptBlob(std::string(what) + " are cut short");
+  const Bytes body = blob.first(blob.size() - kChecksumBytes);
+  if (GetValue<std::uint32_t>(blob, body.size()) != Crc32(body)) {
+    ThrowCorruptBlob(std::string(what) + " do not match their checksum");
+  }
+  return body;
+}
 
 DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
   if (descriptors.kind == DescriptorKind::kBinary) return DescriptorEncoding::kBits;
@@ -150,6 +207,9 @@ void CheckShape(const Features& features) {
   }
 }
 
+constexpr std::uint8_t kBowVersion = 1;
+constexpr std::uint8_t kCodebookVersion = 1;
+
 }  // namespace
 
 std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
@@ -246,6 +306,119 @@ Features InStoredPrecision(Features features) {
     }
   }
   return features;
+}
+
+std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
+  const std::size_t code_bytes = bow.total == 0 ? 0 : bow.codes.size() / bow.total;
+  if (bow.codes.size() != code_bytes * bow.total || (code_bytes == 0) != (bow.total == 0)) {
+    throw Error(ErrorCode::kInternal, "bow_codes",
+                "a bag of words has more or fewer codes than descriptors");
+  }
+  std::vector<std::uint8_t> out;
+  out.reserve(8 + 3 * bow.words.size() + bow.codes.size());
+  out.push_back(kBowVersion);
+  PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
+  std::uint32_t next = 0;  // smallest word that may follow
+  for (const WordCount& entry : bow.words) {
+    if (entry.word < next || entry.count == 0) {
+      throw Error(ErrorCode::kInternal, "bow_order", "a bag of words is not in ascending order");
+    }
+    PutVarint(out, entry.word - next);
+    PutVarint(out, entry.count);
+    next = entry.word + 1;
+  }
+  PutVarint(out, static_cast<std::uint32_t>(code_bytes));
+  out.insert(out.end(), bow.codes.begin(), bow.codes.end());
+  PutValue(out, Crc32(out));
+  return out;
+}
+
+Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
+  const Bytes body = CheckedBody(blob, "words");
+  if (body.empty() || body[0] != kBowVersion) {
+    ThrowCorruptBlob("words are of an unknown format version");
+  }
+  std::size_t offset = 1;
+  const std::uint32_t distinct = GetVarint(body, offset, "words");
+  if (distinct > body.size() || distinct > vocabulary_size) ThrowCorruptBlob("words are too many");
+  Bow bow;
+  bow.words.reserve(distinct);
+  std::uint64_t next = 0;
+  std::uint64_t total = 0;
+  for (std::uint32_t i = 0; i < distinct; ++i) {
+    const std::uint64_t word = next + GetVarint(body, offset, "words");
+    const std::uint32_t count = GetVarint(body, offset, "words");
+    if (word >= vocabulary_size || count == 0) ThrowCorruptBlob("words are outside the vocabulary");
+    bow.words.push_back({static_cast<std::uint32_t>(word), count});
+    total += count;
+    next = word + 1;
+  }
+  if (total > std::numeric_limits<std::uint32_t>::max()) ThrowCorruptBlob("words are too many");
+  bow.total = static_cast<std::uint32_t>(total);
+  const std::size_t code_bytes = GetVarint(body, offset, "words");
+  if ((code_bytes == 0) != (bow.total == 0) || body.size() - offset != code_bytes * bow.total) {
+    ThrowCorruptBlob("words have more or fewer codes than they need");
+  }
+  const auto codes = body.subspan(offset);
+  bow.codes.assign(codes.begin(), codes.end());
+  return bow;
+}
+
+std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook) {
+  std::vector<std::uint8_t> out;
+  out.push_back(kCodebookVersion);
+  PutVarint(out, static_cast<std::uint32_t>(codebook.code_bytes));
+  PutVarint(out, static_cast<std::uint32_t>(codebook.part_dim));
+  for (const float value : codebook.rotation) PutValue(out, value);
+  for (const float value : codebook.centroids) PutValue(out, value);
+  PutValue(out, Crc32(out));
+  return out;
+}
+
+Codebook DecodeCodebook(Bytes blob, const Descriptors& words) {
+  const Bytes body = CheckedBody(blob, "codebooks");
+  if (body.empty() || body[0] != kCodebookVersion) {
+    ThrowCorruptBlob("codebooks are of an unknown format version");
+  }
+  std::size_t offset = 1;
+  const std::uint32_t code_bytes = GetVarint(body, offset, "codebooks");
+  const std::uint32_t part_dim = GetVarint(body, offset, "codebooks");
+  if (code_bytes > kMaxDim || part_dim > kMaxDim)
+    ThrowCorruptBlob("codebooks claim impossible sizes");
+  Codebook codebook;
+  codebook.code_bytes = static_cast<int>(code_bytes);
+  codebook.part_dim = static_cast<int>(part_dim);
+  const std::size_t rotation = codebook.padded_dim() * static_cast<std::size_t>(words.dim);
+  const std::size_t centroids = codebook.padded_dim() * 16;
+  const bool binary = words.kind == DescriptorKind::kBinary;
+  if (body.size() - offset != (binary ? 0 : rotation + centroids) * sizeof(float)) {
+    ThrowCorruptBlob("codebooks have another length than they say");
+  }
+  for (std::size_t i = 0; !binary && i < rotation + centroids; ++i, offset += sizeof(float)) {
+    (i < rotation ? codebook.rotation : codebook.centroids)
+        .push_back(GetValue<float>(body, offset));
+  }
+  if (codebook.empty()) ThrowCorruptBlob("codebooks are empty");
+  try {
+    CheckCodebook(codebook, words);
+  } catch (const Error& error) {
+    ThrowCorruptBlob(error.what());
+  }
+  return codebook;
+}
+
+Bytes WordBytes(const Descriptors& words, std::size_t i) {
+  if (words.kind == DescriptorKind::kBinary) return words.binary_row(i);
+  const std::span<const float> row = words.float_row(i);
+  return {reinterpret_cast<const std::uint8_t*>(row.data()), row.size_bytes()};
+}
+
+std::uint32_t VocabularyChecksum(const Vocabulary& vocabulary) {
+  std::uint32_t crc = 0;
+  for (std::size_t i = 0; i < vocabulary.size(); ++i) {
+    crc = Crc32(WordBytes(vocabulary.words, i), crc);
+  }
+  return crc;
 }
 
 }  // namespace pliant

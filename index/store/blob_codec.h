@@ -1,0 +1,63 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The compact, checked byte forms of features, bags of words and codebooks, as kept in the
+// database. index/FORMAT.md describes them byte by byte: little-endian values, variable-length
+// integers, and a checksum at the end.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "descriptor/features/features.h"
+#include "descriptor/image/image.h"
+#include "vocab/quantizer.h"
+
+namespace pliant {
+
+inline constexpr std::uint32_t kMaxDim = 1u << 14;  // of what a blob may claim
+
+// CRC-32 (IEEE 802.3, as in zlib and PNG), continued from `seed`.
+std::uint32_t Crc32(Bytes bytes, std::uint32_t seed = 0);
+
+template <typename T>
+void PutValue(std::vector<std::uint8_t>& out, const T& value) {
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(&value);
+  out.insert(out.end(), bytes, bytes + sizeof(T));
+}
+
+// How descriptors lie in a feature blob. The encoder chooses.
+enum class DescriptorEncoding : std::uint8_t {
+  kBits = 0,        // binary descriptors, as they are
+  kUint8 = 1,       // floats that are all whole numbers 0..255 (OpenCV's SIFT): lossless
+  kScaledInt8 = 2,  // float32 scale s = max|v| / 127 a row, then round(v / s) as int8
+};
+
+// Throws kInvalidArgument for descriptors that are not finite or do not fit the keypoints.
+std::vector<std::uint8_t> EncodeFeatures(const Features& features);
+
+// Throws kCorrupt when anything about the blob is wrong: magic, version, sizes, checksum. The
+// model id is kept beside the blob, not in it: it comes back empty.
+Features DecodeFeatures(Bytes blob);
+
+// `features` as they will be once stored and read again. Queries and new images are quantised in
+// this precision, so that an image gets the same words when it is asked for as when it was stored.
+// Throws what EncodeFeatures throws.
+Features InStoredPrecision(Features features);
+
+// Throws kInternal for a bag that is not in order or lacks a code for a descriptor.
+std::vector<std::uint8_t> EncodeBow(const Bow& bow);
+
+// Throws kCorrupt also for a word of `vocabulary_size` or more.
+Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
+
+// The words' codebook; DecodeCodebook throws kCorrupt for whatever does not fit `words`.
+std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook);
+Codebook DecodeCodebook(Bytes blob, const Descriptors& words);
+
+// The bytes of word i.
+Bytes WordBytes(const Descriptors& words, std::size_t i);
+// CRC-32 over the bytes of the words in order.
+std::uint32_t VocabularyChecksum(const Vocabulary& vocabulary);
+
+}  // namespace pliant

@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The tables that every database has. Private to index/store/. index/FORMAT.md describes them.
+#pragma once
+
+namespace pliant {
+
+// Statements that make them, as in a database file; a database on a server has other names for the
+// types (postgres/schema.cc). A file of schema 1 must have them to the letter: the checks of a
+// database compare the text, with the comments inside of statements. Each database adds the table
+// `removals` and the triggers, which keep the counts of collections, note removals and dropped
+// originals, and remove what belongs to a job.
+extern const char* const kTables;
+
+}  // namespace pliant
