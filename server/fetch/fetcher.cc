@@ -203,14 +203,14 @@ void Fetcher::Stop() { places_->Stop(); }
 
 void Fetcher::RequireAllowed(const WebAddress& address, const char* what) const {
   if (hosts_.Allows(address.scheme(), address.host(), address.port())) return;
-  ThrowNotAllowed(std::string("The operator lets no images be fetched from ") + what +
+  ThrowNotAllowed(std::string("The server does not fetch images from ") + what +
                   " (--fetch-hosts).");
 }
 
 FetchedImage Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop,
                             std::shared_ptr<void> place) {
   if (!on()) {
-    throw ProblemError("fetch_off", "The operator lets the server fetch no images (--fetch-hosts).")
+    throw ProblemError("fetch_off", "The server fetches no images (--fetch-hosts).")
         .Parameter(kParameter);
   }
   WebAddress address(url);

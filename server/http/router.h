@@ -42,7 +42,7 @@ struct Route {
   std::vector<Parameter> parameters = {};
   std::vector<Answer> answers = {};
   // Problem codes beyond those that follow from the method, the scope, the body, the path and the
-  // parameters (openapi/route_codes.h).
+  // parameters (openapi/document.h).
   std::vector<std::string> codes = {};
   // A shell command that shows the route at work, with the variables that openapi/document.h
   // explains. Run by a test.

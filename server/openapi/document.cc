@@ -12,17 +12,60 @@
 #include "server/http/json.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
-#include "server/openapi/route_codes.h"
 
 namespace pliant::server {
 namespace {
 
-// Parameters in the OpenAPI document.
-//
-// In words, what an image may be.
-inline constexpr const char* kBinaryImage = "an image: JPEG, PNG, WebP, BMP or TIFF";
+constexpr const char* kBinaryImage = "an image: JPEG, PNG, WebP, BMP or TIFF";
 
-// "images" of "images.create"; what has no point has one of its own, or one for several.
+bool Answers(const Route& route, int status) {
+  return std::any_of(route.answers.begin(), route.answers.end(),
+                     [&](const Answer& answer) { return answer.status == status; });
+}
+
+// The answer has an ETag, and conditions of a GET count.
+bool HasEtag(const Route& route) { return Answers(route, 304); }
+// Clients can ask for parts of the answer.
+bool TakesRange(const Route& route) { return Answers(route, 206); }
+
+using Codes = std::set<std::string>;
+
+void AddBodyCodes(const Route& route, Codes& codes) {
+  if (route.body == BodyKind::kNone) return;
+  codes.insert({"body_too_large", "unsupported_content_type", "unsupported_content_encoding",
+                "unsupported_transfer_encoding"});
+  if (route.body == BodyKind::kBulk) return;
+  codes.insert("invalid_json");
+  if (route.body == BodyKind::kJson) return;
+  codes.insert({"missing_parameter", "invalid_parameter"});
+  if (route.body == BodyKind::kMergePatch) return;
+  codes.insert({"duplicate_parameter", "image_type_unknown", "image_empty", "image_truncated",
+                "image_corrupt", "image_too_small", "image_too_large", "too_few_features",
+                "fetch_off", "fetch_host_not_allowed", "fetch_failed"});
+  if (route.scope >= Scope::kWrite) codes.insert("same_bytes");
+}
+
+void AddParameterCodes(const Route& route, Codes& codes) {
+  codes.insert("unknown_parameter");
+  for (const Parameter& parameter : route.parameters) {
+    codes.insert({"invalid_parameter", "duplicate_parameter"});
+    if (parameter.required) codes.insert("missing_parameter");
+    if (parameter.name == "cursor") codes.insert("invalid_cursor");
+    if (parameter.type == Parameter::Type::kJson || parameter.type == Parameter::Type::kJsonList ||
+        parameter.type == Parameter::Type::kImage) {
+      codes.insert("invalid_json");
+    }
+  }
+}
+
+void AddScopeCodes(const Route& route, Codes& codes) {
+  if (route.scope != Scope::kPublic)
+    codes.insert({"unauthorized", "forbidden", "rate_limited", "starting", "database_unavailable",
+                  "database_outcome_unknown"});
+  if (route.scope >= Scope::kWrite) codes.insert({"no_space", "read_only"});
+}
+
+// "images" for "images.create". A name without a point is its own tag, or has another one.
 std::string TagOf(const Route& route) {
   static const std::map<std::string, std::string> tags = {
       {"livez", "health"}, {"readyz", "health"}, {"metrics", "health"},
@@ -32,31 +75,27 @@ std::string TagOf(const Route& route) {
   return tag == tags.end() ? first : tag->second;
 }
 
-// Those that the routes use, with descriptions. A tag that has none yet is described by its name; a
-// test finds that.
 Json TagsOf(const std::vector<Route>& routes) {
   static const std::map<std::string, std::string> meanings = {
-      {"aliases", "Other names of collections, moved from one to another at once"},
+      {"aliases", "Other names of collections"},
       {"backups", "Copies of the database in the operator's directory"},
       {"collections", "Separate sets of images, objects and vocabularies"},
-      {"compare", "Two images, whether stored or not"},
+      {"compare", "Comparing two images"},
       {"demo", "Demonstration objects for a first try"},
-      {"health", "Whether the server lives, whether it is ready, how it is doing"},
-      {"images", "Images: adding, reading, changing, deleting"},
-      {"imports", "Images of a folder on the server"},
-      {"jobs", "What runs in the background"},
-      {"keys", "API keys, and what the caller may do"},
-      {"objects", "What the images show"},
+      {"health", "Liveness, readiness and metrics of the server"},
+      {"images", "Adding, reading, changing and deleting images"},
+      {"imports", "Adding the images of a folder on the server"},
+      {"jobs", "Background jobs"},
+      {"keys", "API keys, and what the caller can do"},
+      {"objects", "The objects that the images show"},
       {"page", "The web page, and this document"},
       {"search", "Which object is this?"},
-      {"vocabularies", "Visual words: training, choosing"}};
+      {"vocabularies", "Training and activating vocabularies of visual words"}};
   std::set<std::string> used;
   for (const Route& route : routes) used.insert(TagOf(route));
   Json tags = Json::array();
   for (const std::string& name : used) {
-    const auto meaning = meanings.find(name);
-    tags.push_back(
-        {{"name", name}, {"description", meaning == meanings.end() ? name : meaning->second}});
+    tags.push_back({{"name", name}, {"description", meanings.at(name)}});
   }
   return tags;
 }
@@ -67,51 +106,47 @@ Json ImageProperties() {
       {"image_url",
        {{"type", "string"},
         {"description",
-         "address (http, https) to fetch the image from, where the operator allows its host "
-         "(--fetch-hosts); in place of image"}}}};
+         "instead of image: URL (http, https) from which the server fetches it, if the operator "
+         "allows the host (--fetch-hosts)"}}}};
 }
 
 Json EitherImage() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
 
-Json SchemaOf(const Parameter& parameter) {
-  Json schema;
+Json TypeSchema(const Parameter& parameter) {
+  using Type = Parameter::Type;
   switch (parameter.type) {
-    case Parameter::Type::kText:
-      schema = {{"type", "string"}};
-      break;
-    case Parameter::Type::kInteger:
-      schema = {{"type", "integer"},
-                {"minimum", static_cast<std::int64_t>(parameter.lowest)},
-                {"maximum", static_cast<std::uint64_t>(parameter.highest)}};
-      break;
-    case Parameter::Type::kNumber:
-      schema = {{"type", "number"}, {"minimum", parameter.lowest}, {"maximum", parameter.highest}};
-      break;
-    case Parameter::Type::kNumbers:
-      schema = {{"type", "array"},
-                {"items", {{"type", "number"}}},
-                {"minItems", parameter.count},
-                {"maxItems", parameter.count}};
-      break;
-    case Parameter::Type::kChoice:
-      schema = {{"type", "string"}, {"enum", parameter.choices}};
-      break;
-    case Parameter::Type::kBoolean:
-      schema = {{"type", "boolean"}};
-      break;
-    case Parameter::Type::kJson:
-      schema = {{"type", "object"}};
-      break;
-    case Parameter::Type::kJsonList:
-      schema = {{"type", "array"}};
-      break;
-    case Parameter::Type::kImage:
-      schema = {{"type", "object"},
-                {"properties", ImageProperties()},
-                {"additionalProperties", false},
-                {"oneOf", EitherImage()}};
-      break;
+    case Type::kText:
+      return {{"type", "string"}};
+    case Type::kInteger:
+      return {{"type", "integer"},
+              {"minimum", static_cast<std::int64_t>(parameter.lowest)},
+              {"maximum", static_cast<std::uint64_t>(parameter.highest)}};
+    case Type::kNumber:
+      return {{"type", "number"}, {"minimum", parameter.lowest}, {"maximum", parameter.highest}};
+    case Type::kNumbers:
+      return {{"type", "array"},
+              {"items", {{"type", "number"}}},
+              {"minItems", parameter.count},
+              {"maxItems", parameter.count}};
+    case Type::kChoice:
+      return {{"type", "string"}, {"enum", parameter.choices}};
+    case Type::kBoolean:
+      return {{"type", "boolean"}};
+    case Type::kJson:
+      return {{"type", "object"}};
+    case Type::kJsonList:
+      return {{"type", "array"}};
+    case Type::kImage:
+      return {{"type", "object"},
+              {"properties", ImageProperties()},
+              {"additionalProperties", false},
+              {"oneOf", EitherImage()}};
   }
+  return {};
+}
+
+Json SchemaOf(const Parameter& parameter) {
+  Json schema = TypeSchema(parameter);
   if (parameter.default_value.empty()) return schema;
   const Json value = Json::parse(parameter.default_value, nullptr, /*allow_exceptions=*/false);
   schema["default"] =
@@ -160,7 +195,7 @@ Json Properties(const Route& route) {
   return properties;
 }
 
-// Instead of an image the request may name one that is stored.
+// The request can name a stored image instead.
 bool MayDoWithoutImage(const Route& route) {
   return std::any_of(route.parameters.begin(), route.parameters.end(),
                      [](const Parameter& parameter) { return parameter.name == "image_id"; });
@@ -169,7 +204,6 @@ bool MayDoWithoutImage(const Route& route) {
 Json JsonContent(const Route& route) {
   Json schema = {{"type", "object"}, {"properties", Properties(route)}};
   for (const Parameter& parameter : route.parameters) {
-    // A form may have them as its fields.
     const bool image = parameter.type == Parameter::Type::kImage;
     if (parameter.required || image) schema["required"].push_back(parameter.name);
   }
@@ -221,7 +255,7 @@ Json AnswerJson(const Answer& answer) {
   return json;
 }
 
-// One response a status, with the codes that come with it.
+// One response per status, with the codes of that status.
 void AddProblems(const Route& route, Json& responses) {
   std::map<int, Json> codes;
   for (const std::string& code : RouteCodes(route)) {
@@ -241,32 +275,30 @@ void AddProblems(const Route& route, Json& responses) {
   }
 }
 
-Json HeaderParameter(const char* name, const char* meaning) {
-  return {{"name", name},
-          {"in", "header"},
-          {"required", false},
-          {"description", meaning},
-          {"schema", {{"type", "string"}}}};
-}
-
 void AddHeaderParameters(const Route& route, Json& parameters) {
   const auto add = [&](const char* name, const char* meaning) {
-    parameters.push_back(HeaderParameter(name, meaning));
+    parameters.push_back({{"name", name},
+                          {"in", "header"},
+                          {"required", false},
+                          {"description", meaning},
+                          {"schema", {{"type", "string"}}}});
   };
   if (HeedsIdempotencyKey(route)) {
-    add("Idempotency-Key", "any name for the request: sent again, it is answered but not done");
+    add("Idempotency-Key",
+        "a new name for each request; the server performs a request sent again only once");
   }
-  if (route.takes_if_match) add("If-Match", "ETags of the state that is meant to change, or *");
+  if (route.takes_if_match)
+    add("If-Match", "ETags: change the resource only if one of them is current; or *");
   if (route.takes_if_match && route.method == "PUT") {
-    add("If-None-Match", "*: only where there is nothing of this id yet");
+    add("If-None-Match", "*: only if no image has this id");
   }
   if (HasEtag(route)) {
-    add("If-None-Match", "ETags that the client has: 304 if one of them is still right");
-    add("If-Match", "ETags: 412 if none of them is right any more");
+    add("If-None-Match", "ETags that the client has: 304 if one of them is current");
+    add("If-Match", "ETags: 412 if none of them is current");
   }
   if (TakesRange(route)) {
     add("Range", "one range of bytes: `bytes=0-99`, `bytes=100-`, `bytes=-100`");
-    add("If-Range", "an ETag: the whole, if it is not right any more");
+    add("If-Range", "an ETag: send the whole file if it is not current");
   }
 }
 
@@ -290,13 +322,13 @@ Json Operation(const Route& route) {
     Json& response = responses[std::to_string(answer.status)];
     if (response.is_null()) {
       response = AnswerJson(answer);
-    } else {  // the same status with another type of content
+    } else {  // the same status with another Content-Type
       response["content"].update(AnswerJson(answer)["content"]);
     }
   }
   AddProblems(route, responses);
   operation["responses"] = responses;
-  // Without keys (see --allow-anonymous) none is needed.
+  // A server without keys (see --allow-anonymous) requires none.
   operation["security"] = Json::array();
   if (route.scope != Scope::kPublic) {
     operation["security"] = {{{"bearer", Json::array()}}, {{"header", Json::array()}}};
@@ -309,6 +341,26 @@ Json Operation(const Route& route) {
 }
 
 }  // namespace
+
+std::set<std::string> RouteCodes(const Route& route) {
+  // What any request may meet, whatever it asks for.
+  Codes codes = {"bad_request", "uri_too_long",          "headers_too_large", "request_timeout",
+                 "internal",    "range_not_satisfiable", "host_not_allowed",  "busy"};
+  AddScopeCodes(route, codes);
+  AddBodyCodes(route, codes);
+  AddParameterCodes(route, codes);
+  if (route.method != "GET") codes.insert({"cross_site", "precondition_failed"});
+  if (HeedsIdempotencyKey(route)) {
+    codes.insert({"invalid_parameter", "idempotency_running", "idempotency_other"});
+  }
+  if (HasEtag(route)) codes.insert("precondition_failed");
+  if (route.needs_index) codes.insert({"starting", "stopping"});
+  const bool in_collection = route.pattern.starts_with("/v1/collections/{c}");
+  const bool makes_it = route.pattern == "/v1/collections/{c}" && route.method == "PUT";
+  if (in_collection && !makes_it) codes.insert("collection_not_found");
+  codes.insert(route.codes.begin(), route.codes.end());
+  return codes;
+}
 
 Json OpenApiDocument(const std::vector<Route>& routes) {
   Json paths = Json::object();
@@ -324,11 +376,10 @@ Json OpenApiDocument(const std::vector<Route>& routes) {
        {{"title", "Pliant"},
         {"summary", "Find the same object again, however it is bent, folded or crumpled"},
         {"description",
-         "Parameters may stand in the query, as keys of a JSON body, there with the types given "
-         "here (null is as if it were left out), or, where a route takes an image, in form "
-         "fields. Errors "
-         "are application/problem+json (RFC 9457) with a stable `code`. Every answer carries "
-         "X-Request-Id. HEAD works wherever GET does."},
+         "Send parameters in the query, as keys of a JSON body, or as form fields if the route "
+         "takes an image. In a JSON body parameters have the types given here, and null counts as "
+         "absent. Errors are application/problem+json (RFC 9457) with a stable `code`. Every "
+         "answer has X-Request-Id. HEAD works on every route that has GET."},
         {"license", {{"name", "Apache-2.0"}, {"identifier", "Apache-2.0"}}},
         {"version", PLIANT_VERSION}}},
       {"servers", {{{"url", "/"}}}},

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The OpenAPI 3.1 document, generated from the route table.
 //
-// Each operation has an example as `x-codeSamples`: a shell command for a folder that holds the
-// images mug.png and cup.png, with these variables:
+// Each operation has an example as `x-codeSamples`: a shell command for a folder with the images
+// mug.png and cup.png. It uses these variables:
 //   $PLIANT      address of the server, http://127.0.0.1:8080
 //   $IMAGE       id of a stored image of the object "mug"
 //   $VOCABULARY  number of a vocabulary
@@ -13,6 +13,8 @@
 //   $KEY_ID      id of another key
 #pragma once
 
+#include <set>
+#include <string>
 #include <vector>
 
 #include "server/http/json.h"
@@ -22,7 +24,10 @@ namespace pliant::server {
 
 Json OpenApiDocument(const std::vector<Route>& routes);
 
-// components/schemas of the document, except those generated from the routes.
+// Its components/schemas.
 Json OpenApiSchemas();
+
+// The problem codes of a route: its own ones, and those that follow from its declaration.
+std::set<std::string> RouteCodes(const Route& route);
 
 }  // namespace pliant::server

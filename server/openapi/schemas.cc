@@ -1,344 +1,257 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What the answers look like (JSON Schema 2020-12). A test holds every answer of the examples
-// against these.
+// The schemas of answers and bodies (JSON Schema 2020-12). A test checks every answer of the
+// examples against them.
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "descriptor/base/strings.h"
 #include "server/openapi/document.h"
 
 namespace pliant::server {
 namespace {
 
-// The schemas of answers and bodies, as JSON objects by name.
-constexpr const char* kCatalogueSchemas = R"json({
-  "Status": {"type": "object", "required": ["status"],
-    "properties": {"status": {"type": "string"}}},
-  "Collection": {"type": "object",
-    "required": ["name", "display_name", "aliases", "images", "objects", "descriptors",
-      "vocabulary", "created_at"],
-    "properties": {
-      "name": {"type": "string"},
-      "display_name": {"type": ["string", "null"], "description": "for people"},
-      "aliases": {"type": "array", "items": {"type": "string"}},
-      "images": {"type": "integer"}, "objects": {"type": "integer"},
-      "descriptors": {"type": "integer", "description": "keypoints of all images"},
-      "vocabulary": {"oneOf": [{"$ref": "#/components/schemas/Vocabulary"}, {"type": "null"}],
-        "description": "the active one"},
-      "created_at": {"type": "string", "format": "date-time"}}},
-  "CollectionList": {"type": "object", "required": ["collections", "labels"],
-    "properties": {"collections": {"type": "array", "items": {"type": "string"}},
-      "labels": {"type": "array", "description": "the same, with their other names",
-        "items": {"type": "object", "required": ["name", "display_name", "aliases"],
-          "properties": {"name": {"type": "string"},
-            "display_name": {"type": ["string", "null"], "description": "for people"},
-            "aliases": {"type": "array", "items": {"type": "string"}}}}}}},
-  "CollectionPatch": {"type": "object", "additionalProperties": false,
-    "description": "a JSON merge patch (RFC 7396): what is left out stays as it is",
-    "properties": {"display_name": {"type": ["string", "null"], "maxLength": 200,
-      "description": "for people; null: its name"}}},
-  "Alias": {"type": "object", "required": ["name", "collection", "updated_at"],
-    "properties": {"name": {"type": "string"}, "collection": {"type": "string"},
-      "updated_at": {"type": "string", "format": "date-time", "description": "when it was moved last"}}},
-  "AliasList": {"type": "object", "required": ["aliases"],
-    "properties": {"aliases": {"type": "array", "items": {"$ref": "#/components/schemas/Alias"}}}},
-  "AliasesPatch": {"type": "object", "additionalProperties": {"type": ["string", "null"]},
-    "description": "a JSON merge patch (RFC 7396): the collection of each alias; null removes it"},
-  "Image": {"type": "object",
-    "required": ["id", "collection", "object", "metadata", "source", "sha256", "media_type",
-      "bytes", "width", "height", "keypoints", "added_at", "updated_at"],
-    "properties": {
-      "id": {"type": "string"}, "collection": {"type": "string"},
-      "object": {"type": "string", "description": "what it shows; may be empty"},
-      "metadata": {"type": "object", "additionalProperties": true},
-      "source": {"type": "string",
-        "description": "file name as given, or the address it was fetched from; may be empty"},
-      "sha256": {"type": "string", "description": "of the uploaded bytes"},
-      "media_type": {"type": "string"},
-      "bytes": {"type": "integer", "description": "of the upload"},
-      "width": {"type": "integer"}, "height": {"type": "integer"},
-      "keypoints": {"type": "integer"},
-      "added_at": {"type": "string", "format": "date-time", "description": "when these bytes were"},
-      "updated_at": {"type": "string", "format": "date-time",
-        "description": "when its bytes, object, metadata or source changed last"}}},
-  "Facets": {"type": "object", "description": "by key of the metadata; most frequent values first",
-    "additionalProperties": {"type": "object", "required": ["values", "without", "complete"],
-      "properties": {
-        "values": {"type": "array", "description": "the hundred most frequent",
-          "items": {"type": "object", "required": ["value", "count"],
-            "properties": {"value": {"type": ["string", "number", "boolean", "null"]},
-              "count": {"type": "integer"}}}},
-        "without": {"type": "integer", "description": "how many do not have the key"},
-        "complete": {"type": "boolean", "description": "false: there are other values"}}}},
-  "ImageList": {"type": "object", "required": ["images", "next"],
-    "properties": {
-      "images": {"type": "array", "items": {"$ref": "#/components/schemas/Image"}},
-      "next": {"type": ["string", "null"], "description": "cursor of the next page"},
-      "total": {"type": "integer", "description": "with `count`: over all pages"},
-      "facets": {"$ref": "#/components/schemas/Facets"}}},
-  "ImagesDeleted": {"type": "object", "required": ["deleted"],
-    "properties": {"deleted": {"type": "integer"}}},
-  "Object": {"type": "object", "required": ["object", "images", "image_id"],
-    "properties": {"object": {"type": "string"}, "images": {"type": "integer"},
-      "image_id": {"type": ["string", "null"], "description": "one of its images"}}},
-  "Demo": {"type": "object", "required": ["loaded", "objects"],
-    "properties": {"loaded": {"type": "boolean"},
-      "objects": {"type": "array", "items": {"type": "object",
-        "required": ["object", "image_id", "crumpled"],
-        "properties": {"object": {"type": "string"}, "image_id": {"type": "string"},
-          "crumpled": {"type": "string", "description": "address of its crumpled image"}}}}}},
-  "ObjectList": {"type": "object", "required": ["objects", "next"],
-    "properties": {
-      "objects": {"type": "array", "items": {"$ref": "#/components/schemas/ListedObject"}},
-      "next": {"type": ["string", "null"], "description": "cursor of the next page"},
-      "total": {"type": "integer", "description": "with `count`: over all pages"},
-      "facets": {"$ref": "#/components/schemas/Facets"}}},
-  "ListedObject": {"type": "object",
-    "required": ["object", "images", "image_id", "created_at", "updated_at"],
-    "properties": {"object": {"type": "string"}, "images": {"type": "integer"},
-      "image_id": {"type": ["string", "null"], "description": "one of its images"},
-      "created_at": {"type": "string", "format": "date-time", "description": "of its oldest image"},
-      "updated_at": {"type": "string", "format": "date-time",
-        "description": "when one of its images was added or changed last"}}},
-  "Location": {"type": "object", "additionalProperties": true,
-    "required": ["object", "image_id", "took_ms", "width", "height", "compared"],
-    "properties": {"object": {"type": "string"},
-      "image_id": {"type": ["string", "null"], "description": "the image that was compared"},
-      "took_ms": {"type": "number"},
-      "width": {"type": "integer"}, "height": {"type": "integer"},
-      "compared": {"type": "integer", "description": "images that were compared"}}},
-  "ObjectDeleted": {"type": "object", "required": ["object", "deleted"],
-    "properties": {"object": {"type": "string"}, "deleted": {"type": "integer"}}},
-  "Features": {"type": "object",
-    "required": ["width", "height", "model_id", "keypoints", "descriptors"],
-    "properties": {
-      "width": {"type": "integer"}, "height": {"type": "integer"},
-      "model_id": {"type": "string"},
-      "keypoints": {"type": "array", "items": {"type": "object",
-        "required": ["x", "y", "size", "angle", "response"],
-        "properties": {
-          "x": {"type": "number", "description": "pixels of the upright image"},
-          "y": {"type": "number"}, "size": {"type": "number"},
-          "angle": {"type": "number", "description": "degrees, clockwise"},
-          "response": {"type": "number"}}}},
-      "descriptors": {"type": "object", "required": ["type", "rows", "dim", "base64"],
-        "properties": {
-          "type": {"enum": ["float32", "uint8"]},
-          "rows": {"type": "integer"}, "dim": {"type": "integer"},
-          "base64": {"type": "string", "description": "little-endian, row by row"}}}}}
+// By name, in a short form:
+// - "TYPE: description". TYPE is a type of JSON, a key of kTypes below, or another schema's name.
+//   "TYPE[]" is an array, "TYPE|null" can be null, "'a'|'b'" is one of these texts.
+// - An object has its properties. "name?" is optional, "name[]" an array, "" the description of the
+//   object, "..." the schema of other properties (or whether there can be any).
+// - An array holds a schema in full.
+constexpr const char* kSchemas = R"json({
+  "Status": {"status": "string"},
+  "Collection": {
+    "name": "string", "display_name": "string|null: for people", "aliases": "string[]",
+    "images": "integer", "objects": "integer", "descriptors": "integer: keypoints of all images",
+    "vocabulary": "Vocabulary|null: the active one", "created_at": "time"},
+  "CollectionList": {
+    "collections": "string[]",
+    "labels[]": {"": "the same collections with their other names", "name": "string",
+      "display_name": "string|null: for people", "aliases": "string[]"}},
+  "CollectionPatch": {
+    "": "a JSON merge patch (RFC 7396): absent keys stay as they are", "...": false,
+    "display_name?": [{"type": ["string", "null"], "maxLength": 200,
+      "description": "for people; null: the collection's name"}]},
+  "Alias": {"name": "string", "collection": "string", "updated_at": "time: of the last move"},
+  "AliasList": {"aliases": "Alias[]"},
+  "AliasesPatch": {
+    "": "a JSON merge patch (RFC 7396): the collection of each alias; null removes the alias",
+    "...": "string|null"},
+  "Image": {
+    "id": "string", "collection": "string", "object": "string: what the image shows, or empty",
+    "metadata": "any", "source": "string: the file name or URL that the client gave, or empty",
+    "sha256": "string: of the uploaded bytes", "media_type": "string",
+    "bytes": "integer: size of the upload", "width": "integer", "height": "integer",
+    "keypoints": "integer", "added_at": "time: when these bytes were added",
+    "updated_at": "time: of the last change of bytes, object, metadata or source"},
+  "ImagePatch": {
+    "": "a JSON merge patch (RFC 7396): absent keys stay as they are", "...": false,
+    "object?": "string|null: what the image shows; null or empty: nothing in particular",
+    "metadata?": "any|null: keys to set; null removes a key, or instead of the object all keys",
+    "source?": "string|null: the file name, for people"},
+  "ImageList": {"images": "Image[]", "next": "string|null: cursor of the next page",
+    "total?": "integer: with count: over all pages", "facets?": "Facets"},
+  "ImagesDeleted": {"deleted": "integer"},
+  "Facets": {"": "by key of the metadata, most frequent values first", "...": {
+    "values[]": {"": "at most 100", "count": "integer",
+      "value": [{"type": ["string", "number", "boolean", "null"]}]},
+    "without": "integer: number of images without the key",
+    "complete": "boolean: false: there are other values"}},
+  "Features": {
+    "width": "integer", "height": "integer", "model_id": "string",
+    "keypoints[]": {"x": "number: in pixels of the upright image", "y": "number",
+      "size": "number", "angle": "number: in degrees, clockwise", "response": "number"},
+    "descriptors": {"type": "'float32'|'uint8'", "rows": "integer", "dim": "integer",
+      "base64": "string: little-endian, row by row"}},
+  "Object": {"object": "string", "images": "integer", "image_id": "string|null: one of its images"},
+  "ObjectList": {"objects": "ListedObject[]", "next": "string|null: cursor of the next page",
+    "total?": "integer: with count: over all pages", "facets?": "Facets"},
+  "ListedObject": {
+    "object": "string", "images": "integer", "image_id": "string|null: one of its images",
+    "created_at": "time: of its oldest image",
+    "updated_at": "time: of the last change of one of its images"},
+  "ObjectPatch": {"...": false, "object": [{"type": "string", "minLength": 1,
+    "description": "the new name"}]},
+  "ObjectDeleted": {"object": "string", "deleted": "integer"},
+  "Location": {
+    "object": "string", "image_id": "string|null: the best-matching image", "took_ms": "number",
+    "width": "integer", "height": "integer", "compared": "integer: number of compared images",
+    "...": true},
+  "Demo": {"loaded": "boolean", "objects[]": {"object": "string", "image_id": "string",
+    "crumpled": "string: address of a photo of the crumpled object"}},
+
+  "SearchAnswer": {
+    "took_ms": "number", "rank": "'neighbours'|'histogram': the ranking",
+    "vocabulary": "integer: its number", "words": "integer: size of the vocabulary",
+    "keypoints": "integer: of the query, inside the region",
+    "looked_closer": "boolean: a second pass at high resolution was made (closer_look)",
+    "query": "QueryImage|null: null with image_ids",
+    "examples[]?": {"": "with image_ids", "image_id": "string", "keypoints": "integer",
+      "width": "integer", "height": "integer"},
+    "total": "integer: number of hits over all pages",
+    "verdict": "'found'|'undecided'|'not_found'|null: undecided: similar objects share it",
+    "found": "integer|null: number of hits with a probability of 0.9 or more",
+    "hits": "Hit[]", "timings": {"...": "number"}},
+  "SearchBatchAnswer": {
+    "failed": "integer: number of searches with a problem",
+    "results[]": {"index": "integer", "status": "integer: of a separate request",
+      "answer?": "SearchAnswer", "problem?": "ProblemSummary"}},
+  "Hit": {
+    "rank": "integer: from 1, over all pages", "object": "string|null: null: the image has none",
+    "score": "share",
+    "probability": "share|null: that the hit is right; null if not verified or with histogram",
+    "image_id": "string: the object's best image",
+    "source": "string: its file name, or empty",
+    "inliers": "integer: matches that agree on one smooth warp",
+    "polygon": "points|null: outline of the object in the photo",
+    "instances[]?": {"inliers": "integer", "polygon": "points|null"},
+    "via?": "string|null: the image through which query expansion reached this hit",
+    "example?": "string: with image_ids: the best-matching example, which all positions belong to",
+    "metadata": "any", "explain?": "Explanation"},
+  "Size": {"": "of the upright image, in pixels", "width": "integer", "height": "integer"},
+  "QueryImage": {"": "size of the upright photo, in pixels", "width": "integer",
+    "height": "integer", "preview?": "string: with preview: the photo as a JPEG in a data: URL"},
+  "Explanation": {
+    "ranking_score": "number: score before the verification", "verified": "boolean",
+    "failure": "string|null: why the verification failed", "matches": "integer",
+    "inlier_fraction": "number",
+    "independent_inliers": "number: the effective inlier count: nearby inliers share one count",
+    "colour_difference": "number|null: mean, in CIELAB a* and b*, corrected for the light",
+    "pairs": "points: x and y in the query, x and y in the hit", "reference": "Size|null",
+    "mesh": "any|null: the warp: positions in the query of a grid over the hit's image"},
+  "ComparedImage": {"width": "integer", "height": "integer", "keypoints": "integer"},
+  "Comparison": {
+    "took_ms": "number",
+    "verdict": "'found'|'not_found': found: the probability is 0.9 or more",
+    "probability": "share: that both images show the same object",
+    "first": "ComparedImage", "second": "ComparedImage",
+    "matches": "integer: pairs of similar keypoints",
+    "inliers": "integer: matches that agree on one smooth warp", "inlier_fraction": "number",
+    "polygon": "points|null: outline of the first image's object in the second image",
+    "failure": "string|null: why no warp was found", "timings": {"...": "number"},
+    "explain?": "Explanation"},
+  "Vocabulary": {
+    "id": "integer", "words": "integer", "active": "boolean", "model_id": "string",
+    "method": "string", "seed": "integer", "sampled": "integer: descriptors of the training",
+    "available": "integer: descriptors of the collection then", "loss": "number",
+    "created_at": "time"},
+  "VocabularyList": {"vocabularies": "Vocabulary[]"},
+
+  "Me": {"keys_required": "boolean: false: anyone can do everything",
+    "scopes": "Scope[]: what the caller can do",
+    "key": "CallerKey|null: null if the server requires no key",
+    "image_url": "boolean: whether the server fetches images from some hosts"},
+  "Scope": "'read'|'write'|'admin'",
+  "CallerKey": {"id": "string: public, as in the log", "name": "string", "scope": "Scope"},
+  "ApiKey": {"id": "string: public, as in the log", "name": "string", "scope": "Scope",
+    "created_at": "time", "revoked_at": "time|null: null: the key is valid"},
+  "KeyList": {"keys": "ApiKey[]"},
+  "NewKey": [{"allOf": [{"$ref": "#/components/schemas/ApiKey"},
+    {"type": "object", "required": ["key"], "properties": {
+      "key": {"type": "string", "description": "the key itself, shown only here"}}}]}],
+  "Problem": {
+    "type": [{"type": "string", "format": "uri"}], "title": "string", "status": "integer",
+    "code": "string: for programs", "detail": "string: for people", "request_id": "string",
+    "parameter?": "string: the parameter at fault",
+    "image_id?": "string: with same_bytes: the image with these bytes",
+    "object?": "string: with same_bytes: the object of that image",
+    "progress?": "number: with starting: the loaded share of the index"},
+  "ProblemSummary": {"code": "string", "detail": "string", "parameter?": "string"},
+  "Backup": {"name": "string", "bytes": "integer", "created_at": "time"},
+  "BackupList": {"backups": "Backup[]"},
+  "Job": {
+    "id": "string", "kind": "string", "collection": "string",
+    "state": "'queued'|'running'|'done'|'failed'|'cancelled'",
+    "done": "number: of total", "total": "number", "failed": "integer: number of failed items",
+    "attempts": "integer: number of starts", "created_at": "time", "finished_at": "time|null",
+    "parameters": "any",
+    "skipped[]?": {"": "the first 100 items left out", "item": "string", "code": "string",
+      "reason": "string"},
+    "result?": "string: address of the result", "problem?": "ProblemSummary"},
+  "JobList": {"jobs": "Job[]"},
+  "JobItems": {
+    "items[]": {"index": "integer: from 0, in the order of the body",
+      "source": "string: the file name, or the line's number",
+      "status": "integer: of a separate request", "outcome?": "'created'|'replaced'|'unchanged'",
+      "image_id?": "string", "object?": "string", "problem?": "ProblemSummary"},
+    "next": "string|null: cursor of the next page"}
 })json";
 
-constexpr const char* kSearchSchemas = R"json({
-  "ImagePatch": {"type": "object", "additionalProperties": false,
-    "description": "a JSON merge patch (RFC 7396): what is left out stays as it is",
-    "properties": {
-      "object": {"type": ["string", "null"], "description": "what the image shows; null or empty: nothing in particular"},
-      "metadata": {"type": ["object", "null"], "additionalProperties": true,
-        "description": "keys to set; null removes a key, or in place of the object all of them"},
-      "source": {"type": ["string", "null"], "description": "its file's name, for people"}}},
-  "ObjectPatch": {"type": "object", "additionalProperties": false, "required": ["object"],
-    "properties": {"object": {"type": "string", "minLength": 1, "description": "its new name"}}},
-  "SearchAnswer": {"type": "object",
-    "required": ["took_ms", "rank", "vocabulary", "words", "keypoints", "looked_closer", "query", "total", "verdict", "found", "hits", "timings"],
-    "properties": {
-      "took_ms": {"type": "number"},
-      "rank": {"type": "string", "enum": ["neighbours", "histogram"],
-        "description": "the ranking that was used"},
-      "vocabulary": {"type": "integer", "description": "number of the one that answered"},
-      "words": {"type": "integer", "description": "its size"},
-      "keypoints": {"type": "integer", "description": "of the query, inside the region"},
-      "looked_closer": {"type": "boolean",
-        "description": "whether the query image was described once more at a finer scale, as nothing was found (closer_look)"},
-      "query": {"oneOf": [{"$ref": "#/components/schemas/QueryImage"}, {"type": "null"}],
-        "description": "null of a search by image_ids"},
-      "examples": {"type": "array", "description": "of a search by image_ids",
-        "items": {"type": "object", "required": ["image_id", "keypoints", "width", "height"],
-          "properties": {"image_id": {"type": "string"}, "keypoints": {"type": "integer"},
-            "width": {"type": "integer"}, "height": {"type": "integer"}}}},
-      "total": {"type": "integer", "description": "hits there are, over all pages"},
-      "verdict": {"enum": ["found", "undecided", "not_found", null],
-        "description": "whether what the image shows is in the collection: found with a hit of probability 0.9 or more; undecided where objects that are alike share a probability that would do for one; null where hits have no probability"},
-      "found": {"type": ["integer", "null"], "description": "hits with a probability of 0.9 or more; null where hits have no probability"},
-      "hits": {"type": "array", "items": {"$ref": "#/components/schemas/Hit"}},
-      "timings": {"type": "object", "additionalProperties": {"type": "number"}}}},
-  "SearchBatchAnswer": {"type": "object", "required": ["failed", "results"],
-    "properties": {
-      "failed": {"type": "integer", "description": "searches that have a problem"},
-      "results": {"type": "array", "items": {"type": "object", "required": ["index", "status"],
-        "properties": {
-          "index": {"type": "integer"},
-          "status": {"type": "integer", "description": "as a request of its own would have"},
-          "answer": {"$ref": "#/components/schemas/SearchAnswer"},
-          "problem": {"$ref": "#/components/schemas/ProblemSummary"}}}}}},
-  "ComparedImage": {"type": "object", "required": ["width", "height", "keypoints"],
-    "properties": {"width": {"type": "integer"}, "height": {"type": "integer"},
-      "keypoints": {"type": "integer"}}},
-  "Comparison": {"type": "object",
-    "required": ["took_ms", "verdict", "probability", "first", "second", "matches", "inliers",
-      "inlier_fraction", "polygon", "failure", "timings"],
-    "properties": {
-      "took_ms": {"type": "number"},
-      "verdict": {"enum": ["found", "not_found"],
-        "description": "whether the object of the first image is in the second: a probability of 0.9 or more"},
-      "probability": {"type": "number", "minimum": 0, "maximum": 1,
-        "description": "that both show the same object"},
-      "first": {"$ref": "#/components/schemas/ComparedImage"},
-      "second": {"$ref": "#/components/schemas/ComparedImage"},
-      "matches": {"type": "integer", "description": "keypoints that look alike"},
-      "inliers": {"type": "integer", "description": "matches that agree on one smooth warp"},
-      "inlier_fraction": {"type": "number"},
-      "polygon": {"type": ["array", "null"],
-        "description": "outline of the first image's object in the second image",
-        "items": {"type": "array", "items": {"type": "number"}}},
-      "failure": {"type": ["string", "null"], "description": "why no warp was found"},
-      "timings": {"type": "object", "additionalProperties": {"type": "number"}},
-      "explain": {"$ref": "#/components/schemas/Explanation"}}},
-  "Hit": {"type": "object",
-    "required": ["rank", "object", "score", "probability", "image_id", "source", "inliers", "polygon", "metadata"],
-    "properties": {
-      "rank": {"type": "integer", "description": "from 1, over all pages"},
-      "object": {"type": ["string", "null"], "description": "null: the image has none"},
-      "score": {"type": "number", "minimum": 0, "maximum": 1},
-      "probability": {"type": ["number", "null"], "minimum": 0, "maximum": 1,
-        "description": "that the hit is right; null without verification and for other rankings than neighbours"},
-      "image_id": {"type": "string", "description": "the object's best image"},
-      "source": {"type": "string", "description": "its file's name as given; may be empty"},
-      "inliers": {"type": "integer", "description": "matches that agree on one smooth warp"},
-      "polygon": {"type": ["array", "null"],
-        "description": "outline of the object in the query image",
-        "items": {"type": "array", "items": {"type": "number"}}},
-      "instances": {"type": "array", "description": "each place where it is in the query",
-        "items": {"type": "object", "required": ["inliers", "polygon"],
-          "properties": {"inliers": {"type": "integer"},
-            "polygon": {"type": ["array", "null"],
-              "items": {"type": "array", "items": {"type": "number"}}}}}},
-      "via": {"type": ["string", "null"],
-        "description": "the hit that this one agrees with, where that raised it (expand)"},
-      "example": {"type": "string", "description": "of a search by image_ids: which of them it agrees with best; all places are in that one's pixels"},
-      "metadata": {"type": "object", "additionalProperties": true},
-      "explain": {"$ref": "#/components/schemas/Explanation"}}},
-  "Size": {"type": "object", "required": ["width", "height"],
-    "description": "of the upright image, in pixels",
-    "properties": {"width": {"type": "integer"}, "height": {"type": "integer"}}},
-  "QueryImage": {"type": "object", "required": ["width", "height"],
-    "description": "size of the upright image, in pixels",
-    "properties": {"width": {"type": "integer"}, "height": {"type": "integer"},
-      "preview": {"type": "string", "description": "with preview: the image as a JPEG in a data: URL"}}},
-  "Explanation": {"type": "object",
-    "required": ["ranking_score", "verified", "failure", "matches", "inlier_fraction",
-      "independent_inliers", "colour_difference", "pairs", "reference", "mesh"],
-    "properties": {
-      "ranking_score": {"type": "number", "description": "the score by words alone"},
-      "verified": {"type": "boolean"},
-      "failure": {"type": ["string", "null"], "description": "why it was refused"},
-      "matches": {"type": "integer"}, "inlier_fraction": {"type": "number"},
-      "independent_inliers": {"type": "number",
-        "description": "what the score counts: the inliers, each divided by how many lie in its place"},
-      "colour_difference": {"type": ["number", "null"],
-        "description": "mean difference of the colours of what is seen (CIELAB a*, b*) but for the light's; null where they are not known"},
-      "pairs": {"type": "array", "description": "query x, query y, hit x, hit y",
-        "items": {"type": "array", "items": {"type": "number"}}},
-      "reference": {"oneOf": [{"$ref": "#/components/schemas/Size"}, {"type": "null"}]},
-      "mesh": {"type": ["object", "null"], "additionalProperties": true,
-        "description": "the warp: where a grid over the hit's image lies in the query"}}},
-  "Vocabulary": {"type": "object",
-    "required": ["id", "words", "active", "model_id", "method", "seed", "sampled", "available",
-      "loss", "created_at"],
-    "properties": {
-      "id": {"type": "integer"}, "words": {"type": "integer"}, "active": {"type": "boolean"},
-      "model_id": {"type": "string"}, "method": {"type": "string"},
-      "seed": {"type": "integer"},
-      "sampled": {"type": "integer", "description": "descriptors it was chosen from"},
-      "available": {"type": "integer", "description": "descriptors there were"},
-      "loss": {"type": "number"},
-      "created_at": {"type": "string", "format": "date-time"}}},
-  "VocabularyList": {"type": "object", "required": ["vocabularies"],
-    "properties": {"vocabularies": {"type": "array",
-      "items": {"$ref": "#/components/schemas/Vocabulary"}}}}
+constexpr const char* kTypes = R"json({
+  "time": {"type": "string", "format": "date-time"},
+  "share": {"type": "number", "minimum": 0, "maximum": 1},
+  "points": {"type": "array", "items": {"type": "array", "items": {"type": "number"}}},
+  "any": {"type": "object", "additionalProperties": true}
 })json";
 
-constexpr const char* kServiceSchemas = R"json({
-  "Me": {"type": "object", "required": ["keys_required", "scopes", "key", "image_url"],
-    "properties": {
-      "keys_required": {"type": "boolean", "description": "false: anybody may do everything"},
-      "scopes": {"type": "array", "description": "what the caller may do",
-        "items": {"enum": ["read", "write", "admin"]}},
-      "key": {"type": ["object", "null"], "required": ["id", "name", "scope"],
-        "description": "that was shown; null where none is required",
-        "properties": {
-          "id": {"type": "string", "description": "public, as in the log"},
-          "name": {"type": "string"}, "scope": {"enum": ["read", "write", "admin"]}}},
-      "image_url": {"type": "boolean",
-        "description": "whether the server fetches images by `image_url`, from some hosts"}}},
-  "ApiKey": {"type": "object", "required": ["id", "name", "scope", "created_at", "revoked_at"],
-    "properties": {
-      "id": {"type": "string", "description": "public, as in the log"},
-      "name": {"type": "string"}, "scope": {"enum": ["read", "write", "admin"]},
-      "created_at": {"type": "string", "format": "date-time"},
-      "revoked_at": {"type": ["string", "null"], "format": "date-time", "description": "null: it works"}}},
-  "KeyList": {"type": "object", "required": ["keys"],
-    "properties": {"keys": {"type": "array", "items": {"$ref": "#/components/schemas/ApiKey"}}}},
-  "NewKey": {"allOf": [{"$ref": "#/components/schemas/ApiKey"},
-    {"type": "object", "required": ["key"],
-      "properties": {"key": {"type": "string", "description": "the key itself, shown only here"}}}]},
-  "Problem": {"type": "object",
-    "required": ["type", "title", "status", "code", "detail", "request_id"],
-    "properties": {
-      "type": {"type": "string", "format": "uri"}, "title": {"type": "string"},
-      "status": {"type": "integer"},
-      "code": {"type": "string", "description": "stable, for programs"},
-      "detail": {"type": "string", "description": "for people"},
-      "request_id": {"type": "string"},
-      "parameter": {"type": "string", "description": "the parameter at fault"},
-      "image_id": {"type": "string", "description": "with `same_bytes`: the image that has them"},
-      "object": {"type": "string", "description": "with `same_bytes`: what that image shows"},
-      "progress": {"type": "number", "description": "with `starting`: which share is loaded"}}},
-  "ProblemSummary": {"type": "object", "required": ["code", "detail"],
-    "properties": {"code": {"type": "string"}, "detail": {"type": "string"},
-      "parameter": {"type": "string"}}},
-  "Backup": {"type": "object", "required": ["name", "bytes", "created_at"],
-    "properties": {"name": {"type": "string"}, "bytes": {"type": "integer"},
-      "created_at": {"type": "string", "format": "date-time"}}},
-  "BackupList": {"type": "object", "required": ["backups"],
-    "properties": {"backups": {"type": "array", "items": {"$ref": "#/components/schemas/Backup"}}}},
-  "Job": {"type": "object",
-    "required": ["id", "kind", "collection", "parameters", "state", "done", "total", "failed",
-      "attempts", "created_at", "finished_at"],
-    "properties": {
-      "id": {"type": "string"}, "kind": {"type": "string"}, "collection": {"type": "string"},
-      "state": {"enum": ["queued", "running", "done", "failed", "cancelled"]},
-      "done": {"type": "number", "description": "of `total`"}, "total": {"type": "number"},
-      "failed": {"type": "integer", "description": "items that could not be done"},
-      "created_at": {"type": "string", "format": "date-time"},
-      "finished_at": {"type": ["string", "null"], "format": "date-time"},
-      "attempts": {"type": "integer", "description": "times it was begun"},
-      "parameters": {"type": "object", "additionalProperties": true},
-      "skipped": {"type": "array", "description": "items left out, the first hundred",
-        "items": {"type": "object", "required": ["item", "code", "reason"],
-          "properties": {"item": {"type": "string"}, "code": {"type": "string"},
-            "reason": {"type": "string"}}}},
-      "result": {"type": "string", "description": "address of what was made"},
-      "problem": {"$ref": "#/components/schemas/ProblemSummary"}}},
-  "JobItems": {"type": "object", "required": ["items", "next"],
-    "properties": {
-      "items": {"type": "array", "items": {"type": "object",
-        "required": ["index", "source", "status"],
-        "properties": {
-          "index": {"type": "integer", "description": "from 0, in the order that was sent"},
-          "source": {"type": "string", "description": "the file's name, or the number of its line"},
-          "status": {"type": "integer", "description": "as a request of its own would have"},
-          "outcome": {"enum": ["created", "replaced", "unchanged"]},
-          "image_id": {"type": "string"}, "object": {"type": "string"},
-          "problem": {"$ref": "#/components/schemas/ProblemSummary"}}}},
-      "next": {"type": ["string", "null"], "description": "cursor of the next page"}}},
-  "JobList": {"type": "object", "required": ["jobs"],
-    "properties": {"jobs": {"type": "array", "items": {"$ref": "#/components/schemas/Job"}}}}
-})json";
+Json TypeSchema(const std::string& type) {
+  static const Json types = Json::parse(kTypes);
+  if (type.ends_with("[]")) {
+    return {{"type", "array"}, {"items", TypeSchema(type.substr(0, type.size() - 2))}};
+  }
+  if (type < "a") return {{"$ref", "#/components/schemas/" + type}};  // begins with a capital
+  return types.value(type, Json{{"type", type}});
+}
+
+Json TextSchema(std::string_view text) {
+  const std::size_t colon = text.find(": ");
+  Json schema;
+  Json choices = Json::array();
+  bool nullable = false;
+  for (const std::string& type : Split(text.substr(0, colon), '|')) {
+    if (type == "null") {
+      nullable = true;
+    } else if (type.front() == '\'') {
+      choices.push_back(type.substr(1, type.size() - 2));
+    } else {
+      schema = TypeSchema(type);
+    }
+  }
+  if (!choices.empty()) {
+    if (nullable) choices.push_back(nullptr);
+    schema["enum"] = std::move(choices);
+  } else if (nullable && schema.contains("type")) {
+    schema["type"] = {schema["type"], "null"};
+  } else if (nullable) {
+    schema = {{"oneOf", {std::move(schema), {{"type", "null"}}}}};
+  }
+  if (colon != std::string_view::npos) schema["description"] = text.substr(colon + 2);
+  return schema;
+}
+
+Json SchemaOf(const Json& brief) {
+  if (brief.is_string()) return TextSchema(brief.get<std::string>());
+  if (brief.is_array()) return brief.front();
+  if (brief.is_boolean()) return brief;
+  Json schema = {{"type", "object"}};
+  for (const auto& [key, value] : brief.items()) {
+    if (key.empty()) {
+      schema["description"] = value;
+    } else if (key == "...") {
+      schema["additionalProperties"] = SchemaOf(value);
+    } else {
+      std::string name = key;
+      const bool required = !name.ends_with('?');
+      if (!required) name.pop_back();
+      const bool array = name.ends_with("[]");
+      if (array) name.resize(name.size() - 2);
+      Json& property = schema["properties"][name] = SchemaOf(value);
+      if (array) {
+        property = {{"type", "array"}, {"items", property}};
+        if (value.contains("")) property["description"] = value[""];
+      }
+      if (required) schema["required"].push_back(name);
+    }
+  }
+  return schema;
+}
 
 }  // namespace
 
 Json OpenApiSchemas() {
   Json schemas = Json::object();
-  for (const char* part : {kCatalogueSchemas, kSearchSchemas, kServiceSchemas}) {
-    schemas.update(Json::parse(part));
-  }
+  const Json brief = Json::parse(kSchemas);
+  for (const auto& [name, value] : brief.items()) schemas[name] = SchemaOf(value);
   return schemas;
 }
 

@@ -2,25 +2,64 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/routes/answers.h"
 
-#include "index/json/record_json.h"
+#include "descriptor/base/sha256.h"
+#include "server/http/conditions.h"
 
 namespace pliant::server {
 
 namespace {
 
-Json TimeOrNull(std::int64_t unix_ms) {
-  return unix_ms == 0 ? Json(nullptr) : Json(IsoTime(unix_ms));
+constexpr std::size_t kEtagDigits = 32;
+
+std::string EtagOfText(const std::string& text) {
+  const std::string hash =
+      Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return '"' + hash.substr(0, kEtagDigits) + '"';
+}
+
+Response CachedAs(const char* cache_control, const Json& json, int status = 200) {
+  return {.status = status,
+          .content_type = "application/json",
+          .body = ToText(json),
+          .headers = {{"Cache-Control", cache_control}}};
+}
+
+Response WithEtag(Response response) {
+  response.headers.emplace_back("ETag", EtagOfText(response.body));
+  return response;
 }
 
 }  // namespace
 
-Response JsonResponse(const Json& json, int status) {
-  Response response;
-  response.status = status;
-  response.content_type = "application/json";
-  response.body = ToText(json);
-  response.headers.emplace_back("Cache-Control", "no-store");
+std::string EtagOf(const Json& record) { return EtagOfText(ToText(record)); }
+
+Response JsonResponse(const Json& json, int status, const std::string& location) {
+  Response response = CachedAs("no-store", json, status);
+  if (!location.empty()) response.headers.emplace_back("Location", location);
   return response;
+}
+
+Response RecordResponse(const Json& record, int status) {
+  return WithEtag(JsonResponse(record, status));
+}
+
+Response TaggedResponse(const Json& json) { return WithEtag(CachedAs("private, no-cache", json)); }
+
+void CheckIfMatch(const Request& request, const Json& record) {
+  if (IfMatchHolds(request, EtagOf(record))) return;
+  throw ProblemError("precondition_failed",
+                     "Precondition failed: the resource is not in the state that If-Match names.");
+}
+
+void CheckConditionsOf(const Request& request, const Json& record_or_null) {
+  if (record_or_null.is_null()) {
+    if (!request.headers.contains("If-Match")) return;
+    throw ProblemError("precondition_failed", "Precondition failed: the resource does not exist.");
+  }
+  CheckIfMatch(request, record_or_null);
+  if (!NamedByIfNoneMatch(request, EtagOf(record_or_null)).empty()) {
+    throw ProblemError("precondition_failed", "Precondition failed: the resource already exists.");
+  }
 }
 
 Json JobJson(const JobStatus& job) {
@@ -34,7 +73,8 @@ Json JobJson(const JobStatus& job) {
                {"failed", job.failed},
                {"attempts", job.attempts},
                {"created_at", IsoTime(job.created_ms)},
-               {"finished_at", TimeOrNull(job.finished_ms)}};
+               {"finished_at", nullptr}};
+  if (job.finished_ms != 0) json["finished_at"] = IsoTime(job.finished_ms);
   if (!job.result.empty()) json["result"] = job.result;
   for (const SkippedItem& item : job.skipped) {
     json["skipped"].push_back({{"item", item.item}, {"code", item.code}, {"reason", item.reason}});
@@ -44,9 +84,7 @@ Json JobJson(const JobStatus& job) {
 }
 
 Response JobResponse(const JobStatus& job) {
-  Response response = JsonResponse(JobJson(job), 202);
-  response.headers.emplace_back("Location", "/v1/jobs/" + job.id);
-  return response;
+  return JsonResponse(JobJson(job), 202, "/v1/jobs/" + job.id);
 }
 
 Json ProblemSummary(const Problem& problem) {

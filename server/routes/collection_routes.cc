@@ -1,17 +1,19 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Collections: separate images, objects and vocabularies.
+// Collections: separate images, objects and vocabularies. Aliases: other names of collections.
 #include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/routes/answers.h"
-#include "server/routes/changes.h"
+#include "server/routes/request_body.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 
 namespace {
 
-Response List(Service& service) {
+constexpr std::size_t kMostAliasesAtOnce = 1000;
+
+Response ListCollections(Service& service, const Request&, const Parameters&) {
   Json names = Json::array();
   Json labels = Json::array();
   for (const CollectionLabel& label : service.engine().ListLabels()) {
@@ -23,90 +25,157 @@ Response List(Service& service) {
   return JsonResponse({{"collections", std::move(names)}, {"labels", std::move(labels)}});
 }
 
-Response Put(Service& service, const Request& request) {
+Response GetCollection(Service& service, const Request& request, const Parameters&) {
+  return JsonResponse(CollectionJson(service.engine().GetCollection(request.captures.at("c"))));
+}
+
+Response PutCollection(Service& service, const Request& request, const Parameters&) {
   const std::string& name = request.captures.at("c");
   const bool created = service.engine().CreateCollection(name);
-  Response response =
-      JsonResponse(CollectionJson(service.engine().GetCollection(name)), created ? 201 : 200);
-  if (created) {
-    response.headers.emplace_back("Location", "/v1/collections/" + EncodeSegment(name));
-  }
-  return response;
+  const Json json = CollectionJson(service.engine().GetCollection(name));
+  if (!created) return JsonResponse(json);
+  return JsonResponse(json, 201, "/v1/collections/" + EncodeSegment(name));
 }
 
-Response Change(Service& service, const Request& request) {
+Response PatchCollection(Service& service, const Request& request, const Parameters&) {
   const Json patch = MergePatchOf(request, {"display_name"});
   return JsonResponse(CollectionJson(service.engine().ChangeCollection(
-      CollectionOf(service, request), {.display_name = TextIn(patch, "display_name")})));
+      request.captures.at("c"), {.display_name = TextIn(patch, "display_name")})));
 }
 
-Response Remove(Service& service, const Request& request) {
+Response DeleteCollection(Service& service, const Request& request, const Parameters&) {
   const std::string& name = request.captures.at("c");
   if (!service.engine().RemoveCollection(name)) {
-    throw ProblemError("collection_not_found", "There is no collection '" + name + "'.");
+    throw ProblemError("collection_not_found", "No collection has the name '" + name + "'.");
   }
   return {.status = 204};
 }
 
+Json AliasJson(const AliasRecord& alias) {
+  return {{"name", alias.name},
+          {"collection", alias.collection},
+          {"updated_at", IsoTime(alias.updated_ms)}};
+}
+
+Response ListAliases(Service& service, const Request&, const Parameters&) {
+  Json items = Json::array();
+  for (const AliasRecord& alias : service.engine().ListAliases()) items.push_back(AliasJson(alias));
+  return JsonResponse({{"aliases", std::move(items)}});
+}
+
+std::optional<AliasRecord> FindAlias(Service& service, const std::string& name) {
+  for (AliasRecord& alias : service.engine().ListAliases()) {
+    if (alias.name == name) return std::move(alias);
+  }
+  return std::nullopt;
+}
+
+Response GetAlias(Service& service, const Request& request, const Parameters&) {
+  const std::string& name = request.captures.at("a");
+  if (const auto alias = FindAlias(service, name)) return JsonResponse(AliasJson(*alias));
+  throw ProblemError("alias_not_found", "No alias has the name '" + name + "'.");
+}
+
+Response PutAlias(Service& service, const Request& request, const Parameters& parameters) {
+  const std::string& name = request.captures.at("a");
+  const std::string collection = parameters.Text("collection").value();
+  const bool created = !FindAlias(service, name);
+  service.engine().ChangeAliases({{name, collection}});
+  const auto now = FindAlias(service, name);
+  const Json json = now ? AliasJson(*now) : Json{{"name", name}, {"collection", collection}};
+  if (!created) return JsonResponse(json);
+  return JsonResponse(json, 201, "/v1/aliases/" + EncodeSegment(name));
+}
+
+Response PatchAliases(Service& service, const Request& request, const Parameters& parameters) {
+  const Json patch = MergePatchOf(request, {});
+  if (patch.size() > kMostAliasesAtOnce) {
+    ThrowInvalid("body", "The body can change at most 1000 aliases.");
+  }
+  AliasChanges changes;
+  for (const auto& [name, collection] : patch.items()) {
+    changes[name] = TextIn(patch, name);
+    if (collection.is_null()) changes[name] = std::nullopt;
+  }
+  service.engine().ChangeAliases(changes);
+  return ListAliases(service, request, parameters);
+}
+
+Response DeleteAlias(Service& service, const Request& request, const Parameters&) {
+  service.engine().ChangeAliases({{request.captures.at("a"), std::nullopt}});
+  return {.status = 204};
+}
+
+void AddAliasRoutes(RouteTable& table) {
+  table.Add("GET /v1/aliases", "aliases.list", ListAliases)
+      .Summary("List all aliases. An alias replaces a collection's name in every path")
+      .Answers(200, "all aliases by name", "AliasList")
+      .Example(R"(curl "$PLIANT/v1/aliases")");
+  table.Add("GET /v1/aliases/{a}", "aliases.get", GetAlias)
+      .Summary("Get one alias and its collection")
+      .Answers(200, "the alias", "Alias")
+      .Codes({"alias_not_found"})
+      .Example(R"(curl "$PLIANT/v1/aliases/live")");
+  table.Add("PATCH /v1/aliases", "aliases.patch", PatchAliases)
+      .Summary("Set, move and remove several aliases in one transaction")
+      .Needs(Scope::kAdmin)
+      .Patches("AliasesPatch")
+      .Answers(200, "all aliases after the change", "AliasList")
+      .Codes({"alias_not_found", "collection_not_found", "collection_exists"})
+      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+               R"(-d '{"live": "default", "before": null}' "$PLIANT/v1/aliases")");
+  table.Add("PUT /v1/aliases/{a}", "aliases.put", PutAlias)
+      .Summary("Create an alias, or move it to another collection")
+      .Needs(Scope::kAdmin)
+      .Body(BodyKind::kJson)
+      .Takes({Parameter("collection", "name of the collection; not an alias").Required()})
+      .Answers(201, "created", "Alias")
+      .Answers(200, "moved or unchanged", "Alias")
+      .Codes({"collection_not_found", "collection_exists", "invalid_parameter"})
+      .Example(R"(curl -X PUT -H "Content-Type: application/json" )"
+               R"(-d '{"collection": "default"}' "$PLIANT/v1/aliases/live")");
+  table.Add("DELETE /v1/aliases/{a}", "aliases.delete", DeleteAlias)
+      .Summary("Delete an alias; the collection stays")
+      .Needs(Scope::kAdmin)
+      .Answers(204, "deleted")
+      .Codes({"alias_not_found"})
+      .Example(R"(curl -X DELETE "$PLIANT/v1/aliases/old")");
+}
+
 }  // namespace
 
-void AddCollectionRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "collections.list",
-       .method = "GET",
-       .pattern = "/v1/collections",
-       .summary = "All collections, with their names for people and their aliases",
-       .answers = {{200, "in order of their names", "CollectionList"}},
-       .example = R"(curl "$PLIANT/v1/collections")",
-       .handler = [&service](const Request&, const Parameters&) { return List(service); }});
-  routes.push_back({.name = "collections.get",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}",
-                    .summary = "One collection: how much is in it, its vocabulary",
-                    .answers = {{200, "the collection", "Collection"}},
-                    .example = R"(curl "$PLIANT/v1/collections/default")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return JsonResponse(CollectionJson(
-                          service.engine().GetCollection(CollectionOf(service, request))));
-                    }});
-  routes.push_back({.name = "collections.put",
-                    .method = "PUT",
-                    .pattern = "/v1/collections/{c}",
-                    .summary = "Make a collection; nothing happens when it is there",
-                    .scope = Scope::kAdmin,
-                    .answers = {{201, "made", "Collection"}, {200, "it was there", "Collection"}},
-                    .codes = {"invalid_parameter"},
-                    .example = R"(curl -X PUT "$PLIANT/v1/collections/tools")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Put(service, request);
-                    }});
-  routes.push_back({.name = "collections.patch",
-                    .method = "PATCH",
-                    .pattern = "/v1/collections/{c}",
-                    .summary = "Give a collection a name for people",
-                    .scope = Scope::kAdmin,
-                    .body = BodyKind::kMergePatch,
-                    .body_schema = "CollectionPatch",
-                    .answers = {{200, "the collection as it is now", "Collection"}},
-                    .codes = {"invalid_parameter"},
-                    .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-                               R"(-d '{"display_name": "Summer shirts 2026!"}' )"
-                               R"("$PLIANT/v1/collections/default")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Change(service, request);
-                    }});
-  routes.push_back(
-      {.name = "collections.delete",
-       .method = "DELETE",
-       .pattern = "/v1/collections/{c}",
-       .summary = "Delete a collection with everything in it, and its aliases; `default` stays",
-       .scope = Scope::kAdmin,
-       .answers = {{204, "gone", "", ""}},
-       .codes = {"collection_permanent", "collection_is_alias"},
-       .example = R"(curl -X DELETE "$PLIANT/v1/collections/toys")",
-       .handler = [&service](const Request& request, const Parameters&) {
-         return Remove(service, request);
-       }});
+void AddCollectionRoutes(RouteTable& table) {
+  table.Add("GET /v1/collections", "collections.list", ListCollections)
+      .Summary("List all collections with their display names and aliases")
+      .Answers(200, "all collections by name", "CollectionList")
+      .Example(R"(curl "$PLIANT/v1/collections")");
+  table.Add("GET /v1/collections/{c}", "collections.get", GetCollection)
+      .Summary("Get one collection: its counts and its active vocabulary")
+      .Answers(200, "the collection", "Collection")
+      .Example(R"(curl "$PLIANT/v1/collections/default")");
+  table.Add("PUT /v1/collections/{c}", "collections.put", PutCollection)
+      .Summary("Create a collection; an existing one stays as it is")
+      .Needs(Scope::kAdmin)
+      .Answers(201, "created", "Collection")
+      .Answers(200, "the collection existed", "Collection")
+      .Codes({"invalid_parameter"})
+      .Example(R"(curl -X PUT "$PLIANT/v1/collections/tools")");
+  table.Add("PATCH /v1/collections/{c}", "collections.patch", PatchCollection)
+      .Summary("Change the display name of a collection")
+      .Needs(Scope::kAdmin)
+      .Patches("CollectionPatch")
+      .Answers(200, "the collection after the change", "Collection")
+      .Codes({"invalid_parameter"})
+      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+               R"(-d '{"display_name": "Summer shirts 2026!"}' )"
+               R"("$PLIANT/v1/collections/default")");
+  table.Add("DELETE /v1/collections/{c}", "collections.delete", DeleteCollection)
+      .Summary("Delete a collection with its contents and its aliases, except `default`")
+      .Needs(Scope::kAdmin)
+      .Answers(204, "deleted")
+      .Codes({"collection_permanent", "collection_is_alias"})
+      .Example(R"(curl -X DELETE "$PLIANT/v1/collections/toys")");
+  AddAliasRoutes(table);
 }
 
 }  // namespace pliant::server

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Images: add, replace, show, list, delete.
+// Images: add, replace, list, show, change, delete.
 #include <utility>
 
 #include "descriptor/base/base64.h"
@@ -10,36 +10,42 @@
 #include "server/http/conditions.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/adding.h"
 #include "server/routes/answers.h"
-#include "server/routes/changes.h"
 #include "server/routes/lists.h"
+#include "server/routes/request_body.h"
 #include "server/routes/routes.h"
-#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 namespace {
 
-std::string ImagePath(const ImageRecord& image) {
-  return "/v1/collections/" + EncodeSegment(image.collection) + "/images/" +
-         EncodeSegment(image.id);
-}
+constexpr int kThumbnailSidePx = 320;
 
-// As AddOnPool; "same_bytes" says which image has the bytes, so that a client can change that
-// one.
 ImageCheck CheckOf(const Request& request) {
   return [&request](const ImageRecord* now) {
     CheckConditionsOf(request, now == nullptr ? Json(nullptr) : ImageJson(*now));
   };
 }
 
-AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add, const ImageCheck& check) {
+// Describes the image on the pool, updates the metrics, and notifies the automatic training. The
+// problem "same_bytes" names the image with these bytes, so that a client can change that one.
+AddResult AddOnPool(Service& service, AddRequest request, const ImageCheck& check) {
   try {
-    return AddOnPool(service, add, check);
+    // Waiting for a slow store must not hold cores that searches need.
+    std::function<AddResult()> write;
+    service.pool.Run(WorkerPool::Lane::kUpload, [&](int cores) {
+      request.threads = cores;
+      write = service.engine().BeginAdd(request, check);
+    });
+    AddResult result = write();
+    if (result.outcome != AddOutcome::kUnchanged) {
+      service.metrics.OnAdd(result.timings);
+      if (service.auto_trainer() != nullptr) service.auto_trainer()->OnAdded(request.collection);
+    }
+    return result;
   } catch (const Error& error) {
     if (error.reason() != "same_bytes") throw;
     Problem problem = CurrentProblem();
-    if (auto stored = service.engine().FindBySha256(add.collection, Sha256Hex(add.bytes))) {
+    if (auto stored = service.engine().FindBySha256(request.collection, Sha256Hex(request.bytes))) {
       problem.stored = {.image_id = stored->id, .object = stored->object};
     }
     throw ProblemError(std::move(problem));
@@ -47,228 +53,151 @@ AddResult AddOrSayWhereItIs(Service& service, const AddRequest& add, const Image
 }
 
 Response Add(Service& service, const Request& request, const Parameters& parameters,
-             std::optional<std::string> id) {
+             std::optional<std::string> id, const ImageCheck& check = {}) {
   const UploadedImage image = ImageOf(request, parameters, service.fetcher);
   AddRequest add;
   add.collection = CollectionOf(service, request);
   add.id = std::move(id);
-  const bool names_one = request.method == "PUT";
   add.object = parameters.Text("object").value_or("");
   add.metadata = parameters.JsonObject("metadata").value_or("{}");
   add.source = image.filename;
   add.bytes = image.bytes;
-  const AddResult result =
-      AddOrSayWhereItIs(service, add, names_one ? CheckOf(request) : ImageCheck());
+  const AddResult result = AddOnPool(service, add, check);
   const bool created = result.outcome == AddOutcome::kCreated;
-  Response response = JsonResponse(ImageJson(result.image), created ? 201 : 200);
-  if (names_one) response.headers.emplace_back("ETag", EtagOf(ImageJson(result.image)));
-  response.headers.emplace_back(created ? "Location" : "Content-Location", ImagePath(result.image));
+  const Json record = ImageJson(result.image);
+  const int status = created ? 201 : 200;
+  Response response = check ? RecordResponse(record, status) : JsonResponse(record, status);
+  response.headers.emplace_back(created ? "Location" : "Content-Location",
+                                "/v1/collections/" + EncodeSegment(result.image.collection) +
+                                    "/images/" + EncodeSegment(result.image.id));
   return response;
 }
 
-const Orders<ImageOrder>& ImageOrders() {
-  static const Orders<ImageOrder> orders = {{"id", ImageOrder::kId},
-                                            {"created", ImageOrder::kCreated},
-                                            {"updated", ImageOrder::kUpdated},
-                                            {"object", ImageOrder::kObject},
-                                            {"source", ImageOrder::kSource}};
-  return orders;
+Response Create(Service& service, const Request& request, const Parameters& parameters) {
+  std::optional<std::string> id = parameters.Text("id");
+  if (id && id->empty()) id.reset();  // an empty form field
+  return Add(service, request, parameters, std::move(id));
 }
+
+Response Put(Service& service, const Request& request, const Parameters& parameters) {
+  return Add(service, request, parameters, request.captures.at("id"), CheckOf(request));
+}
+
+const Orders<ImageOrder> kImageOrders = {{"id", ImageOrder::kId},
+                                         {"created", ImageOrder::kCreated},
+                                         {"updated", ImageOrder::kUpdated},
+                                         {"object", ImageOrder::kObject},
+                                         {"source", ImageOrder::kSource}};
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
-  ImageListing list;
-  list.which = SelectionOf(parameters, CollectionOf(service, request));
-  const std::string identity = ListIdentity("images", list.which, parameters);
-  static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
-  list.order = OrderOf(parameters, ImageOrders());
-  const ImagePage page = ListPageOf(service.engine(), list);
-  Json items = Json::array();
-  for (const ImageRecord& image : page.records) items.push_back(ImageJson(image));
-  return JsonResponse(PageJson("images", std::move(items), page.next, page.total, page.facets,
-                               parameters, identity));
+  return ListAnswer<ImageListing>(service, request, parameters, "images", kImageOrders, ImageJson);
 }
 
-Response RemoveWhere(Service& service, const Request& request, const Parameters& parameters) {
-  const Selection which = SelectionOf(parameters, CollectionOf(service, request));
+Response DeleteWhere(Service& service, const Request& request, const Parameters& parameters) {
+  const Selection which = SelectionOf(parameters, request.captures.at("c"));
   if (which.filter.empty()) {
     ThrowInvalid("filter",
-                 "filter must have a condition: all images go with the collection, or with their "
-                 "objects.");
+                 "filter needs a condition. To delete all images, delete their objects or the "
+                 "collection.");
   }
   return JsonResponse({{"deleted", service.engine().RemoveWhere(which)}});
 }
 
-Response Remove(Service& service, const Request& request) {
+Response Get(Service& service, const Request& request, const Parameters&) {
+  return RecordResponse(
+      ImageJson(service.engine().Get(request.captures.at("c"), request.captures.at("id"))));
+}
+
+Response Patch(Service& service, const Request& request, const Parameters&) {
+  const Json patch = MergePatchOf(request, {"object", "metadata", "source"});
+  ImageChange change;
+  change.object = TextIn(patch, "object");
+  change.source = TextIn(patch, "source");
+  if (const auto it = patch.find("metadata"); it != patch.end()) {
+    if (!it->is_object() && !it->is_null()) {
+      ThrowInvalid("metadata", "metadata must be an object of keys to set, or null.");
+    }
+    change.metadata = ToText(*it);
+  }
+  change.check = [&](const ImageRecord& now) { CheckIfMatch(request, ImageJson(now)); };
+  return RecordResponse(ImageJson(
+      service.engine().Change(request.captures.at("c"), request.captures.at("id"), change)));
+}
+
+Response Delete(Service& service, const Request& request, const Parameters&) {
   const std::string& id = request.captures.at("id");
-  if (!service.engine().Remove(CollectionOf(service, request), id, CheckOf(request))) {
-    throw ProblemError("image_not_found", "There is no image '" + id + "'.");
+  if (!service.engine().Remove(request.captures.at("c"), id, CheckOf(request))) {
+    throw ProblemError("image_not_found", "No image has the id '" + id + "'.");
   }
   return {.status = 204};
 }
 
-void AddUploadRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "images.create",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/images",
-       .summary = "Add an image; the same bytes again are no work",
-       .scope = Scope::kWrite,
-       .body = BodyKind::kImageOrJson,
-       .parameters = {{"id", "id of the image; by default made from its bytes"},
-                      ObjectParameter(),
-                      MetadataParameter()},
-       .answers = {{201, "added", "Image"}, {200, "the same bytes were there: no work", "Image"}},
-       .example = R"(curl -F image=@mug.png -F object=mug )"
-                  R"("$PLIANT/v1/collections/default/images")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         std::optional<std::string> id = parameters.Text("id");
-         if (id && id->empty()) id.reset();  // a form's field left empty
-         return Add(service, request, parameters, std::move(id));
-       }});
-  routes.push_back({.name = "images.put",
-                    .method = "PUT",
-                    .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "Add or replace the image of this id",
-                    .scope = Scope::kWrite,
-                    .body = BodyKind::kImageOrJson,
-                    .parameters = {ObjectParameter(), MetadataParameter()},
-                    .answers = {{201, "added", "Image"},
-                                {200, "replaced, or the same was there: no work", "Image"}},
-                    .example = R"(curl -X PUT -H "Content-Type: image/png" )"
-                               R"(--data-binary @cup.png )"
-                               R"("$PLIANT/v1/collections/default/images/cup-1?object=cup")",
-                    .handler =
-                        [&service](const Request& request, const Parameters& parameters) {
-                          return Add(service, request, parameters, request.captures.at("id"));
-                        },
-                    .takes_if_match = true});
-}
-
-void AddStoredImageRoutes(Service& service, std::vector<Route>& routes) {
-  std::vector<Parameter> listing = {{"object", "only images of this object"}};
-  for (Parameter& parameter : ListParameters(NamesOf(ImageOrders()))) {
-    listing.push_back(std::move(parameter));
-  }
-  listing.push_back(CursorParameter());
-  listing.push_back(LimitParameter());
-  routes.push_back(
-      {.name = "images.list",
-       .method = "GET",
-       .pattern = "/v1/collections/{c}/images",
-       .summary = "Images, page by page: some or all, in the order asked for",
-       .parameters = std::move(listing),
-       .answers = {{200, "a page", "ImageList"}},
-       .example = R"(curl "$PLIANT/v1/collections/default/images?limit=10&sort=-created")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return List(service, request, parameters);
-       }});
-  routes.push_back(
-      {.name = "images.delete_where",
-       .method = "DELETE",
-       .pattern = "/v1/collections/{c}/images",
-       .summary = "Delete all images whose metadata pass a filter, at once or not at all",
-       .scope = Scope::kWrite,
-       .parameters =
-           {Parameter("filter", "only images whose metadata pass; never all").Json().Required(),
-            {"object", "only images of this object"},
-            TextParameter()},
-       .answers = {{200, "how many are gone", "ImagesDeleted"}},
-       .example = R"(curl -X DELETE -G --data-urlencode 'filter={"batch": 7}' )"
-                  R"("$PLIANT/v1/collections/default/images")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return RemoveWhere(service, request, parameters);
-       }});
-  routes.push_back({.name = "images.get",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "One image's record",
-                    .answers = {{200, "the record, with ETag", "Image"},
-                                {304, "If-None-Match names its ETag", "", ""}},
-                    .codes = {"image_not_found"},
-                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return RecordResponse(ImageJson(service.engine().Get(
-                          CollectionOf(service, request), request.captures.at("id"))));
-                    }});
-  routes.push_back({.name = "images.delete",
-                    .method = "DELETE",
-                    .pattern = "/v1/collections/{c}/images/{id}",
-                    .summary = "Delete an image; no later answer knows it",
-                    .scope = Scope::kWrite,
-                    .answers = {{204, "gone", "", ""}},
-                    .codes = {"image_not_found"},
-                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/default/images/$IMAGE")",
-                    .handler = [&service](const Request& request,
-                                          const Parameters&) { return Remove(service, request); },
-                    .takes_if_match = true});
-}
-
-// Images come from strangers: whatever their bytes are, a browser must not run them. Who names
-// the bytes may keep them: at that address they are never others. Another key may not see them.
-void AddImageHeaders(Response& response, const std::string& etag, const ImageRecord& image,
-                     const Parameters& parameters) {
+// An answer with bytes of an image, which `read` adds unless the client has them. A browser must
+// not run the bytes that a stranger uploaded. Anyone who names the bytes can cache them: they never
+// change at that address. Another key may not see them.
+Response ImageBytes(Service& service, const Request& request, const Parameters& parameters,
+                    const std::string& etag_suffix,
+                    const std::function<void(const ImageRecord&, Response&)>& read) {
+  const ImageRecord image =
+      service.engine().Get(request.captures.at("c"), request.captures.at("id"));
   const bool named = parameters.Text("sha256") == image.sha256;
-  response.headers.emplace_back("ETag", etag);
-  response.headers.emplace_back(
-      "Cache-Control", named ? "private, max-age=31536000, immutable" : "private, no-cache");
-  response.headers.emplace_back("Vary", "Authorization, X-API-Key");
-  response.headers.emplace_back("Content-Security-Policy", "default-src 'none'; sandbox");
+  const std::string etag = '"' + image.sha256 + etag_suffix + '"';
+  Response response{.headers = {{"ETag", etag},
+                                {"Cache-Control", named ? "private, max-age=31536000, immutable"
+                                                        : "private, no-cache"},
+                                {"Vary", "Authorization, X-API-Key"},
+                                {"Content-Security-Policy", "default-src 'none'; sandbox"}}};
+  if (NamedByIfNoneMatch(request, etag).empty()) {
+    read(image, response);
+  } else {
+    response.status = 304;
+  }
+  return response;
 }
 
 Response Content(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(service, request);
-  const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
-  Response response;
-  AddImageHeaders(response, '"' + image.sha256 + '"', image, parameters);
+  const auto read = [&](const ImageRecord& image, Response& response) {
+    const auto bytes = service.engine().GetContent(image.collection, image.id);
+    response.body.assign(bytes.begin(), bytes.end());
+    response.content_type = image.media_type.starts_with("image/") ? image.media_type : kFileType;
+  };
+  Response response = ImageBytes(service, request, parameters, "", read);
   response.headers.emplace_back("Accept-Ranges", "bytes");
-  if (!NamedByIfNoneMatch(request, '"' + image.sha256 + '"').empty()) {
-    response.status = 304;
-    return response;
-  }
-  const auto bytes = service.engine().GetContent(collection, image.id);
-  response.body.assign(bytes.begin(), bytes.end());
-  response.content_type =
-      image.media_type.starts_with("image/") ? image.media_type : "application/octet-stream";
   return response;
 }
 
 Response Thumbnail(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string collection = CollectionOf(service, request);
-  const ImageRecord image = service.engine().Get(collection, request.captures.at("id"));
-  const std::string etag = "\"" + image.sha256 + "-" + std::to_string(kThumbnailSidePx) + "\"";
-  Response response;
-  AddImageHeaders(response, etag, image, parameters);
-  if (!NamedByIfNoneMatch(request, etag).empty()) {
-    response.status = 304;
-    return response;
-  }
-  std::shared_ptr<const std::string> jpeg = service.thumbnails.Find(image.sha256);
-  if (!jpeg) {
-    const std::vector<std::uint8_t> original = service.engine().GetContent(collection, image.id);
-    service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
-      jpeg = std::make_shared<const std::string>(
-          MakeThumbnail(original, service.options.engine.extraction.decode, service.decode()));
-    });
-    service.thumbnails.Insert(image.sha256, jpeg);
-  }
-  response.content_type = "image/jpeg";
-  response.body = *jpeg;
-  return response;
+  const auto read = [&](const ImageRecord& image, Response& response) {
+    std::shared_ptr<const std::string> jpeg = service.thumbnails.Find(image.sha256);
+    if (!jpeg) {
+      jpeg = std::make_shared<const std::string>(service.Shrink(
+          service.engine().GetContent(image.collection, image.id), kThumbnailSidePx));
+      service.thumbnails.Insert(image.sha256, jpeg);
+    }
+    response.content_type = "image/jpeg";
+    response.body = *jpeg;
+  };
+  return ImageBytes(service, request, parameters, "-" + std::to_string(kThumbnailSidePx), read);
 }
 
-// Descriptors row by row, little-endian; base64 keeps them exact and a third of the size of
-// decimal numbers.
+Response Preview(Service& service, const Request& request, const Parameters& parameters) {
+  const UploadedImage image = ImageOf(request, parameters, service.fetcher);
+  return {.content_type = "image/jpeg",
+          .body = service.Shrink(image.bytes, kThumbnailSidePx),
+          .headers = {{"Cache-Control", "no-store"},
+                      {"Content-Security-Policy", "default-src 'none'; sandbox"}}};
+}
+
+// Descriptors row by row, little-endian. Base64 keeps them exact, at a third of the size of decimal
+// numbers.
 Response FeaturesOf(Service& service, const Request& request, const Parameters& parameters) {
-  const Features features =
-      service.engine().GetFeatures(CollectionOf(service, request), request.captures.at("id"));
+  const std::string& id = request.captures.at("id");
+  const Features features = service.engine().GetFeatures(request.captures.at("c"), id);
   if (parameters.Text("format").value_or("json") == "npz") {
-    Response response;
-    response.content_type = kNpzType;
-    response.body = FeaturesNpz(features);
-    response.headers.emplace_back("Cache-Control", "no-store");
-    response.headers.emplace_back("Content-Disposition",
-                                  "attachment; filename=\"" + request.captures.at("id") + ".npz\"");
-    return response;
+    return {.content_type = kNpzType,
+            .body = FeaturesNpz(features),
+            .headers = {{"Cache-Control", "no-store"},
+                        {"Content-Disposition", "attachment; filename=\"" + id + ".npz\""}}};
   }
   Json keypoints = Json::array();
   for (const Keypoint& point : features.keypoints) {
@@ -294,88 +223,120 @@ Response FeaturesOf(Service& service, const Request& request, const Parameters& 
                            {"base64", data}}}});
 }
 
+Parameter ObjectParameter() { return {"object", "the object that the image shows"}; }
+Parameter MetadataParameter() {
+  return Parameter("metadata", "a JSON object to store with the image").Json();
+}
 Parameter Sha256Parameter() {
   return {"sha256",
-          "of the image as its record has it: where it is still that, caches may keep the answer "
-          "for good (Cache-Control: immutable)"};
+          "the SHA-256 of the image's record; if it is current, caches can keep the answer for "
+          "ever (Cache-Control: immutable)"};
 }
 
-Response Preview(Service& service, const Request& request, const Parameters& parameters) {
-  const UploadedImage image = ImageOf(request, parameters, service.fetcher);
-  Response response;
-  service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
-    response.body =
-        MakeThumbnail(image.bytes, service.options.engine.extraction.decode, service.decode());
-  });
-  response.content_type = "image/jpeg";
-  response.headers.emplace_back("Cache-Control", "no-store");
-  response.headers.emplace_back("Content-Security-Policy", "default-src 'none'; sandbox");
-  return response;
+void AddUploadRoutes(RouteTable& table) {
+  table.Add("POST /v1/collections/{c}/images", "images.create", Create)
+      .Summary("Add an image. Sending the same bytes again changes nothing")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kImageOrJson)
+      .Takes({{"id", "id of the image; by default made from its bytes"},
+              ObjectParameter(),
+              MetadataParameter()})
+      .Answers(201, "added", "Image")
+      .Answers(200, "unchanged: the collection has the same bytes", "Image")
+      .Example(R"(curl -F image=@mug.png -F object=mug )"
+               R"("$PLIANT/v1/collections/default/images")");
+  table.Add("PUT /v1/collections/{c}/images/{id}", "images.put", Put)
+      .Summary("Add or replace the image with this id")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kImageOrJson)
+      .Takes({ObjectParameter(), MetadataParameter()})
+      .TakesIfMatch()
+      .Answers(201, "added", "Image")
+      .Answers(200, "replaced, or unchanged if everything is the same", "Image")
+      .Example(R"(curl -X PUT -H "Content-Type: image/png" --data-binary @cup.png )"
+               R"("$PLIANT/v1/collections/default/images/cup-1?object=cup")");
+  table.Add("POST /v1/preview", "preview", Preview)
+      .Summary("Get a JPEG of an image that the server does not store, longer side 320 pixels")
+      .Body(BodyKind::kImageOrJson)
+      .Sends("image/jpeg", "the preview")
+      .Example(R"(curl -F image=@mug.png -o small.jpg "$PLIANT/v1/preview")");
+}
+
+void AddRecordRoutes(RouteTable& table) {
+  table.Add("GET /v1/collections/{c}/images/{id}", "images.get", Get)
+      .Summary("Get the record of one image")
+      .Answers(200, "the record, with ETag", "Image")
+      .AnswersNotModified()
+      .Codes({"image_not_found"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/images/$IMAGE")");
+  table.Add("PATCH /v1/collections/{c}/images/{id}", "images.patch", Patch)
+      .Summary("Change the object, metadata or source of an image")
+      .Needs(Scope::kWrite)
+      .Patches("ImagePatch")
+      .TakesIfMatch()
+      .Answers(200, "the record after the change", "Image")
+      .Codes({"image_not_found"})
+      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+               R"(-d '{"metadata": {"shelf": 5}}' )"
+               R"("$PLIANT/v1/collections/default/images/$IMAGE")");
+  table.Add("DELETE /v1/collections/{c}/images/{id}", "images.delete", Delete)
+      .Summary("Delete an image; later answers do not contain it")
+      .Needs(Scope::kWrite)
+      .TakesIfMatch()
+      .Answers(204, "deleted")
+      .Codes({"image_not_found"})
+      .Example(R"(curl -X DELETE "$PLIANT/v1/collections/default/images/$IMAGE")");
+}
+
+void AddDataRoutes(RouteTable& table) {
+  table.Add("GET /v1/collections/{c}/images/{id}/content", "images.content", Content)
+      .Summary("Get the uploaded bytes")
+      .Takes({Sha256Parameter()})
+      .Sends("image/*", "the image, with ETag")
+      .Sends("image/*", "the bytes that Range asks for", 206)
+      .AnswersNotModified()
+      .Codes({"image_not_found", "content_not_kept"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/content")");
+  table.Add("GET /v1/collections/{c}/images/{id}/thumbnail", "images.thumbnail", Thumbnail)
+      .Summary("Get a JPEG preview, longer side 320 pixels")
+      .Takes({Sha256Parameter()})
+      .Sends("image/jpeg", "the preview, with ETag")
+      .AnswersNotModified()
+      .Codes({"image_not_found", "content_not_kept", "busy"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/thumbnail")");
+  table.Add("GET /v1/collections/{c}/images/{id}/features", "images.features", FeaturesOf)
+      .Summary("Get the keypoints and descriptors of one image")
+      .Takes({Parameter("format",
+                        "json: descriptors are base64 of little-endian rows; npz: for numpy.load")
+                  .Choice({"json", "npz"})
+                  .Default("json")})
+      .Answers(200, "the features", "Features")
+      .Sends(kNpzType, "with format=npz")
+      .AnswersNotModified()
+      .Codes({"image_not_found"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/features")");
 }
 
 }  // namespace
 
-void AddImageRoutes(Service& service, std::vector<Route>& routes) {
-  AddUploadRoutes(service, routes);
-  AddStoredImageRoutes(service, routes);
-}
-
-void AddImageDataRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "images.content",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/images/{id}/content",
-                    .summary = "The uploaded bytes",
-                    .parameters = {Sha256Parameter()},
-                    .answers = {{200, "the image, with ETag", "", "image/*"},
-                                {206, "the part that Range names", "", "image/*"},
-                                {304, "If-None-Match names its ETag", "", ""}},
-                    .codes = {"image_not_found", "content_not_kept"},
-                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/content")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Content(service, request, parameters);
-                    }});
-  routes.push_back({.name = "images.thumbnail",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/images/{id}/thumbnail",
-                    .summary = "A JPEG preview, longer side 320 pixels",
-                    .parameters = {Sha256Parameter()},
-                    .answers = {{200, "the preview, with ETag", "", "image/jpeg"},
-                                {304, "If-None-Match names its ETag", "", ""}},
-                    .codes = {"image_not_found", "content_not_kept", "busy"},
-                    .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/thumbnail")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Thumbnail(service, request, parameters);
-                    }});
-  routes.push_back(
-      {.name = "images.features",
-       .method = "GET",
-       .pattern = "/v1/collections/{c}/images/{id}/features",
-       .summary = "Keypoints and descriptors: as JSON, these as base64 of "
-                  "little-endian rows, or as NumPy's archive",
-       .parameters =
-           {Parameter("format", "npz: for numpy.load").Choice({"json", "npz"}).Default("json")},
-       .answers = {{200, "the features", "Features"},
-                   {200, "with format=npz", "", kNpzType},
-                   {304, "If-None-Match names its ETag", "", ""}},
-       .codes = {"image_not_found"},
-       .example = R"(curl "$PLIANT/v1/collections/default/images/$IMAGE/features")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return FeaturesOf(service, request, parameters);
-       }});
-}
-
-void AddPreviewRoute(Service& service, std::vector<Route>& routes) {
-  routes.push_back({.name = "preview",
-                    .method = "POST",
-                    .pattern = "/v1/preview",
-                    .summary = "A JPEG preview of an image that is not stored, longer side 320 "
-                               "pixels",
-                    .body = BodyKind::kImageOrJson,
-                    .answers = {{200, "the preview", "", "image/jpeg"}},
-                    .example = R"(curl -F image=@mug.png -o small.jpg "$PLIANT/v1/preview")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Preview(service, request, parameters);
-                    }});
+void AddImageRoutes(RouteTable& table) {
+  AddUploadRoutes(table);
+  std::vector<Parameter> listing = ListParameters(NamesOf(kImageOrders));
+  listing.insert(listing.begin(), OfObjectParameter());
+  table.Add("GET /v1/collections/{c}/images", "images.list", List)
+      .Summary("List images page by page")
+      .Takes(std::move(listing))
+      .Answers(200, "a page", "ImageList")
+      .Example(R"(curl "$PLIANT/v1/collections/default/images?limit=10&sort=-created")");
+  table.Add("DELETE /v1/collections/{c}/images", "images.delete_where", DeleteWhere)
+      .Summary("Delete all images whose metadata match a filter, in one transaction")
+      .Needs(Scope::kWrite)
+      .Takes({FilterParameter().Required(), OfObjectParameter(), TextParameter()})
+      .Answers(200, "the number of deleted images", "ImagesDeleted")
+      .Example(R"(curl -X DELETE -G --data-urlencode 'filter={"batch": 7}' )"
+               R"("$PLIANT/v1/collections/default/images")");
+  AddRecordRoutes(table);
+  AddDataRoutes(table);
 }
 
 }  // namespace pliant::server

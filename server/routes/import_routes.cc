@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many images in one body, or in a folder on the server, added in the background.
+// Adding many images in the background: from one body, from a folder on the server, or those of the
+// demonstration.
 #include <filesystem>
 
 #include "index/store/database_url.h"
 #include "server/http/problem.h"
 #include "server/jobs/bulk_import.h"
 #include "server/jobs/import_job.h"
-#include "server/routes/adding.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
@@ -15,26 +15,24 @@ namespace pliant::server {
 
 namespace {
 
-// The body waits in the database, beside which as much must stay free as uploads leave.
+// The body waits in the database, so the disk must keep as much free space as uploads leave.
 void RequireSpace(const Service& service, std::size_t bytes) {
   const EngineOptions& engine = service.options.engine;
   std::error_code error;
   const auto space = std::filesystem::space(FolderOf(engine.database), error);
   if (!error && space.available < engine.reserve_bytes + bytes) {
-    throw ProblemError("no_space", "The server's disk has no space for this.");
+    throw ProblemError("no_space", "The server's disk has no space for this body.");
   }
 }
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
-  const CollectionRecord collection =
-      service.engine().GetCollection(CollectionOf(service, request));
+  const CollectionRecord collection = service.engine().GetCollection(request.captures.at("c"));
   if (request.received ? request.received->All().empty() : request.body.empty()) {
-    throw ProblemError("missing_parameter", "The body has no images.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body is empty. Send images.").Parameter("body");
   }
-  BulkDefaults defaults;
-  defaults.object = parameters.Text("object").value_or("");
-  defaults.metadata = parameters.JsonObject("metadata").value_or("{}");
-  defaults.object_from = parameters.Text("object_from").value_or("auto");
+  const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
+                              .metadata = parameters.JsonObject("metadata").value_or("{}"),
+                              .object_from = parameters.Text("object_from").value_or("auto")};
   if (request.received) {
     auto& upload = static_cast<BulkUpload&>(*request.received);
     return JobResponse(
@@ -48,69 +46,81 @@ Response Import(Service& service, const Request& request, const Parameters& para
 // For a body that is too large for the database.
 std::shared_ptr<BodySink> ReceiveImport(Service& service, const Request& request,
                                         std::uint64_t bytes) {
-  service.engine().GetCollection(CollectionOf(service, request));  // or it is not found
+  CollectionOf(service, request);  // must exist
   service.bulk_files.Sweep(*service.jobs);
   return service.bulk_files.Receive(bytes);
 }
 
 Response ImportFolder(Service& service, const Request& request, const Parameters& parameters) {
-  const CollectionRecord collection =
-      service.engine().GetCollection(CollectionOf(service, request));
+  const CollectionRecord collection = service.engine().GetCollection(request.captures.at("c"));
   const std::string folder = parameters.Text("folder").value_or("");
-  ResolveImportFolder(service.options.import_dir, folder);  // says now what is wrong with it
+  ResolveImportFolder(service.options.import_dir, folder);  // throws now, not in the job
   return JobResponse(AddImportJob(*service.jobs, collection, folder,
                                   parameters.Text("object_from").value_or("auto")));
 }
 
+Response GetDemonstration(Service& service, const Request& request, const Parameters&) {
+  Json objects = Json::array();
+  for (const DemonstrationObject& object : kDemonstrationObjects) {
+    objects.push_back({{"object", object.name},
+                       {"image_id", object.id()},
+                       {"crumpled", std::string("/assets/demo/") + object.file + "-crumpled.jpg"}});
+  }
+  const bool loaded = HasDemonstration(service.engine(), CollectionOf(service, request));
+  return JsonResponse({{"loaded", loaded}, {"objects", objects}});
+}
+
+Response LoadDemonstration(Service& service, const Request& request, const Parameters&) {
+  return JobResponse(
+      AddDemonstrationJob(service.engine(), *service.jobs, CollectionOf(service, request)));
+}
+
+Parameter ObjectFromParameter(const char* meaning) {
+  return Parameter("object_from", meaning)
+      .Choice({"auto", "folder", "stem", "none"})
+      .Default("auto");
+}
+
 }  // namespace
 
-void AddImportRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "images.import",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/images:import",
-       .summary = "Add many images in the background: lines of JSON with base64, or a TAR archive",
-       .scope = Scope::kWrite,
-       .body = BodyKind::kBulk,
-       .parameters = {{"object", "what all images show that do not say otherwise"},
-                      MetadataParameter(),
-                      Parameter("object_from",
-                                "of a TAR, what names an image's object; auto: its folder where "
-                                "there are folders, else the file's name")
-                          .Choice({"auto", "folder", "stem", "none"})
-                          .Default("auto")},
-       .answers = {{202, "the job; its items say what became of each image", "Job"}},
-       .codes = {"missing_parameter"},
-       .example = R"(tar cf - mug.png cup.png | curl -H "Content-Type: application/x-tar" )"
-                  R"(--data-binary @- "$PLIANT/v1/collections/default/images:import")",
-       .handler =
-           [&service](const Request& request, const Parameters& parameters) {
-             return Import(service, request, parameters);
-           },
-       .receive = [&service](
-                      const Request& request,
-                      std::uint64_t bytes) { return ReceiveImport(service, request, bytes); }});
-  routes.push_back(
-      {.name = "imports.create",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/imports",
-       .summary = "Add the images of a folder on the server, in the background",
-       .scope = Scope::kAdmin,
-       .body = BodyKind::kJson,
-       .parameters =
-           {Parameter("folder", "path inside --import-dir; \".\" is all of it").Required(),
-            Parameter("object_from",
-                      "what names an image's object; auto: stem for a folder without "
-                      "folders, else folder")
-                .Choice({"auto", "folder", "stem", "none"})
-                .Default("auto")},
-       .answers = {{202, "the job; Location has its address", "Job"}},
-       .codes = {"imports_off"},
-       .example = R"(curl -H "Content-Type: application/json" -d '{"folder": "shelf"}' )"
-                  R"("$PLIANT/v1/collections/default/imports")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return ImportFolder(service, request, parameters);
-       }});
+void AddImportRoutes(RouteTable& table) {
+  table.Add("POST /v1/collections/{c}/images:import", "images.import", Import)
+      .Summary("Add many images in the background, from lines of JSON with base64 or a TAR archive")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kBulk)
+      .Takes(
+          {{"object", "object of all images; a line of JSON can name another one"},
+           Parameter("metadata", "metadata of all images; a line of JSON can have other metadata")
+               .Json(),
+           ObjectFromParameter("in a TAR archive, what names an image's object; auto: its "
+                               "folder if the archive has folders, else its file name")})
+      .Receives(ReceiveImport)
+      .Answers(202, "the job; its items are the results for each image", "Job")
+      .Codes({"missing_parameter"})
+      .Example(R"(tar cf - mug.png cup.png | curl -H "Content-Type: application/x-tar" )"
+               R"(--data-binary @- "$PLIANT/v1/collections/default/images:import")");
+  table.Add("POST /v1/collections/{c}/imports", "imports.create", ImportFolder)
+      .Summary("Add the images of a folder on the server, in the background")
+      .Needs(Scope::kAdmin)
+      .Body(BodyKind::kJson)
+      .Takes(
+          {Parameter("folder", "path below --import-dir; \".\" is the whole directory").Required(),
+           ObjectFromParameter("what names an image's object; auto: folder if the folder has "
+                               "folders, else stem (the file name)")})
+      .Answers(202, "the job; Location has its address", "Job")
+      .Codes({"imports_off"})
+      .Example(R"(curl -H "Content-Type: application/json" -d '{"folder": "shelf"}' )"
+               R"("$PLIANT/v1/collections/default/imports")");
+  table.Add("GET /v1/collections/{c}/demo", "demo.get", GetDemonstration)
+      .Summary("List the demonstration objects, and whether the collection has them")
+      .Answers(200, "all demonstration objects", "Demo")
+      .Example(R"(curl "$PLIANT/v1/collections/default/demo")");
+  table.Add("POST /v1/collections/{c}/demo", "demo.load", LoadDemonstration)
+      .Summary("Add the demonstration objects, in the background")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kJson)
+      .Answers(202, "the job; Location has its address", "Job")
+      .Example(R"(curl -X POST "$PLIANT/v1/collections/toys/demo")");
 }
 
 }  // namespace pliant::server

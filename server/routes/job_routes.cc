@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Jobs: what runs in the background.
+// Background jobs.
+#include <charconv>
 #include <chrono>
 
-#include "server/jobs/bulk_items.h"
 #include "server/routes/answers.h"
 #include "server/routes/lists.h"
 #include "server/routes/routes.h"
@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kLongestWaitS = 60;
 
-// Backups and imports of folders are begun by admins, and their records name files of the server:
-// to others they are not there.
+// Admins start backups and imports of folders, and their records name files of the server. Other
+// callers do not see them.
 bool MaySee(const Caller& caller, const JobStatus& job) {
   return caller.scope >= Scope::kAdmin || (job.kind != "backup" && job.kind != "import");
 }
@@ -27,96 +27,86 @@ JobStatus JobOf(const JobQueue& jobs, const Request& request) {
   return job;
 }
 
-// The job as it is, or, when that was asked for, as soon as it has ended.
-Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& parameters) {
+Response List(Service& service, const Request& request, const Parameters&) {
+  Json items = Json::array();
+  for (const JobStatus& job : service.jobs->List()) {
+    if (MaySee(request.caller, job)) items.push_back(JobJson(job));
+  }
+  return JsonResponse({{"jobs", items}});
+}
+
+// The job as it is, or, with `wait`, as soon as it has ended.
+Response Get(Service& service, const Request& request, const Parameters& parameters) {
+  JobQueue& jobs = *service.jobs;
   const JobStatus job = JobOf(jobs, request);
   const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }
-  jobs.LookNow();  // another server may have just made it
-  Response later;
-  later.wait = Wait{
-      std::chrono::steady_clock::now() + std::chrono::ceil<std::chrono::milliseconds>(patience),
-      [&jobs, id = job.id](JobWaiters::Wake wake) { return jobs.WhenEnded(id, std::move(wake)); }};
-  return later;
+  jobs.LookNow();  // another server may have created it just now
+  return {.wait = Wait{std::chrono::steady_clock::now() +
+                           std::chrono::ceil<std::chrono::milliseconds>(patience),
+                       [&jobs, id = job.id](std::function<void()> wake) {
+                         return jobs.WhenEnded(id, std::move(wake));
+                       }}};
 }
 
 Response Items(Service& service, const Request& request, const Parameters& parameters) {
   const std::string id = JobOf(*service.jobs, request).id;
   const std::string identity = ToText(Json::array({"job_items", id}));
   const std::string after = AfterFromCursor(parameters, identity);
-  const int limit = PageLimit(parameters);
-  std::uint64_t first = 0;
-  for (const char digit : after) {
-    if (digit < '0' || digit > '9' || first > kMostBulkItems) ThrowInvalidCursor();
-    first = first * 10 + static_cast<std::uint64_t>(digit - '0');
+  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  std::uint32_t first = 0;
+  const char* end = after.data() + after.size();
+  const auto [stop, error] = std::from_chars(after.data(), end, first);
+  if (!after.empty() && (stop != end || error != std::errc())) ThrowInvalidCursor();
+  std::vector<std::string> texts =
+      service.jobs->store().JobItems(id, first, static_cast<int>(limit) + 1);
+  std::optional<std::string> next;
+  if (texts.size() > limit) {
+    texts.resize(limit);
+    next = std::to_string(first + limit);
   }
-  const auto texts = service.jobs->store().JobItems(id, first, limit + 1);
   Json items = Json::array();
-  for (std::size_t i = 0; i < texts.size() && i < static_cast<std::size_t>(limit); ++i) {
-    Json item = Json::parse(texts[i], nullptr, /*allow_exceptions=*/false);
+  for (const std::string& text : texts) {
+    Json item = Json::parse(text, nullptr, /*allow_exceptions=*/false);
     if (item.is_object()) items.push_back(std::move(item));
   }
-  const bool more = texts.size() > static_cast<std::size_t>(limit);
-  const std::string next = std::to_string(first + static_cast<std::uint64_t>(limit));
-  return JsonResponse({{"items", std::move(items)},
-                       {"next", more ? Json(MakeCursor(identity, next)) : Json(nullptr)}});
+  return JsonResponse({{"items", std::move(items)}, {"next", CursorJson(identity, next)}});
+}
+
+Response Cancel(Service& service, const Request& request, const Parameters&) {
+  const JobStatus job = JobOf(*service.jobs, request);
+  return JsonResponse(JobJson(service.jobs->Cancel(job.id)), 202);
 }
 
 }  // namespace
 
-void AddJobRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "jobs.list",
-       .method = "GET",
-       .pattern = "/v1/jobs",
-       .summary = "Background jobs, newest first; backups and imports of folders for admins",
-       .answers = {{200, "the jobs", "JobList"}},
-       .example = R"(curl "$PLIANT/v1/jobs")",
-       .handler = [&service](const Request& request, const Parameters&) {
-         Json items = Json::array();
-         for (const JobStatus& job : service.jobs->List()) {
-           if (MaySee(request.caller, job)) items.push_back(JobJson(job));
-         }
-         return JsonResponse({{"jobs", items}});
-       }});
-  routes.push_back({.name = "jobs.get",
-                    .method = "GET",
-                    .pattern = "/v1/jobs/{id}",
-                    .summary = "How far a job is; with `wait`, as soon as it has ended",
-                    .parameters = {Parameter("wait", "longest time in seconds to wait for its end")
-                                       .Number(0, kLongestWaitS)
-                                       .Default("0")},
-                    .answers = {{200, "the job", "Job"}},
-                    .codes = {"job_not_found"},
-                    .example = R"(curl "$PLIANT/v1/jobs/$JOB?wait=10")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return JobAnswer(*service.jobs, request, parameters);
-                    }});
-  routes.push_back({.name = "jobs.items",
-                    .method = "GET",
-                    .pattern = "/v1/jobs/{id}/items",
-                    .summary = "What became of each item of a job, page by page",
-                    .parameters = {CursorParameter(), LimitParameter()},
-                    .answers = {{200, "a page; empty for jobs without items", "JobItems"}},
-                    .codes = {"job_not_found"},
-                    .example = R"(curl "$PLIANT/v1/jobs/$JOB/items")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Items(service, request, parameters);
-                    }});
-  routes.push_back({.name = "jobs.cancel",
-                    .method = "DELETE",
-                    .pattern = "/v1/jobs/{id}",
-                    .summary = "Cancel a job; one that has ended stays as it is",
-                    .scope = Scope::kWrite,
-                    .answers = {{202, "it ends soon, unless it has ended", "Job"}},
-                    .codes = {"job_not_found"},
-                    .example = R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      const JobStatus job = JobOf(*service.jobs, request);
-                      return JsonResponse(JobJson(service.jobs->Cancel(job.id)), 202);
-                    }});
+void AddJobRoutes(RouteTable& table) {
+  table.Add("GET /v1/jobs", "jobs.list", List)
+      .Summary("List background jobs, newest first; only admins see backups and folder imports")
+      .Answers(200, "the jobs", "JobList")
+      .Example(R"(curl "$PLIANT/v1/jobs")");
+  table.Add("GET /v1/jobs/{id}", "jobs.get", Get)
+      .Summary("Get the state of a job; with `wait`, as soon as the job has ended")
+      .Takes({Parameter("wait", "seconds to wait for the end of the job")
+                  .Number(0, kLongestWaitS)
+                  .Default("0")})
+      .Answers(200, "the job", "Job")
+      .Codes({"job_not_found"})
+      .Example(R"(curl "$PLIANT/v1/jobs/$JOB?wait=10")");
+  table.Add("GET /v1/jobs/{id}/items", "jobs.items", Items)
+      .Summary("List the results of each item of a job, page by page")
+      .Takes({CursorParameter(), LimitParameter()})
+      .Answers(200, "a page; empty for jobs without items", "JobItems")
+      .Codes({"job_not_found"})
+      .Example(R"(curl "$PLIANT/v1/jobs/$JOB/items")");
+  table.Add("DELETE /v1/jobs/{id}", "jobs.cancel", Cancel)
+      .Summary("Cancel a job; a job that has ended stays as it is")
+      .Needs(Scope::kWrite)
+      .Answers(202, "the job, which ends soon unless it has ended", "Job")
+      .Codes({"job_not_found"})
+      .Example(R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")");
 }
 
 }  // namespace pliant::server

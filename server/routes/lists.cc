@@ -6,7 +6,7 @@
 
 #include "descriptor/base/base64.h"
 #include "descriptor/base/sha256.h"
-#include "index/json/record_json.h"
+#include "descriptor/base/strings.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
 
@@ -18,42 +18,29 @@ constexpr int kDefaultPage = 50;
 constexpr int kLargestPage = 500;
 
 std::vector<std::string> FacetsOf(const Parameters& parameters) {
-  std::vector<std::string> keys;
   const auto text = parameters.Text("facets");
-  if (!text || text->empty()) return keys;
-  for (std::size_t begin = 0; begin <= text->size();) {
-    const std::size_t end = std::min(text->find(',', begin), text->size());
-    keys.push_back(text->substr(begin, end - begin));
-    begin = end + 1;
-  }
-  for (const std::string& key : keys) {
-    if (key.empty()) ThrowInvalid("facets", "facets has an empty key between its commas.");
-    if (std::count(keys.begin(), keys.end(), key) > 1) {
-      ThrowInvalid("facets", "facets has a key twice.");
-    }
-  }
-  if (keys.size() > kMaxFacets) {
-    ThrowInvalid("facets", "facets may have " + std::to_string(kMaxFacets) + " keys.");
+  if (!text || text->empty()) return {};
+  std::vector<std::string> keys = Split(*text + ',', ',');
+  if (std::find(keys.begin(), keys.end(), "") != keys.end()) {
+    ThrowInvalid("facets", "facets has an empty key between its commas.");
   }
   return keys;
 }
 
 }  // namespace
 
-Parameter CursorParameter() {
-  return {"cursor", "`next` of the page before, for the one after it"};
-}
+Parameter CursorParameter() { return {"cursor", "`next` of the previous page"}; }
 
 Parameter LimitParameter() {
-  return Parameter("limit", "entries a page").Integer(1, kLargestPage).Default("50");
+  return Parameter("limit", "entries per page").Integer(1, kLargestPage).Default("50");
 }
 
 int PageLimit(const Parameters& parameters) {
   return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
 }
 
-std::string MakeCursor(const std::string& list, const std::string& after) {
-  return Base64UrlEncode(ToText(Json::array({list, after})));
+Json CursorJson(const std::string& list, const std::optional<std::string>& after) {
+  return after ? Json(Base64UrlEncode(ToText(Json::array({list, *after})))) : Json(nullptr);
 }
 
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list) {
@@ -71,31 +58,36 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
 
 void ThrowInvalidCursor() {
   throw ProblemError("invalid_cursor",
-                     "The cursor is none that this list gave. Ask again without one.")
+                     "Invalid cursor for this list. Start again without a cursor.")
       .Parameter("cursor");
 }
 
 Parameter FilterParameter() {
-  return Parameter("filter", "only images whose metadata pass: a JSON object of conditions").Json();
+  return Parameter("filter", "only images whose metadata match: a JSON object of conditions")
+      .Json();
 }
 
 Parameter TextParameter() {
   return {"q",
-          "only what these words occur in, whatever their case: the id, the object or the file's "
-          "name of an image, the name of an object"};
+          "only entries that contain all these words, in upper or lower case: in the id, object or "
+          "file name of an image, in the name of an object"};
 }
+
+Parameter OfObjectParameter() { return {"object", "only images of this object"}; }
 
 std::vector<Parameter> ListParameters(const std::vector<std::string>& orders) {
   std::vector<std::string> choices = orders;
   for (const std::string& order : orders) choices.push_back("-" + order);
-  return {FilterParameter(),
-          TextParameter(),
-          Parameter("sort", "what the list is in order of; with a minus downwards")
-              .Choice(std::move(choices))
-              .Default(orders.front().c_str()),
-          Parameter("count", "whether to count all there are").Boolean().Default("false"),
-          {"facets",
-           "keys of the metadata, with commas between: how many of the list have which value"}};
+  return {
+      FilterParameter(),
+      TextParameter(),
+      Parameter("sort", "the order of the list; a minus reverses it")
+          .Choice(std::move(choices))
+          .Default(orders.front().c_str()),
+      Parameter("count", "count the entries of all pages").Boolean().Default("false"),
+      {"facets", "comma-separated keys of the metadata: count the values of each key in the list"},
+      CursorParameter(),
+      LimitParameter()};
 }
 
 Filter FilterOf(const std::string& text) {
@@ -113,7 +105,7 @@ Selection SelectionOf(const Parameters& parameters, const std::string& collectio
   if (const auto filter = parameters.Text("filter")) which.filter = FilterOf(*filter);
   which.text = parameters.Text("q").value_or("");
   if (which.text.size() > kMaxTextBytes) {
-    ThrowInvalid("q", "q may have " + std::to_string(kMaxTextBytes) + " bytes.");
+    ThrowInvalid("q", "q can have at most " + std::to_string(kMaxTextBytes) + " bytes.");
   }
   return which;
 }
@@ -137,16 +129,6 @@ PageOptions PageOptionsOf(const Parameters& parameters, const std::string& ident
   page.count = parameters.Flag("count").value_or(false);
   page.facets = FacetsOf(parameters);
   return page;
-}
-
-Json PageJson(const char* name, Json records, const std::optional<std::string>& next,
-              const std::optional<std::uint64_t>& total, const std::vector<Facet>& facets,
-              const Parameters& parameters, const std::string& identity) {
-  Json json = {{name, std::move(records)},
-               {"next", next ? Json(MakeCursor(identity, *next)) : Json(nullptr)}};
-  if (total) json["total"] = *total;
-  if (parameters.has("facets")) json["facets"] = FacetsJson(facets);
-  return json;
 }
 
 }  // namespace pliant::server

@@ -1,18 +1,20 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What lists of images and objects have in common: which of them, in which order, what is counted
-// beside, and cursors.
+// Lists page by page: the common parameters, cursors, and the answer.
 #pragma once
 
+#include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "descriptor/base/error.h"
-#include "index/engine/engine.h"
-#include "index/json/json.h"
+#include "index/json/record_json.h"
 #include "index/records/listing.h"
 #include "server/http/parameters.h"
+#include "server/routes/answers.h"
+#include "server/routes/service.h"
 
 namespace pliant::server {
 
@@ -20,20 +22,21 @@ Parameter CursorParameter();
 Parameter LimitParameter();
 int PageLimit(const Parameters& parameters);
 
-// The position in a list. A cursor contains the parameters of its list, so it cannot be used with
-// another list.
-std::string MakeCursor(const std::string& list, const std::string& after);
-// Empty when there is no cursor, or an empty one. Throws ProblemError "invalid_cursor".
+// A cursor holds the list that it belongs to and the position after which the next page begins; no
+// position: null.
+Json CursorJson(const std::string& list, const std::optional<std::string>& after);
+// Empty for no cursor, or an empty one. Throws ProblemError "invalid_cursor".
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
 [[noreturn]] void ThrowInvalidCursor();
 
-Parameter FilterParameter();  // "filter"
-Parameter TextParameter();    // "q"
-// "filter", "q", "sort", "count", "facets"; `orders` may be sorted by, the first by default, and
-// downwards with a minus.
+Parameter FilterParameter();    // "filter"
+Parameter TextParameter();      // "q"
+Parameter OfObjectParameter();  // "object"
+// "filter", "q", "sort", "count", "facets", "cursor", "limit". `orders` are the values of "sort",
+// the default first; a minus reverses the order.
 std::vector<Parameter> ListParameters(const std::vector<std::string>& orders);
 
-// Throws ProblemError "invalid_parameter" for "filter", which says where.
+// Throws ProblemError "invalid_parameter" for "filter", with the position of the mistake.
 Filter FilterOf(const std::string& text);
 
 // "object", "filter" and "q", as far as the route has them.
@@ -49,37 +52,46 @@ std::vector<std::string> NamesOf(const Orders<Order>& orders) {
   return names;
 }
 
-// The parameter "sort", without its minus; the first of `orders` when there is none.
+// The parameter "sort", without its minus; the first of `orders` by default.
 template <typename Order>
 Order OrderOf(const Parameters& parameters, const Orders<Order>& orders) {
   std::string sort = parameters.Text("sort").value_or(orders.front().first);
   if (sort.starts_with('-')) sort.erase(0, 1);
-  for (const auto& [name, order] : orders) {
-    if (name == sort) return order;
-  }
-  throw std::logic_error("there is no order " + sort);
+  return std::find_if(orders.begin(), orders.end(),
+                      [&](const auto& order) {
+                        return order.first == sort;  // one is: the parameter is a choice of them
+                      })
+      ->second;
 }
 
-// What a cursor of a list belongs to: with any other parameters it is refused.
+// Identifies the list to its cursors: a cursor of a list with other parameters is invalid.
 std::string ListIdentity(const char* list, const Selection& which, const Parameters& parameters);
 
 // All but the order. Throws ProblemError "invalid_cursor" and "invalid_parameter".
 PageOptions PageOptionsOf(const Parameters& parameters, const std::string& identity);
 
-// Throws ProblemError "invalid_cursor" for a place that somebody has made up.
-template <typename Listing>
-auto ListPageOf(Engine& engine, const Listing& list) {
+// A page of a list of the collection: {`name`: records, "next"}, and "total" and "facets" if the
+// request asks for them. `Listing` and `to_json`: what the engine lists, and one record as JSON.
+template <typename Listing, typename Order, typename ToJson>
+Response ListAnswer(Service& service, const Request& request, const Parameters& parameters,
+                    const char* name, const Orders<Order>& orders, ToJson to_json) {
+  Listing list;
+  list.which = SelectionOf(parameters, CollectionOf(service, request));
+  const std::string identity = ListIdentity(name, list.which, parameters);
+  static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
+  list.order = OrderOf(parameters, orders);
   try {
-    return engine.ListPage(list);
-  } catch (const Error& error) {
+    const auto page = service.engine().ListPage(list);
+    Json records = Json::array();
+    for (const auto& record : page.records) records.push_back(to_json(record));
+    Json json = {{name, std::move(records)}, {"next", CursorJson(identity, page.next)}};
+    if (page.total) json["total"] = *page.total;
+    if (parameters.has("facets")) json["facets"] = FacetsJson(page.facets);
+    return JsonResponse(json);
+  } catch (const Error& error) {  // the client made the cursor's position up
     if (error.reason() == "after_invalid") ThrowInvalidCursor();
     throw;
   }
 }
-
-// {`name`: records, "next", and as asked "total" and "facets"}
-Json PageJson(const char* name, Json records, const std::optional<std::string>& next,
-              const std::optional<std::uint64_t>& total, const std::vector<Facet>& facets,
-              const Parameters& parameters, const std::string& identity);
 
 }  // namespace pliant::server

@@ -25,19 +25,13 @@ constexpr std::chrono::milliseconds kMostWait{1000};
 const prometheus::Histogram::BucketBoundaries kSeconds = {
     0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60};
 
-// Resident pages (proc(5), statm); 0 where that cannot be read.
+// From the resident pages (proc(5), statm); 0 if the file cannot be read.
 double ResidentBytes() {
   std::ifstream file("/proc/self/statm");
   double total = 0;
   double resident = 0;
   file >> total >> resident;
   return file ? resident * static_cast<double>(sysconf(_SC_PAGESIZE)) : 0;
-}
-
-double CpuSeconds() {
-  timespec used{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
-  return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
 }
 
 }  // namespace
@@ -66,7 +60,7 @@ void StoreFigures::Read(const std::stop_token& stop) {
     try {
       stats = engine_.Stats();
     } catch (const std::exception& error) {
-      spdlog::warn("the figures of the database cannot be read: {}", error.what());
+      spdlog::warn("cannot read the figures of the database: {}", error.what());
     }
     lock.lock();
     if (stats) stats_ = std::move(stats);
@@ -93,84 +87,102 @@ class Metrics::Impl {
           .Name("pliant_stage_seconds")
           .Help("Stages of searching and of adding an image")
           .Register(registry);
-  prometheus::Family<prometheus::Gauge>& queue =
-      Gauges("pliant_queue_length", "Tasks that wait for a core, by lane");
-  prometheus::Family<prometheus::Gauge>& jobs =
-      Gauges("pliant_jobs", "Background jobs on record, by state");
-  prometheus::Gauge& busy_cores = Gauge("pliant_busy_cores", "Cores in use by tasks and jobs");
-  prometheus::Gauge& decoders = Gauge("pliant_decoders", "Child processes that decode images");
   prometheus::Family<prometheus::Counter>& decoders_ended =
       prometheus::BuildCounter()
           .Name("pliant_decoders_ended_total")
           .Help("Child processes that ended, by cause")
           .Register(registry);
-  prometheus::Gauge& images = Gauge("pliant_images", "Images in the index");
-  prometheus::Gauge& objects = Gauge("pliant_objects", "Objects in the index");
-  prometheus::Gauge& words =
-      Gauge("pliant_vocabulary_words", "Words of the active vocabulary of the default collection");
-  prometheus::Gauge& database_bytes = Gauge("pliant_database_bytes", "Size of the database");
-  prometheus::Gauge& disk_free_bytes =
-      Gauge("pliant_disk_free_bytes", "Free space on the disk of the database");
-  // Of a database on PostgreSQL.
-  prometheus::Family<prometheus::Gauge>& connections =
-      Gauges("pliant_database_connections", "Open connections to the database");
-  prometheus::Family<prometheus::Gauge>& connection_waits =
-      Gauges("pliant_database_connection_waits_total",
-             "Times that all reading connections were in use since the start");
-  prometheus::Family<prometheus::Gauge>& feed_lag =
-      Gauges("pliant_feed_lag", "Changes of the database that the index in memory lacks");
-  prometheus::Family<prometheus::Gauge>& replication_lag =
-      Gauges("pliant_replication_lag_seconds", "Delay of the slowest standby behind the primary");
-  prometheus::Gauge& index_bytes = Gauge("pliant_index_bytes", "Size of the index in memory");
-  prometheus::Gauge& resident_bytes =
-      Gauge("process_resident_memory_bytes", "Memory of the process");
-  prometheus::Gauge& cpu_seconds =
-      Gauge("process_cpu_seconds_total", "Processor time of the process");
-  prometheus::Family<prometheus::Gauge>& info =
-      Gauges("pliant_info", "1, with the version, the descriptor and the model's id");
-  prometheus::Family<prometheus::Gauge>& vocabulary_info =
-      Gauges("pliant_vocabulary_info",
-             "1, with id, words and method of the active vocabulary of the default collection");
-  std::mutex mutex;  // guards vocabulary
-  prometheus::Gauge* vocabulary = nullptr;
 
   void Observe(const char* operation, const char* stage, double ms) {
     stage_seconds.Add({{"operation", operation}, {"stage", stage}}, kSeconds).Observe(ms / 1000);
   }
 
-  void SetServer(const DatabaseServerRecord& server) {
-    connections.Add({}).Set(static_cast<double>(server.connections));
-    connection_waits.Add({}).Set(static_cast<double>(server.connection_waits));
-    feed_lag.Add({}).Set(static_cast<double>(server.behind));
-    prometheus::Gauge& lag = replication_lag.Add({});
-    if (server.replication_lag_s) {
-      lag.Set(*server.replication_lag_s);
-    } else {
-      replication_lag.Remove(&lag);
+  void SetLoad(const MetricsNow& now) {
+    auto& queue = Gauges("pliant_queue_length", "Tasks that wait for a core, by lane");
+    Set(queue, {{"lane", "search"}}, now.load.waiting_searches);
+    Set(queue, {{"lane", "upload"}}, now.load.waiting_uploads);
+    Set(queue, {{"lane", "background"}}, now.load.waiting_background);
+    auto& jobs = Gauges("pliant_jobs", "Background jobs on record, by state");
+    for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
+                                 JobState::kFailed, JobState::kCancelled}) {
+      const auto count = now.jobs.find(state);
+      Set(jobs, {{"state", JobStateName(state)}}, count == now.jobs.end() ? 0 : count->second);
     }
+    Set("pliant_busy_cores", "Cores in use by tasks and jobs", now.load.busy_cores);
+    Set("pliant_decoders", "Child processes that decode images", now.decoders);
+    Set("pliant_disk_free_bytes", "Free space on the disk of the database", now.disk_free_bytes);
+    Set("process_resident_memory_bytes", "Memory of the process", ResidentBytes());
+    Set("process_cpu_seconds_total", "Processor time of the process",
+        static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   }
 
-  // One series at a time: the vocabulary that was active before is none any more.
-  void SetVocabulary(const VocabularyRecord& record) {
-    const std::lock_guard lock(mutex);
-    prometheus::Gauge& now = vocabulary_info.Add({{"id", std::to_string(record.id)},
-                                                  {"words", std::to_string(record.words)},
-                                                  {"method", record.origin.method}});
-    if (vocabulary != nullptr && vocabulary != &now) vocabulary_info.Remove(vocabulary);
-    vocabulary = &now;
-    vocabulary->Set(1);
+  void SetStats(const EngineStats& stats) {
+    Set("pliant_images", "Images in the index", stats.images);
+    Set("pliant_objects", "Objects in the index", stats.objects);
+    Set("pliant_database_bytes", "Size of the database", stats.database_bytes);
+    Set("pliant_index_bytes", "Size of the index in memory", stats.index_bytes);
+    Set("pliant_vocabulary_words", "Words of the active vocabulary of the default collection",
+        stats.vocabulary ? stats.vocabulary->words : 0);
+    if (stats.vocabulary) SetVocabulary(*stats.vocabulary);
+    if (stats.server) SetServer(*stats.server);
+  }
+
+  void SetInfo(const EngineStats& stats) {
+    Set(Gauges("pliant_info", "1, with the version, the descriptor and the model's id"),
+        {{"version", PLIANT_VERSION}, {"descriptor", stats.descriptor}, {"model", stats.model_id}},
+        1);
   }
 
  private:
-  prometheus::Family<prometheus::Gauge>& Gauges(const std::string& name, const std::string& help) {
+  using GaugeFamily = prometheus::Family<prometheus::Gauge>;
+
+  // Makes the family, or finds the one of that name.
+  GaugeFamily& Gauges(const char* name, const char* help) {
     return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
   }
-  prometheus::Gauge& Gauge(const std::string& name, const std::string& help) {
-    return Gauges(name, help).Add({});
+  template <typename Number>
+  void Set(GaugeFamily& family, const prometheus::Labels& labels, Number value) {
+    family.Add(labels).Set(static_cast<double>(value));
   }
+  template <typename Number>
+  void Set(const char* name, const char* help, Number value) {
+    Set(Gauges(name, help), {}, value);
+  }
+
+  // Of a database on PostgreSQL.
+  void SetServer(const DatabaseServerRecord& server) {
+    Set("pliant_database_connections", "Open connections to the database", server.connections);
+    Set("pliant_database_connection_waits_total",
+        "Times that all reading connections were in use since the start", server.connection_waits);
+    Set("pliant_feed_lag", "Changes of the database that the index in memory lacks", server.behind);
+    auto& lag =
+        Gauges("pliant_replication_lag_seconds", "Delay of the slowest standby behind the primary");
+    if (server.replication_lag_s) {
+      Set(lag, {}, *server.replication_lag_s);
+    } else {
+      lag.Remove(&lag.Add({}));
+    }
+  }
+
+  // One series at a time: that of the active vocabulary.
+  void SetVocabulary(const VocabularyRecord& record) {
+    auto& family =
+        Gauges("pliant_vocabulary_info",
+               "1, with id, words and method of the active vocabulary of the default collection");
+    const std::lock_guard lock(mutex_);
+    prometheus::Gauge& now = family.Add({{"id", std::to_string(record.id)},
+                                         {"words", std::to_string(record.words)},
+                                         {"method", record.origin.method}});
+    if (vocabulary_ != nullptr && vocabulary_ != &now) family.Remove(vocabulary_);
+    vocabulary_ = &now;
+    now.Set(1);
+  }
+
+  std::mutex mutex_;  // guards vocabulary_
+  prometheus::Gauge* vocabulary_ = nullptr;
 };
 
-// Every cause is counted from 0, so that the first one is seen as a change.
+// Every cause begins at 0, so that the first end of a process shows as a change.
 Metrics::Metrics() : impl_(std::make_unique<Impl>()) {
   for (std::size_t i = 0; i < kDecoderCauses; ++i) {
     impl_->decoders_ended.Add({{"cause", DecoderCauseName(static_cast<DecoderEnded::Cause>(i))}});
@@ -179,7 +191,7 @@ Metrics::Metrics() : impl_(std::make_unique<Impl>()) {
 Metrics::~Metrics() = default;
 
 void Metrics::OnRequest(const RequestRecord& record) {
-  // The method only where it is one of a route: clients must not be able to make new series.
+  // Only methods of routes: clients must not create series.
   const bool routed = record.route != "-";
   impl_->requests
       .Add({{"route", record.route},
@@ -212,39 +224,10 @@ void Metrics::OnDecoderEnded(DecoderEnded::Cause cause) {
 }
 
 std::string Metrics::Text(const MetricsNow& now) {
-  Impl& m = *impl_;
-  m.queue.Add({{"lane", "search"}}).Set(static_cast<double>(now.load.waiting_searches));
-  m.queue.Add({{"lane", "upload"}}).Set(static_cast<double>(now.load.waiting_uploads));
-  m.queue.Add({{"lane", "background"}}).Set(static_cast<double>(now.load.waiting_background));
-  m.busy_cores.Set(now.load.busy_cores);
-  m.decoders.Set(static_cast<double>(now.decoders));
-  m.resident_bytes.Set(ResidentBytes());
-  m.cpu_seconds.Set(CpuSeconds());
-  for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
-                               JobState::kFailed, JobState::kCancelled}) {
-    const auto count = now.jobs.find(state);
-    m.jobs.Add({{"state", JobStateName(state)}})
-        .Set(count == now.jobs.end() ? 0 : static_cast<double>(count->second));
-  }
-  if (now.stats != nullptr) {
-    const EngineStats& stats = *now.stats;
-    m.images.Set(static_cast<double>(stats.images));
-    m.objects.Set(static_cast<double>(stats.objects));
-    m.database_bytes.Set(static_cast<double>(stats.database_bytes));
-    m.disk_free_bytes.Set(static_cast<double>(now.disk_free_bytes));
-    m.index_bytes.Set(static_cast<double>(stats.index_bytes));
-    if (stats.server) m.SetServer(*stats.server);
-    if (stats.vocabulary) {
-      m.words.Set(static_cast<double>(stats.vocabulary->words));
-      m.SetVocabulary(*stats.vocabulary);
-    }
-    m.info
-        .Add({{"version", PLIANT_VERSION},
-              {"descriptor", stats.descriptor},
-              {"model", stats.model_id}})
-        .Set(1);
-  }
-  return prometheus::TextSerializer().Serialize(m.registry.Collect());
+  impl_->SetLoad(now);
+  impl_->SetStats(now.stats != nullptr ? *now.stats : EngineStats());
+  if (now.stats != nullptr) impl_->SetInfo(*now.stats);
+  return prometheus::TextSerializer().Serialize(impl_->registry.Collect());
 }
 
 }  // namespace pliant::server

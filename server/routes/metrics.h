@@ -20,16 +20,15 @@
 
 namespace pliant::server {
 
-// What /metrics says of the database. A file is read for every request. A database on a server may
-// be slow or gone: a thread asks it, at most every few seconds, and requests do not wait long.
-
-// Thread-safe. The engine must outlive it.
+// The figures of the database. Get() reads a file each time. A database server can be slow or gone:
+// a thread asks it, at most every few seconds, and Get() does not wait long. Thread-safe. The
+// engine must outlive it.
 class StoreFigures {
  public:
   StoreFigures(Engine* engine, bool on_server) : engine_(*engine), on_server_(on_server) {}
 
-  // Waits at most a moment for figures that are not too old; then gives the last ones, or nothing
-  // if there never were any. Of a file throws what Engine::Stats throws.
+  // Waits a second for recent figures, then returns the last ones; nothing if there are none yet.
+  // For a file throws what Engine::Stats throws.
   std::optional<EngineStats> Get();
 
  private:
@@ -43,11 +42,11 @@ class StoreFigures {
   std::condition_variable_any changed_;
   bool wanted_ = false;
   std::optional<EngineStats> stats_;
-  Clock::time_point asked_at_;  // when the last answer or failure came
+  Clock::time_point asked_at_;  // time of the last answer or failure
   std::jthread reader_;         // after the first Get
 };
 
-// Values that are read when the metrics are requested.
+// Values at the time of the request.
 struct MetricsNow {
   WorkerPool::Load load = {};
   const EngineStats* stats = nullptr;  // null = not known yet

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Objects: what images show, and where one is in an image.
+// Objects: list, show, rename, delete, and locate one in a photo.
 #include "descriptor/base/stopwatch.h"
 #include "index/json/record_json.h"
 #include "index/json/result_json.h"
@@ -8,41 +8,43 @@
 #include "index/verify/locate.h"
 #include "server/http/problem.h"
 #include "server/routes/answers.h"
-#include "server/routes/changes.h"
 #include "server/routes/lists.h"
-#include "server/routes/objects.h"
+#include "server/routes/request_body.h"
 #include "server/routes/routes.h"
-#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 namespace {
 
 [[noreturn]] void ThrowNoObject(const std::string& object) {
-  throw ProblemError("object_not_found", "There is no image of an object '" + object + "'.");
+  throw ProblemError("object_not_found", "No image shows the object '" + object + "'.");
 }
 
-const Orders<ObjectOrder>& ObjectOrders() {
-  static const Orders<ObjectOrder> orders = {{"object", ObjectOrder::kName},
-                                             {"created", ObjectOrder::kCreated},
-                                             {"updated", ObjectOrder::kUpdated},
-                                             {"images", ObjectOrder::kImages}};
-  return orders;
+// `image_id`: one image of the object; null if empty, as after the last image is deleted.
+Json ObjectJson(const ObjectRecord& object, const std::string& image_id) {
+  return {{"object", object.object}, {"images", object.images}, {"image_id", TextOrNull(image_id)}};
 }
+
+// With the first of its images.
+Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object) {
+  ListOptions first;
+  first.collection = collection;
+  first.object = object.object;
+  first.limit = 1;
+  const std::vector<ImageRecord> images = service.engine().List(first);
+  return ObjectJson(object, images.empty() ? std::string() : images.front().id);
+}
+
+const Orders<ObjectOrder> kObjectOrders = {{"object", ObjectOrder::kName},
+                                           {"created", ObjectOrder::kCreated},
+                                           {"updated", ObjectOrder::kUpdated},
+                                           {"images", ObjectOrder::kImages}};
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
-  ObjectListing list;
-  list.which = SelectionOf(parameters, CollectionOf(service, request));
-  const std::string identity = ListIdentity("objects", list.which, parameters);
-  static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
-  list.order = OrderOf(parameters, ObjectOrders());
-  const ObjectPage page = ListPageOf(service.engine(), list);
-  Json items = Json::array();
-  for (const ListedObject& object : page.records) items.push_back(ListedObjectJson(object));
-  return JsonResponse(PageJson("objects", std::move(items), page.next, page.total, page.facets,
-                               parameters, identity));
+  return ListAnswer<ObjectListing>(service, request, parameters, "objects", kObjectOrders,
+                                   ListedObjectJson);
 }
 
-Response Get(Service& service, const Request& request) {
+Response Get(Service& service, const Request& request, const Parameters&) {
   const std::string& object = request.captures.at("o");
   const std::string collection = CollectionOf(service, request);
   const auto found = service.engine().GetObject(collection, object);
@@ -50,13 +52,12 @@ Response Get(Service& service, const Request& request) {
   return RecordResponse(ObjectJson(service, collection, *found));
 }
 
-Response Remove(Service& service, const Request& request) {
+Response Delete(Service& service, const Request& request, const Parameters&) {
   const std::string& object = request.captures.at("o");
-  const std::uint64_t removed =
-      service.engine().RemoveObject(CollectionOf(service, request), object,
-                                    [&](const ObjectRecord& now, const std::string& image_id) {
-                                      CheckConditionsOf(request, ObjectJson(now, image_id));
-                                    });
+  const std::uint64_t removed = service.engine().RemoveObject(
+      request.captures.at("c"), object, [&](const ObjectRecord& now, const std::string& image_id) {
+        CheckConditionsOf(request, ObjectJson(now, image_id));
+      });
   if (removed == 0) ThrowNoObject(object);
   return JsonResponse({{"object", object}, {"deleted", removed}});
 }
@@ -76,148 +77,66 @@ Response Locate(Service& service, const Request& request, const Parameters& para
   return JsonResponse(json);
 }
 
-Response ChangeImage(Service& service, const Request& request) {
-  const Json patch = MergePatchOf(request, {"object", "metadata", "source"});
-  ImageChange change;
-  change.object = TextIn(patch, "object");
-  change.source = TextIn(patch, "source");
-  if (const auto it = patch.find("metadata"); it != patch.end()) {
-    if (!it->is_object() && !it->is_null()) {
-      ThrowInvalid("metadata", "metadata must be an object of keys to set, or null.");
-    }
-    change.metadata = ToText(*it);
-  }
-  change.check = [&](const ImageRecord& now) { CheckIfMatch(request, ImageJson(now)); };
-  return RecordResponse(ImageJson(
-      service.engine().Change(CollectionOf(service, request), request.captures.at("id"), change)));
-}
-
-Response ChangeObject(Service& service, const Request& request, const Parameters& parameters) {
+Response Patch(Service& service, const Request& request, const Parameters& parameters) {
   const Json patch = MergePatchOf(request, {"object"});
-  if (!patch.contains("object")) {
+  const std::optional<std::string> name = TextIn(patch, "object");
+  if (!name) {
     throw ProblemError("missing_parameter", "object is required: the new name.")
         .Parameter("object");
   }
-  const Json& name = patch["object"];
-  if (!name.is_string() || name.get<std::string>().empty()) {
-    ThrowInvalid("object", "object must be text, and not empty.");
-  }
+  if (name->empty()) ThrowInvalid("object", "object must be text, and not empty.");
   ObjectChange change;
-  change.name = name.get<std::string>();
+  change.name = *name;
   change.merge = parameters.Flag("merge").value_or(false);
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };
-  const std::string& collection = CollectionOf(service, request);
-  const ObjectRecord changed =
-      service.engine().ChangeObject(collection, request.captures.at("o"), change);
-  return RecordResponse(ObjectJson(service, collection, changed));
+  const std::string collection = CollectionOf(service, request);
+  return RecordResponse(
+      ObjectJson(service, collection,
+                 service.engine().ChangeObject(collection, request.captures.at("o"), change)));
 }
 
 }  // namespace
 
-Json ObjectJson(const ObjectRecord& object, const std::string& image_id) {
-  return {{"object", object.object},
-          {"images", object.images},
-          {"image_id", image_id.empty() ? Json(nullptr) : Json(image_id)}};
-}
-
-Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object) {
-  ListOptions first;
-  first.collection = collection;
-  first.object = object.object;
-  first.limit = 1;
-  const std::vector<ImageRecord> images = service.engine().List(first);
-  return ObjectJson(object, images.empty() ? std::string() : images.front().id);
-}
-
-void AddObjectRoutes(Service& service, std::vector<Route>& routes) {
-  std::vector<Parameter> listing = ListParameters(NamesOf(ObjectOrders()));
-  listing.push_back(CursorParameter());
-  listing.push_back(LimitParameter());
-  routes.push_back({.name = "objects.list",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/objects",
-                    .summary = "Objects, page by page: some or all, in the order asked for",
-                    .parameters = std::move(listing),
-                    .answers = {{200, "a page", "ObjectList"}},
-                    .example = R"(curl "$PLIANT/v1/collections/default/objects?sort=-images")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return List(service, request, parameters);
-                    }});
-  routes.push_back({.name = "objects.get",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/objects/{o}",
-                    .summary = "One object: how many images show it",
-                    .answers = {{200, "the object, with ETag", "Object"},
-                                {304, "If-None-Match names its ETag", "", ""}},
-                    .codes = {"object_not_found"},
-                    .example = R"(curl "$PLIANT/v1/collections/default/objects/mug")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Get(service, request);
-                    }});
-  routes.push_back({.name = "objects.locate",
-                    .method = "POST",
-                    .pattern = "/v1/collections/{c}/objects/{o}/locate",
-                    .summary = "Where the object is in the image sent",
-                    .body = BodyKind::kImageOrJson,
-                    .answers = {{200, "where, or that it is not found", "Location"}},
-                    .codes = {"object_not_found"},
-                    .example = R"(curl -F image=@mug.png )"
-                               R"("$PLIANT/v1/collections/default/objects/mug/locate")",
-                    .handler = [&service](const Request& request, const Parameters& parameters) {
-                      return Locate(service, request, parameters);
-                    }});
-  routes.push_back({.name = "objects.delete",
-                    .method = "DELETE",
-                    .pattern = "/v1/collections/{c}/objects/{o}",
-                    .summary = "Delete all images of an object",
-                    .scope = Scope::kWrite,
-                    .answers = {{200, "how many are gone", "ObjectDeleted"}},
-                    .codes = {"object_not_found"},
-                    .example = R"(curl -X DELETE "$PLIANT/v1/collections/default/objects/mug")",
-                    .handler = [&service](const Request& request,
-                                          const Parameters&) { return Remove(service, request); },
-                    .takes_if_match = true});
-}
-
-void AddChangeRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "images.patch",
-       .method = "PATCH",
-       .pattern = "/v1/collections/{c}/images/{id}",
-       .summary = "Change an image's object, metadata or source",
-       .scope = Scope::kWrite,
-       .body = BodyKind::kMergePatch,
-       .body_schema = "ImagePatch",
-       .answers = {{200, "the record as it is now", "Image"}},
-       .codes = {"image_not_found"},
-       .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-                  R"(-d '{"metadata": {"shelf": 5}}' )"
-                  R"("$PLIANT/v1/collections/default/images/$IMAGE")",
-       .handler = [&service](const Request& request,
-                             const Parameters&) { return ChangeImage(service, request); },
-       .takes_if_match = true});
-  routes.push_back(
-      {.name = "objects.patch",
-       .method = "PATCH",
-       .pattern = "/v1/collections/{c}/objects/{o}",
-       .summary = "Rename an object, with all its images",
-       .scope = Scope::kWrite,
-       .body = BodyKind::kMergePatch,
-       .body_schema = "ObjectPatch",
-       .parameters = {Parameter("merge", "whether the images join an object that has the name")
-                          .Boolean()
-                          .Default("false")},
-       .answers = {{200, "the object as it is now", "Object"}},
-       .codes = {"object_not_found", "object_exists"},
-       .example = R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-                  R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")",
-       .handler =
-           [&service](const Request& request, const Parameters& parameters) {
-             return ChangeObject(service, request, parameters);
-           },
-       .takes_if_match = true});
+void AddObjectRoutes(RouteTable& table) {
+  table.Add("GET /v1/collections/{c}/objects", "objects.list", List)
+      .Summary("List objects page by page")
+      .Takes(ListParameters(NamesOf(kObjectOrders)))
+      .Answers(200, "a page", "ObjectList")
+      .Example(R"(curl "$PLIANT/v1/collections/default/objects?sort=-images")");
+  table.Add("GET /v1/collections/{c}/objects/{o}", "objects.get", Get)
+      .Summary("Get one object and its number of images")
+      .Answers(200, "the object, with ETag", "Object")
+      .AnswersNotModified()
+      .Codes({"object_not_found"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/objects/mug")");
+  table.Add("PATCH /v1/collections/{c}/objects/{o}", "objects.patch", Patch)
+      .Summary("Rename an object in all its images")
+      .Needs(Scope::kWrite)
+      .Patches("ObjectPatch")
+      .Takes({Parameter("merge", "merge with an existing object of that name")
+                  .Boolean()
+                  .Default("false")})
+      .TakesIfMatch()
+      .Answers(200, "the object after the change", "Object")
+      .Codes({"object_not_found", "object_exists"})
+      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
+               R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")");
+  table.Add("DELETE /v1/collections/{c}/objects/{o}", "objects.delete", Delete)
+      .Summary("Delete all images of an object")
+      .Needs(Scope::kWrite)
+      .TakesIfMatch()
+      .Answers(200, "the number of deleted images", "ObjectDeleted")
+      .Codes({"object_not_found"})
+      .Example(R"(curl -X DELETE "$PLIANT/v1/collections/default/objects/mug")");
+  table.Add("POST /v1/collections/{c}/objects/{o}/locate", "objects.locate", Locate)
+      .Summary("Locate the object in the uploaded photo")
+      .Body(BodyKind::kImageOrJson)
+      .Answers(200, "the outline, or that the photo does not show the object", "Location")
+      .Codes({"object_not_found"})
+      .Example(R"(curl -F image=@mug.png )"
+               R"("$PLIANT/v1/collections/default/objects/mug/locate")");
 }
 
 }  // namespace pliant::server

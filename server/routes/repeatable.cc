@@ -1,7 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "server/routes/repeatable.h"
-
 #include <algorithm>
 #include <memory>
 #include <mutex>
@@ -15,6 +13,7 @@
 #include "server/http/json.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
+#include "server/routes/routes.h"
 
 namespace pliant::server {
 
@@ -78,77 +77,51 @@ Response Replayed(const std::string& remembered) {
 
 [[noreturn]] void ThrowRunning() {
   throw ProblemError("idempotency_running",
-                     "The request with this Idempotency-Key is still being done.")
+                     "The first request with this Idempotency-Key is still running.")
       .RetryAfter(1);
 }
 
-// Requests with a key that this process is doing.
-class Running {
- public:
-  using Name = std::pair<std::string, std::string>;  // caller, key
-
-  // Throws ProblemError "idempotency_running".
-  void Begin(const Name& name) {
-    const std::lock_guard lock(mutex_);
-    if (!names_.insert(name).second) ThrowRunning();
-  }
-  void End(const Name& name) {
-    const std::lock_guard lock(mutex_);
-    names_.erase(name);
-  }
-
- private:
-  std::mutex mutex_;
-  std::set<Name> names_;
+// Requests with a key that run in this process, by caller and key.
+struct Running {
+  std::mutex mutex;
+  std::set<std::pair<std::string, std::string>> names;
 };
 
-// Forgets the request unless it was answered.
-class Attempt {
- public:
-  Attempt(ServiceStore& store, RepeatableRequest request)
-      : store_(store), request_(std::move(request)) {}
-  Attempt(const Attempt&) = delete;
-  Attempt& operator=(const Attempt&) = delete;
-  ~Attempt() {
-    if (!ended_) End(std::nullopt);
+// No answer: the request failed. After a failure to store the answer, the server performs the
+// request again when it comes again.
+void End(ServiceStore& store, const RepeatableRequest& request,
+         const std::optional<std::string>& answer) {
+  try {
+    store.EndRequest(request, answer);
+  } catch (const std::exception& error) {
+    spdlog::error("cannot store the answer to Idempotency-Key {}: {}", request.name, error.what());
   }
+}
 
-  void Answered(const Response& response) { End(Remembered(response)); }
-
- private:
-  // What could not be written down is done anew when it is sent again.
-  void End(const std::optional<std::string>& answer) {
-    ended_ = true;
-    try {
-      store_.EndRequest(request_, answer);
-    } catch (const std::exception& error) {
-      spdlog::error("the answer to Idempotency-Key {} is not remembered: {}", request_.name,
-                    error.what());
-    }
-  }
-
-  ServiceStore& store_;
-  const RepeatableRequest request_;
-  bool ended_ = false;
-};
-
-Response DoOnce(Service& service, const RepeatableRequest& name, const Handler& handler,
+Response DoOnce(ServiceStore& store, const RepeatableRequest& name, const Handler& handler,
                 const Request& request, const Parameters& parameters) {
-  const RequestState state = service.store().BeginRequest(name);
+  const RequestState state = store.BeginRequest(name);
   switch (state.kind) {
     case RequestState::kRunning:
       ThrowRunning();
     case RequestState::kOther:
       throw ProblemError("idempotency_other",
-                         "Another request had this Idempotency-Key within the last day.");
+                         "This Idempotency-Key was already used for a different request.");
     case RequestState::kAnswered:
       return Replayed(state.answer);
     case RequestState::kBegun:
       break;
   }
-  Attempt attempt(service.store(), name);
-  Response response = handler(request, parameters);
-  if (response.status < 300) attempt.Answered(response);
+  std::optional<std::string> answer;
+  Response response;
+  try {
+    response = handler(request, parameters);
+    if (response.status < 300) answer = Remembered(response);
+  } catch (...) {
+    End(store, name, std::nullopt);
+    throw;
+  }
+  End(store, name, answer);
   return response;
 }
 
@@ -159,10 +132,15 @@ Handler Repeatable(Service& service, Handler handler) {
              const Request& request, const Parameters& parameters) {
     if (!request.headers.contains(kHeader)) return handler(request, parameters);
     const RepeatableRequest name{request.caller.key_id, KeyOf(request), FingerprintOf(request)};
-    running->Begin({name.caller, name.name});
-    const auto end = [&](void*) { running->End({name.caller, name.name}); };
-    const std::unique_ptr<void, decltype(end)> ending(running.get(), end);
-    return DoOnce(service, name, handler, request, parameters);
+    std::unique_lock lock(running->mutex);
+    const auto [at, is_new] = running->names.emplace(name.caller, name.name);
+    if (!is_new) ThrowRunning();
+    lock.unlock();
+    const std::shared_ptr<void> ending(nullptr, [&running, at = at](void*) {
+      const std::lock_guard again(running->mutex);
+      running->names.erase(at);
+    });
+    return DoOnce(service.store(), name, handler, request, parameters);
   };
 }
 

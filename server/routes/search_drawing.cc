@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "descriptor/base/utf8.h"
 #include "descriptor/drawing/drawing.h"
 #include "server/http/accept.h"
 
@@ -21,14 +22,10 @@ constexpr int kLongerSide = 1600;
 constexpr int kJpegQuality = 90;
 constexpr std::size_t kMostLetters = 40;  // of a name
 
-// At most so many characters of UTF-8.
 std::string Shortened(const std::string& text) {
-  std::size_t letters = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if ((static_cast<unsigned char>(text[i]) & 0xC0) == 0x80) continue;
-    if (++letters > kMostLetters) return text.substr(0, i) + "…";
-  }
-  return text;
+  const std::u32string letters = DecodeUtf8(text);
+  if (letters.size() <= kMostLetters) return text;
+  return EncodeUtf8(letters.substr(0, kMostLetters)) + "…";
 }
 
 std::string NameOf(const Hit& hit) {
@@ -50,7 +47,7 @@ class Sheet {
   void Outline(const std::vector<Point>& polygon, Colour colour) {
     DrawPolyline(image_, OnSheet(polygon), true, colour, line_);
   }
-  // Above the outline's highest point, inside of the image.
+  // Above the outline's highest point, inside the image.
   void Name(const std::vector<Point>& polygon, const std::string& name, Colour colour) {
     const std::vector<Vec2> points = OnSheet(polygon);
     const Vec2 top =
@@ -69,7 +66,6 @@ class Sheet {
     DrawText(image_, left + pad, above + pad + letters_, text, colours::kBlack, letters_);
   }
   const Image& image() const { return image_; }
-  int height() const { return image_.height; }
 
  private:
   // Pixel centres are at integers, before and after scaling.
@@ -118,7 +114,7 @@ std::string DrawSearch(Bytes query, DecodeOptions options, const ImageDecoder& d
   for (std::size_t i = 0; i < drawn.size(); ++i) {  // above all lines
     sheet.Name(drawn[i]->polygon, NameOf(*drawn[i]), DistinctColour(i));
   }
-  if (drawn.empty()) sheet.Label(0, sheet.height(), "not found", colours::kGrey);
+  if (drawn.empty()) sheet.Label(0, sheet.image().height, "not found", colours::kGrey);
   const std::vector<std::uint8_t> bytes =
       png ? EncodePng(sheet.image()) : EncodeJpeg(sheet.image(), kJpegQuality);
   return {bytes.begin(), bytes.end()};

@@ -10,14 +10,13 @@
 
 namespace pliant::server {
 
-// Whether the header Accept names PNG and gives it no less weight than JPEG (RFC 9110, section
-// 12.5.1).
+// Whether the header Accept names PNG with at least the weight of JPEG (RFC 9110, section 12.5.1).
 bool PrefersPng(const std::string& accept);
 
-// The query image, its longer side at most 1600 pixels, with the outlines of all instances of the
-// hits that are found, each in its own colour with its object's name (or its file's, or its id) and
-// probability. Hits without probabilities are drawn where they have an outline. With nothing to
-// draw it says "not found". A JPEG, or a PNG. Throws what `decode` throws.
+// The query image as a JPEG or PNG, its longer side at most 1600 pixels, with the outlines of all
+// instances of the found hits. Each hit has its own colour, its name (the object, else the file
+// name, else the id) and its probability. Hits without probabilities are drawn if they have an
+// outline. The label "not found" replaces missing outlines. Throws what `decode` throws.
 std::string DrawSearch(Bytes query, DecodeOptions options, const ImageDecoder& decode,
                        const SearchResult& result, bool png);
 

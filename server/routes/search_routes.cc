@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Which object is this?
-#include <array>
+#include <algorithm>
 #include <chrono>
-#include <memory>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -14,132 +13,274 @@
 #include "index/json/result_json.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
-#include "server/routes/answers.h"
+#include "server/routes/lists.h"
+#include "server/routes/request_body.h"
 #include "server/routes/routes.h"
 #include "server/routes/search_drawing.h"
-#include "server/routes/search_options.h"
-#include "server/routes/uploaded_image.h"
 
 namespace pliant::server {
 namespace {
 
 // How long the first search after the first uploads waits for the vocabulary.
 constexpr std::chrono::milliseconds kVocabularyWait{15'000};
-constexpr std::size_t kMostSearches = 100;  // of one batch
+constexpr std::size_t kMostSearches = 100;  // in one batch
+constexpr int kPreviewSidePx = 1280;        // of the query image
 
-// A search stores nothing, so it is not told that nothing can be stored but what follows from that.
-std::optional<JobStatus> TrainingOf(AutoTrainer& trainer, const std::string& collection) {
-  try {
-    return trainer.TrainIfDue(collection);
-  } catch (const Error& error) {
-    if (error.code() != ErrorCode::kNoSpace && error.code() != ErrorCode::kReadOnly) throw;
-    spdlog::warn("no vocabulary for '{}': {}", collection, error.what());
-    throw ProblemError("no_vocabulary",
-                       error.code() == ErrorCode::kNoSpace
-                           ? "There is no vocabulary yet, and none can be stored: the server's "
-                             "disk is full. Free some of it, then search again."
-                           : "There is no vocabulary yet, and none can be stored: the server may "
-                             "not write its database.");
-  }
+constexpr std::int64_t kLargestOffset = 1'000'000;
+constexpr std::int64_t kLargestLimit = 1'000;
+constexpr std::int64_t kLargestDepth = 10'000;
+constexpr std::int64_t kMostInstances = 100;
+constexpr double kLargestCoordinate = 1e6;
+
+// The query is an uploaded image, a stored one, or several stored ones.
+struct SearchQuery {
+  UploadedImage image;  // without the other two
+  std::optional<std::string> image_id;
+  std::vector<std::string> image_ids;  // empty = absent
+  SearchOptions options;
+};
+
+std::vector<Parameter> SearchParameters() {
+  return {
+      {"image_id", "the query is this stored image"},
+      Parameter("exclude_self", "with image_id: leave that image out of the hits")
+          .Boolean()
+          .Default("true"),
+      Parameter("image_ids",
+                "the query is these stored images, at most 16: hits are similar to any of them, "
+                "first those similar to several; the images themselves are no hits")
+          .JsonList(),
+      Parameter("limit", "hits per page; 0: all").Integer(0, kLargestLimit).Default("10"),
+      Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
+      Parameter("group_by", "object: each object once, with its best image; or image")
+          .Choice({"object", "image"})
+          .Default("object"),
+      Parameter(
+          "rank",
+          "neighbours: votes of nearest neighbours; histogram: the paper's histogram distance")
+          .Choice({"neighbours", "histogram"})
+          .Default("neighbours"),
+      Parameter("verify",
+                "tps: the matches of the best hits must agree on one smooth warp; none: no "
+                "verification. By default tps, and none if rank is histogram")
+          .Choice({"none", "tps"}),
+      Parameter("verify_depth",
+                "number of candidates to verify. Default: adaptive, 30 to 100 or the square root "
+                "of the collection's size, while candidates agree; twice that if none agrees")
+          .Integer(1, kLargestDepth),
+      Parameter("expand",
+                "query expansion: number of verified images to use as further queries, for views "
+                "that the query alone does not reach. Default: 3 if group_by is image, else 0")
+          .Integer(0, kMostExpansions),
+      Parameter("instances", "maximum number of instances of one object in the photo")
+          .Integer(1, kMostInstances)
+          .Default("4"),
+      Parameter("closer_look",
+                "if nothing is found, search again with keypoints at high resolution and return "
+                "the better answer; takes three to four times as long; not with image_id or "
+                "image_ids")
+          .Boolean()
+          .Default("true"),
+      Parameter("region",
+                "x,y,width,height in pixels of the photo: search with this part only, at the "
+                "resolution of a whole photo")
+          .Numbers(4),
+      Parameter("min_score", "drop hits with a lower score").Number(0, 1).Default("0"),
+      OfObjectParameter(),
+      FilterParameter(),
+      Parameter("explain", "add an explanation to every hit").Boolean().Default("false")};
 }
 
-// Waits for the first vocabulary where one is on its way. Throws ProblemError "no_vocabulary".
+Region RegionOf(const std::vector<double>& numbers) {
+  const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
+  for (const double number : numbers) {
+    if (number < -kLargestCoordinate || number > kLargestCoordinate) {
+      ThrowInvalid("region", "region lies outside of any image.");
+    }
+  }
+  if (region.width <= 0 || region.height <= 0) {
+    ThrowInvalid("region", "region is x,y,width,height in pixels; width and height must be > 0.");
+  }
+  return region;
+}
+
+SearchOptions OptionsOf(const Parameters& parameters, const std::string& collection) {
+  SearchOptions options;
+  options.collection = collection;
+  options.limit = static_cast<std::size_t>(parameters.Integer("limit").value_or(10));
+  options.offset = static_cast<std::size_t>(parameters.Integer("offset").value_or(0));
+  options.group_by =
+      parameters
+          .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
+          .value_or(options.group_by);
+  options.rank = parameters
+                     .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
+                                                  {"histogram", RankMethod::kHistogram}})
+                     .value_or(options.rank);
+  options.verify = parameters
+                       .Choice<Verification>(
+                           "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
+                       .value_or(options.verify);
+  options.min_score = parameters.Number("min_score").value_or(0);
+  options.object = parameters.Text("object");
+  options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
+  if (const auto expand = parameters.Integer("expand")) {
+    options.expand = static_cast<int>(*expand);
+  }
+  options.max_instances =
+      static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
+  if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
+  options.explain = parameters.Flag("explain").value_or(options.explain);
+  options.second_pass = parameters.Flag("closer_look").value_or(options.second_pass);
+  if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
+  return options;
+}
+
+std::vector<std::string> ExamplesOf(const Parameters& parameters) {
+  std::vector<std::string> ids;
+  const auto list = parameters.JsonList("image_ids");
+  if (!list) return ids;
+  if (list->empty() || list->size() > kMaxExamples) {
+    ThrowInvalid("image_ids",
+                 "image_ids must be 1 to " + std::to_string(kMaxExamples) + " ids of images.");
+  }
+  for (const Json& id : *list) {
+    if (!id.is_string()) ThrowInvalid("image_ids", "image_ids must be an array of text.");
+    ids.push_back(id.get<std::string>());
+    if (std::count(ids.begin(), ids.end(), ids.back()) > 1) {
+      ThrowInvalid("image_ids", "image_ids has an id twice.");
+    }
+  }
+  return ids;
+}
+
+// Throws ProblemError that names the parameter, and what ImageOf throws.
+SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
+                          const std::string& collection, Fetcher& fetcher, Fetcher::For whom) {
+  SearchQuery query;
+  query.options = OptionsOf(parameters, collection);
+  query.image_id = parameters.Text("image_id");
+  query.image_ids = ExamplesOf(parameters);
+  const bool has_image = HasImage(request, parameters);
+  if (query.image_id && has_image) {
+    ThrowInvalid("image_id", "image_id and an image exclude each other.");
+  }
+  if (!query.image_ids.empty() && (query.image_id || has_image)) {
+    ThrowInvalid("image_ids", "image_ids excludes image_id and an image.");
+  }
+  if (!query.image_ids.empty() && query.options.region) {
+    ThrowInvalid("region", "region needs one query image; image_ids names several.");
+  }
+  if (query.image_id) {
+    if (parameters.Flag("exclude_self").value_or(true)) query.options.without = {*query.image_id};
+  } else if (parameters.has("exclude_self")) {
+    ThrowInvalid("exclude_self", "exclude_self needs image_id.");
+  }
+  if (!query.image_id && query.image_ids.empty()) {
+    query.image = ImageOf(request, parameters, fetcher, whom);
+  }
+  return query;
+}
+
+ProblemError NoVocabulary(const std::string& why) {
+  return {"no_vocabulary", "The collection has no vocabulary yet" + why};
+}
+
+// Waits for the first vocabulary if a job trains it. Throws ProblemError "no_vocabulary".
 void AwaitVocabulary(Service& service, const std::string& collection) {
+  const std::string path = "/v1/collections/" + collection;
   AutoTrainer* trainer = service.auto_trainer();
   if (trainer == nullptr) {
-    throw ProblemError(
-        "no_vocabulary",
-        "There is no vocabulary yet, and --auto-train is off. POST to /v1/collections/" +
-            collection + "/vocabularies to train one.");
+    throw NoVocabulary(", and --auto-train is off. POST to " + path +
+                       "/vocabularies to train one.");
   }
-  const std::optional<JobStatus> job = TrainingOf(*trainer, collection);
-  if (!job) {
-    throw ProblemError("no_vocabulary",
-                       "There is nothing to find yet: the collection has no images. POST some to "
-                       "/v1/collections/" +
-                           collection + "/images.");
+  std::optional<JobStatus> job;
+  try {
+    job = trainer->TrainIfDue(collection);
+  } catch (const Error& error) {
+    // A search stores nothing: its problem is not the full disk, but the missing vocabulary.
+    if (error.code() != ErrorCode::kNoSpace && error.code() != ErrorCode::kReadOnly) throw;
+    spdlog::warn("no vocabulary for '{}': {}", collection, error.what());
+    throw NoVocabulary(error.code() == ErrorCode::kNoSpace
+                           ? ", and the server's disk is too full to store one. Free some space, "
+                             "then search again."
+                           : ", and the server cannot write to its database.");
   }
+  if (!job) throw NoVocabulary(" and no images. POST some to " + path + "/images.");
   if (!service.jobs->WaitFor(job->id, kVocabularyWait)) {
-    throw ProblemError("no_vocabulary", "The first vocabulary is being trained, see /v1/jobs/" +
-                                            job->id + ". Search again when that is done.")
+    throw NoVocabulary(": the server is training the first vocabulary, see /v1/jobs/" + job->id +
+                       ". Search again when the job is done.")
         .RetryAfter(5);
   }
 }
 
 SearchResult SearchOnPool(Service& service, const SearchQuery& query) {
-  const std::string& collection = query.options.collection;
-  // Or 404, whatever else lacks.
-  if (query.image_id) service.engine().Get(collection, *query.image_id);
-  for (const std::string& id : query.image_ids) service.engine().Get(collection, id);
-  if (!service.engine().HasVocabulary(collection)) AwaitVocabulary(service, collection);
   SearchResult result;
-  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
+  const auto search = [&](int cores) {
     SearchOptions options = query.options;
     options.threads = cores;
     Engine& engine = service.engine();
     result = query.image_id             ? engine.SearchStored(*query.image_id, options)
              : !query.image_ids.empty() ? engine.SearchExamples(query.image_ids, options)
                                         : engine.Search(query.image.bytes, options);
-  });
+  };
+  try {
+    service.pool.Run(WorkerPool::Lane::kSearch, search);
+  } catch (const Error& error) {
+    if (error.reason() != "no_vocabulary") throw;
+    AwaitVocabulary(service, service.engine().CollectionName(query.options.collection));
+    service.pool.Run(WorkerPool::Lane::kSearch, search);
+  }
   service.metrics.OnSearch(result.timings);
   return result;
 }
 
-// An image in place of the JSON: the query with the outlines and names of the hits.
+// The query image's bytes; `stored` keeps those of a stored one.
+Bytes QueryBytes(Service& service, const SearchQuery& query, std::vector<std::uint8_t>& stored) {
+  if (!query.image_id) return query.image.bytes;
+  stored = service.engine().GetContent(query.options.collection, *query.image_id);
+  return stored;
+}
+
+// The query image with the outlines and names of the hits.
 Response Drawing(Service& service, const Request& request, const SearchQuery& query,
                  const SearchResult& result) {
   std::vector<std::uint8_t> stored;
-  if (query.image_id) {
-    stored = service.engine().GetContent(query.options.collection, *query.image_id);
-  }
+  const Bytes bytes = QueryBytes(service, query, stored);
   const bool png = PrefersPng(request.header("Accept"));
-  std::string image;
+  std::string drawing;
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
-    image = DrawSearch(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
-                       service.options.engine.extraction.decode, service.decode(), result, png);
+    drawing =
+        DrawSearch(bytes, service.options.engine.extraction.decode, service.decode(), result, png);
   });
-  Response response;
-  response.content_type = png ? "image/png" : "image/jpeg";
-  response.body = std::move(image);
-  response.headers.emplace_back("Cache-Control", "no-store");
-  return response;
+  return {.content_type = png ? "image/png" : "image/jpeg",
+          .body = std::move(drawing),
+          .headers = {{"Cache-Control", "no-store"}}};
 }
 
-// The query as a browser shows it: what was fetched, for example, or is of a type it cannot read.
+// The query image for a browser: a fetched one, or one of a type that the browser cannot read.
 std::string Preview(Service& service, const SearchQuery& query) {
   std::vector<std::uint8_t> stored;
-  if (query.image_id) {
-    stored = service.engine().GetContent(query.options.collection, *query.image_id);
-  }
-  std::string jpeg;
-  service.pool.Run(WorkerPool::Lane::kSearch, [&](int) {
-    jpeg =
-        MakeThumbnail(query.image_id ? Bytes(stored) : Bytes(query.image.bytes),
-                      service.options.engine.extraction.decode, service.decode(), kPreviewSidePx);
-  });
+  const std::string jpeg = service.Shrink(QueryBytes(service, query, stored), kPreviewSidePx);
   return "data:image/jpeg;base64," + Base64(jpeg.data(), jpeg.size());
-}
-
-// Parameters that say what the answer is made of, and need one query image.
-void CheckImages(const SearchQuery& query, bool draws, bool previews) {
-  if (draws && !query.image_ids.empty()) {
-    ThrowInvalid("draw", "draw needs one query image, and image_ids are several.");
-  }
-  if (previews && !query.image_ids.empty()) {
-    ThrowInvalid("preview", "preview needs one query image, and image_ids are several.");
-  }
-  if (draws && previews) {
-    ThrowInvalid("preview", "preview is a part of the JSON that draw has an image in place of.");
-  }
 }
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const Stopwatch watch;
-  const SearchQuery query =
-      SearchQueryOf(request, parameters, CollectionOf(service, request), service.fetcher);
   const bool draws = parameters.Flag("draw").value_or(false);
   const bool previews = parameters.Flag("preview").value_or(false);
-  CheckImages(query, draws, previews);
+  // The search resolves the name. A stored query image is read after it, from the same collection.
+  const bool reads_stored = parameters.has("image_id") && (draws || previews);
+  const SearchQuery query = SearchQueryOf(
+      request, parameters, reads_stored ? CollectionOf(service, request) : request.captures.at("c"),
+      service.fetcher, Fetcher::For::kRequest);
+  if ((draws || previews) && !query.image_ids.empty()) {
+    const std::string name = draws ? "draw" : "preview";
+    ThrowInvalid(name, name + " needs one query image; image_ids names several.");
+  }
+  if (draws && previews) {
+    ThrowInvalid("preview", "preview is part of a JSON answer; draw answers with an image.");
+  }
   const SearchResult result = SearchOnPool(service, query);
   if (draws) return Drawing(service, request, query, result);
   Json answer = SearchResultJson(result, watch.ms());
@@ -147,20 +288,14 @@ Response Search(Service& service, const Request& request, const Parameters& para
   return JsonResponse(answer);
 }
 
-// The parameters of a single search, which those of a batch are checked against.
-const Route& SingleSearch() {
-  static const Route route = [] {
-    Route made;
-    made.name = "search";
-    made.body = BodyKind::kImageOrJson;
-    made.parameters = SearchParameters();
-    return made;
-  }();
-  return route;
-}
-
 Json ResultOf(Service& service, const Request& batch, const std::string& collection,
               const Json& item) {
+  static const Route single{.name = "search",
+                            .method = "POST",
+                            .pattern = "/v1/collections/{c}/search",
+                            .body = BodyKind::kImageOrJson,
+                            .parameters = SearchParameters(),
+                            .handler = {}};
   const Stopwatch watch;
   try {
     if (!item.is_object()) ThrowInvalid("searches", "A search must be a JSON object.");
@@ -169,7 +304,7 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
     request.content_type = "application/json";
     request.body = ToText(item);
     request.has_body = true;
-    const Parameters parameters(SingleSearch(), request);
+    const Parameters parameters(single, request);
     const SearchQuery query =
         SearchQueryOf(request, parameters, collection, service.fetcher, Fetcher::For::kBatch);
     const SearchResult found = SearchOnPool(service, query);
@@ -181,6 +316,7 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
   }
 }
 
+// All searches of a batch use the same collection, even if its alias moves meanwhile.
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {
   const std::string collection = CollectionOf(service, request);
   const Json searches = parameters.JsonList("searches").value_or(Json::array());
@@ -190,153 +326,50 @@ Response SearchBatch(Service& service, const Request& request, const Parameters&
   }
   std::vector<Json> results(searches.size());
   ParallelFor(searches.size(), service.pool.cores(), [&](std::size_t i) {
-    results[i] = ResultOf(service, request, collection, searches[i]);
+    results[i] = {{"index", i}};
+    results[i].update(ResultOf(service, request, collection, searches[i]));
   });
-  Json list = Json::array();
-  std::size_t failed = 0;
-  for (std::size_t i = 0; i < results.size(); ++i) {
-    if (results[i].contains("problem")) ++failed;
-    Json entry = {{"index", i}};
-    entry.update(results[i]);
-    list.push_back(std::move(entry));
-  }
-  return JsonResponse({{"failed", failed}, {"results", std::move(list)}}, 207);
-}
-
-constexpr std::array<const char*, 2> kNames = {"first", "second"};
-using Pair = std::array<UploadedImage, kNames.size()>;
-
-// What is said of image_url is said of the image that has it.
-[[noreturn]] void ThrowFor(const char* name) {
-  Problem problem = CurrentProblem();
-  if (problem.parameter == "image_url") problem.parameter = name;
-  throw ProblemError(std::move(problem));
-}
-
-std::vector<UploadedImage> Uploaded(const Request& request) {
-  const bool none = std::none_of(request.parts.begin(), request.parts.end(),
-                                 [](const Part& part) { return part.name == "image"; });
-  return none ? std::vector<UploadedImage>() : ImagesOf(request);
-}
-
-// The images that are named by `first` and `second`, and in the places of those that are not, the
-// form's fields 'image' in their order. Nothing is fetched before all of it is there.
-Pair PairOf(const Request& request, const Parameters& parameters, Fetcher& fetcher) {
-  std::vector<UploadedImage> uploaded = Uploaded(request);
-  std::size_t taken = 0;
-  Pair pair;
-  for (std::size_t i = 0; i < pair.size(); ++i) {
-    const ImageText* named = parameters.Image(kNames[i]);
-    if (named != nullptr && named->base64) {
-      pair[i] = ImageOfBase64(*named->base64, kNames[i]);
-    } else if (named == nullptr && taken < uploaded.size()) {
-      pair[i] = std::move(uploaded[taken++]);
-    } else if (named == nullptr) {
-      throw ProblemError("missing_parameter",
-                         "Two images are required: form fields 'image', or 'first' and 'second', "
-                         "each with image (base64) or image_url.")
-          .Parameter(request.is_multipart() ? "image" : kNames[i]);
-    }
-  }
-  if (taken < uploaded.size()) {
-    throw ProblemError("duplicate_parameter", "There are more than two images.").Parameter("image");
-  }
-  std::shared_ptr<void> place;  // one for both: a request that waits for its second helps nobody
-  for (std::size_t i = 0; i < pair.size(); ++i) {
-    const ImageText* named = parameters.Image(kNames[i]);
-    if (named == nullptr || !named->url) continue;
-    try {
-      FetchedImage fetched = fetcher.Fetch(*named->url, Fetcher::For::kRequest, {}, place);
-      place = fetched.place;
-      const Bytes bytes(*fetched.bytes);
-      pair[i] = {bytes, std::move(fetched.source), std::move(fetched.bytes)};
-    } catch (...) {
-      ThrowFor(kNames[i]);
-    }
-  }
-  return pair;
-}
-
-Response Compare(Service& service, const Request& request, const Parameters& parameters) {
-  const Stopwatch watch;
-  const Pair images = PairOf(request, parameters, service.fetcher);
-  Comparison comparison;
-  service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
-    comparison = service.engine().Compare(images[0].bytes, images[1].bytes, cores);
-  });
-  const bool explain = parameters.Flag("explain").value_or(false);
-  return JsonResponse(ComparisonJson(comparison, watch.ms(), explain));
+  const auto failed = std::count_if(results.begin(), results.end(),
+                                    [](const Json& result) { return result.contains("problem"); });
+  return JsonResponse({{"failed", failed}, {"results", std::move(results)}}, 207);
 }
 
 }  // namespace
 
-void AddSearchRoutes(Service& service, std::vector<Route>& routes) {
+void AddSearchRoutes(RouteTable& table) {
   std::vector<Parameter> parameters = SearchParameters();
   parameters.push_back(Parameter("draw",
-                                 "answer with the query image, outlines and names drawn into it: "
-                                 "a JPEG, or a PNG where Accept prefers one")
+                                 "answer with the photo itself, with the outline and name of every "
+                                 "found object: a JPEG, or a PNG if Accept prefers it")
                            .Boolean()
                            .Default("false"));
   parameters.push_back(Parameter("preview",
-                                 "query.preview of the answer is the query image, a JPEG of at "
-                                 "most 1280 pixels in a data: URL: to show what was fetched")
+                                 "add the photo as a JPEG of at most 1280 pixels to query.preview, "
+                                 "as a data: URL; not with draw")
                            .Boolean()
                            .Default("false"));
-  routes.push_back({.name = "search",
-                    .method = "POST",
-                    .pattern = "/v1/collections/{c}/search",
-                    .summary = "Which object is this?",
-                    .body = BodyKind::kImageOrJson,
-                    .parameters = std::move(parameters),
-                    .answers = {{200, "hits, best first", "SearchAnswer"},
-                                {200, "with draw: the query image", "", "image/jpeg"},
-                                {200, "with draw: the query image", "", "image/png"}},
-                    .codes = {"image_not_found", "no_vocabulary", "content_not_kept"},
-                    .example = R"(curl -F image=@mug.png -F limit=3 )"
-                               R"("$PLIANT/v1/collections/default/search")",
-                    .handler = [&service](const Request& request, const Parameters& given) {
-                      return Search(service, request, given);
-                    }});
-  routes.push_back(
-      {.name = "search.batch",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/search:batch",
-       .summary = "Several searches; each has an answer or a problem of its own",
-       .body = BodyKind::kJson,
-       .parameters = {Parameter("searches",
-                                "up to 100 objects, each with the parameters of a search, and "
-                                "image_id, image_ids or an image, as base64 in image or by its "
-                                "address in image_url")
-                          .JsonList()
-                          .Required()},
-       .answers = {{207, "a result for each search, in their order", "SearchBatchAnswer"}},
-       .example = R"(curl -H "Content-Type: application/json" )"
-                  R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}" )"
-                  R"("$PLIANT/v1/collections/default/search:batch")",
-       .handler = [&service](const Request& request, const Parameters& given) {
-         return SearchBatch(service, request, given);
-       }});
-}
-
-void AddCompareRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "compare",
-       .method = "POST",
-       .pattern = "/v1/compare",
-       .summary = "Do two images show the same object, and where is that of the first in the "
-                  "second? Neither is stored",
-       .body = BodyKind::kPair,
-       .parameters =
-           {Parameter("first", "the first image, where it is no form field image").Image(),
-            Parameter("second", "likewise the second").Image(),
-            Parameter("explain", "the matches that agree, and the warp")
-                .Boolean()
-                .Default("false")},
-       .answers = {{200, "what the two have in common", "Comparison"}},
-       .example = R"(curl -F image=@mug.png -F image=@cup.png "$PLIANT/v1/compare")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return Compare(service, request, parameters);
-       }});
+  table.Add("POST /v1/collections/{c}/search", "search", Search)
+      .Summary("Which object is this?")
+      .Body(BodyKind::kImageOrJson)
+      .Takes(std::move(parameters))
+      .Answers(200, "hits, best first", "SearchAnswer")
+      .Sends("image/jpeg", "with draw: the photo")
+      .Sends("image/png", "with draw: the photo")
+      .Codes({"image_not_found", "no_vocabulary", "content_not_kept"})
+      .Example(R"(curl -F image=@mug.png -F limit=3 )"
+               R"("$PLIANT/v1/collections/default/search")");
+  table.Add("POST /v1/collections/{c}/search:batch", "search.batch", SearchBatch)
+      .Summary("Run several searches; each gets its own answer or problem")
+      .Body(BodyKind::kJson)
+      .Takes({Parameter("searches",
+                        "up to 100 objects, each with the parameters of a search, and image_id, "
+                        "image_ids, image (base64) or image_url")
+                  .JsonList()
+                  .Required()})
+      .Answers(207, "one result for each search, in their order", "SearchBatchAnswer")
+      .Example(R"(curl -H "Content-Type: application/json" )"
+               R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}" )"
+               R"("$PLIANT/v1/collections/default/search:batch")");
 }
 
 }  // namespace pliant::server

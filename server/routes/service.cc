@@ -16,6 +16,8 @@
 
 namespace pliant::server {
 
+constexpr int kJpegQuality = 82;  // of thumbnails
+
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
@@ -23,8 +25,8 @@ Service::Service(ServiceOptions service_options)
       bulk_files(options.bulk),
       fetcher(options.fetch) {}
 
-// Who uses something ends before it: the trainer makes jobs, jobs use the engine and the pool, and
-// tell the trainer what they add.
+// Users end first: the trainer creates jobs; jobs use the engine and the pool, and tell the trainer
+// what they add.
 Service::~Service() {
   ready_ = false;
   if (auto_trainer_) auto_trainer_->Stop();
@@ -34,20 +36,21 @@ Service::~Service() {
 
 void Service::StartDecoders() {
   if (!options.decoder) {
-    spdlog::info("images are decoded inside the server's process (--decoder inside)");
+    spdlog::info("the server decodes images in its own process (--decoder inside)");
     return;
   }
   try {
     decoders_ = std::make_unique<DecoderPool>(
         *options.decoder, [this](DecoderEnded::Cause cause) { metrics.OnDecoderEnded(cause); });
   } catch (const Error& error) {
-    throw Error(error.code(), error.reason(),
-                std::string(error.what()) +
-                    ". With --decoder inside the server decodes images itself, with less safety.");
+    throw Error(
+        error.code(), error.reason(),
+        std::string(error.what()) +
+            ". With --decoder inside the server decodes images in its own process, less safely.");
   }
   decode_ = [this](Bytes bytes, const DecodeOptions& how) { return decoders_->Decode(bytes, how); };
   if (!decoders_->missing().empty()) {
-    spdlog::warn("the system calls of decoders are not limited: {}", decoders_->missing());
+    spdlog::warn("the system calls of decoders are not restricted: {}", decoders_->missing());
   }
 }
 
@@ -59,11 +62,10 @@ void Service::Open() {
   engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
   engine_ = std::make_unique<Engine>(engine_options);
   if (IsSetAside(engine_options.database)) {
-    spdlog::info(
-        "the originals' directory is not swept: {}.before-restore-... may need what lies there",
-        engine_options.database.string());
+    spdlog::info("unused originals are kept: {}.before-restore-... may need them",
+                 engine_options.database.string());
   } else if (const std::uint64_t swept = engine_->SweepOriginals(); swept > 0) {
-    spdlog::info("removed {} files of no image from the originals' directory", swept);
+    spdlog::info("removed {} unused files from the originals' directory", swept);
   }
   figures_ = std::make_unique<StoreFigures>(engine_.get(),
                                             IsDatabaseUrl(engine_options.database.string()));
@@ -81,10 +83,21 @@ void Service::Open() {
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
   jobs->Start();
   if (const std::size_t swept = bulk_files.Sweep(*jobs); swept > 0) {
-    spdlog::info("removed {} imports that were never received as a whole", swept);
+    spdlog::info("removed {} incomplete imports", swept);
   }
   loaded_ = 1;
   ready_ = true;
+}
+
+std::string Service::Shrink(Bytes encoded, int longer_side_px) {
+  DecodeOptions decode = options.engine.extraction.decode;
+  decode.max_side_px = longer_side_px;
+  decode.max_bytes = static_cast<std::int64_t>(encoded.size());
+  decode.colour = true;
+  std::vector<std::uint8_t> jpeg;
+  pool.Run(WorkerPool::Lane::kSearch,
+           [&](int) { jpeg = EncodeJpeg(decode_(encoded, decode).image, kJpegQuality); });
+  return {jpeg.begin(), jpeg.end()};
 }
 
 std::string CollectionOf(Service& service, const Request& request) {

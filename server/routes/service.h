@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What the routes work with.
+// The state that all routes share.
 #pragma once
 
 #include <atomic>
@@ -26,16 +26,16 @@ namespace pliant::server {
 
 struct ServiceOptions {
   EngineOptions engine;
-  std::optional<DecoderOptions> decoder;  // of images; absent = inside this process
+  std::optional<DecoderOptions> decoder;  // absent: decode images inside this process
   WorkerPoolOptions pool;
-  bool auto_train = true;            // make vocabularies without being asked, see AutoTrainer
-  std::filesystem::path import_dir;  // images may be imported from below it; empty = off
-  std::filesystem::path backup_dir;  // backups over HTTP go there; empty = off
-  BulkFileOptions bulk;              // of imports that are too large for the database
-  FetchOptions fetch;                // of images that clients name by their address
+  bool auto_train = true;            // train vocabularies automatically, see AutoTrainer
+  std::filesystem::path import_dir;  // clients can import images below it; empty = off
+  std::filesystem::path backup_dir;  // for backups over HTTP; empty = off
+  BulkFileOptions bulk;              // imports that are too large for the database
+  FetchOptions fetch;                // images that clients name by their URL
 };
 
-// Everything the handlers share. Made before the index is loaded; engine() only after Open().
+// Constructed before the index is loaded; engine() only after Open().
 class Service {
  public:
   explicit Service(ServiceOptions options);
@@ -46,12 +46,16 @@ class Service {
 
   Engine& engine() { return *engine_; }
   const ImageDecoder& decode() const { return decode_; }
-  const DecoderPool* decoders() const { return decoders_.get(); }  // null when decoding inside
+  const DecoderPool* decoders() const { return decoders_.get(); }  // null: decoding inside
   bool ready() const { return ready_; }
   ServiceStore& store() { return *store_; }                    // API keys; not before Open()
-  double loaded() const { return loaded_; }                    // which share of the index, 0..1
+  double loaded() const { return loaded_; }                    // the share of the index, 0..1
   StoreFigures& figures() { return *figures_; }                // not before Open()
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
+
+  // The image as a JPEG with no longer side, made on the pool. The options of decoding limit the
+  // image, but not the file's length, which the upload passed. Throws what the decoder throws.
+  std::string Shrink(Bytes encoded, int longer_side_px);
 
   const ServiceOptions options;
   WorkerPool pool;
@@ -76,8 +80,9 @@ class Service {
   std::atomic<double> loaded_{0};
 };
 
-// The collection that the {c} of the path names, by its name or by an alias: its name. Ask once a
-// request, since aliases can be moved meanwhile. kNotFound "collection_not_found".
+// The name of the collection that the {c} of the path names, maybe by an alias. For handlers that
+// use the collection several times: aliases can move between two calls of the engine, which takes
+// aliases, too. kNotFound "collection_not_found".
 std::string CollectionOf(Service& service, const Request& request);
 
 }  // namespace pliant::server

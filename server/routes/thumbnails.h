@@ -1,6 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// JPEG previews with an in-memory cache.
 #pragma once
 
 #include <cstddef>
@@ -10,26 +9,35 @@
 #include <string>
 #include <unordered_map>
 
-#include "descriptor/image/image.h"
-
 namespace pliant::server {
 
-// Decodes, within the limits of `options` but for the file's length (it was accepted once), scales
-// so that no side is longer, and encodes as a JPEG. Throws what `decode` throws.
-inline constexpr int kThumbnailSidePx = 320;
-inline constexpr int kPreviewSidePx = 1280;  // of a query
-std::string MakeThumbnail(Bytes encoded, DecodeOptions options, const ImageDecoder& decode,
-                          int longer_side_px = kThumbnailSidePx);
-
-// Least recently used out first. Thread-safe.
+// JPEG previews in memory. Evicts the least recently used one first. Thread-safe.
 class ThumbnailCache {
  public:
   explicit ThumbnailCache(std::size_t max_bytes = std::size_t{32} * 1024 * 1024)
       : max_bytes_(max_bytes) {}
 
   // Null if absent. `sha256` is that of the original.
-  std::shared_ptr<const std::string> Find(const std::string& sha256);
-  void Insert(const std::string& sha256, std::shared_ptr<const std::string> jpeg);
+  std::shared_ptr<const std::string> Find(const std::string& sha256) {
+    const std::lock_guard lock(mutex_);
+    const auto it = by_sha256_.find(sha256);
+    if (it == by_sha256_.end()) return nullptr;
+    entries_.splice(entries_.begin(), entries_, it->second);
+    return it->second->jpeg;
+  }
+
+  void Insert(const std::string& sha256, std::shared_ptr<const std::string> jpeg) {
+    const std::lock_guard lock(mutex_);
+    if (by_sha256_.contains(sha256)) return;
+    bytes_ += jpeg->size();
+    entries_.push_front({sha256, std::move(jpeg)});
+    by_sha256_[sha256] = entries_.begin();
+    while (bytes_ > max_bytes_ && entries_.size() > 1) {
+      bytes_ -= entries_.back().jpeg->size();
+      by_sha256_.erase(entries_.back().sha256);
+      entries_.pop_back();
+    }
+  }
 
  private:
   struct Entry {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Vocabularies: train, list, switch.
+// Vocabularies: train, list, activate.
 #include <charconv>
 #include <limits>
 
@@ -14,14 +14,14 @@ namespace pliant::server {
 
 namespace {
 
-// More images than these that lack words of a vocabulary make its activation a job.
+// If more images than these lack words of a vocabulary, a job activates it.
 constexpr std::uint64_t kQuantizedAtOnce = 200;
 constexpr auto kMostWords = static_cast<std::int64_t>(kMaxWords);
 constexpr auto kLargestSample = static_cast<std::int64_t>(kMaxVocabularySamples);
 
-Response List(Service& service, const Request& request) {
+Response List(Service& service, const Request& request, const Parameters&) {
   Json items = Json::array();
-  for (const auto& vocabulary : service.engine().ListVocabularies(CollectionOf(service, request))) {
+  for (const auto& vocabulary : service.engine().ListVocabularies(request.captures.at("c"))) {
     items.push_back(VocabularyJson(vocabulary));
   }
   return JsonResponse({{"vocabularies", items}});
@@ -34,9 +34,12 @@ Response Train(Service& service, const Request& request, const Parameters& param
   options.sample = static_cast<int>(parameters.Integer("sample").value_or(options.sample));
   options.seed = static_cast<std::uint64_t>(
       parameters.Integer("seed").value_or(static_cast<std::int64_t>(options.seed)));
-  const bool activate = parameters.Flag("activate").value_or(true);
-  service.engine().GetCollection(options.collection);  // or it is not found
-  return JobResponse(AddTrainingJob(*service.jobs, options, activate));
+  return JobResponse(AddTrainingJob(*service.jobs, options,
+                                    /*activate=*/parameters.Flag("activate").value_or(true)));
+}
+
+[[noreturn]] void ThrowNoVocabulary(const std::string& id) {
+  throw ProblemError("vocabulary_not_found", "No vocabulary has the number '" + id + "'.");
 }
 
 VocabularyRecord RequireVocabulary(Service& service, const std::string& collection,
@@ -44,18 +47,15 @@ VocabularyRecord RequireVocabulary(Service& service, const std::string& collecti
   for (const auto& vocabulary : service.engine().ListVocabularies(collection)) {
     if (vocabulary.id == id) return vocabulary;
   }
-  throw ProblemError("vocabulary_not_found",
-                     "There is no vocabulary '" + std::to_string(id) + "'.");
+  ThrowNoVocabulary(std::to_string(id));
 }
 
-Response Activate(Service& service, const Request& request) {
+Response Activate(Service& service, const Request& request, const Parameters&) {
   const std::string collection = CollectionOf(service, request);
   const std::string& text = request.captures.at("v");
   std::int64_t id = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error != std::errc() || end != text.data() + text.size()) {
-    throw ProblemError("vocabulary_not_found", "There is no vocabulary '" + text + "'.");
-  }
+  if (error != std::errc() || end != text.data() + text.size()) ThrowNoVocabulary(text);
   if (service.engine().CountUnquantized(collection, id) > kQuantizedAtOnce) {
     RequireVocabulary(service, collection, id);
     return JobResponse(AddActivationJob(*service.jobs, collection, id));
@@ -66,53 +66,39 @@ Response Activate(Service& service, const Request& request) {
 
 }  // namespace
 
-void AddVocabularyRoutes(Service& service, std::vector<Route>& routes) {
-  routes.push_back(
-      {.name = "vocabularies.train",
-       .method = "POST",
-       .pattern = "/v1/collections/{c}/vocabularies",
-       .summary = "Train a vocabulary from the stored images, in the background",
-       .scope = Scope::kWrite,
-       .body = BodyKind::kJson,
-       .parameters =
-           {Parameter("words", "number of words; a tenth of the sample by default")
-                .Integer(2, kMostWords),
-            Parameter("sample", "descriptors to train on; by default ten per word, at least 10000")
-                .Integer(2, kLargestSample),
-            Parameter("seed", "same seed and images, same vocabulary")
-                .Integer(0, std::numeric_limits<std::int64_t>::max())
-                .Default("1"),
-            Parameter("activate", "activate it when it is done").Boolean().Default("true")},
-       .answers = {{202, "the job; Location has its address", "Job"}},
-       .codes = {"busy"},
-       .example = R"(curl -H "Content-Type: application/json" -d '{"words": 20}' )"
-                  R"("$PLIANT/v1/collections/default/vocabularies")",
-       .handler = [&service](const Request& request, const Parameters& parameters) {
-         return Train(service, request, parameters);
-       }});
-  routes.push_back({.name = "vocabularies.list",
-                    .method = "GET",
-                    .pattern = "/v1/collections/{c}/vocabularies",
-                    .summary = "Vocabularies, oldest first",
-                    .answers = {{200, "all of them", "VocabularyList"}},
-                    .example = R"(curl "$PLIANT/v1/collections/default/vocabularies")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return List(service, request);
-                    }});
-  routes.push_back({.name = "vocabularies.activate",
-                    .method = "PUT",
-                    .pattern = "/v1/collections/{c}/vocabularies/{v}/active",
-                    .summary = "Use this vocabulary from now on",
-                    .scope = Scope::kWrite,
-                    .answers = {{200, "in use", "Vocabulary"},
-                                {202, "many images must be quantised first: the job", "Job"}},
-                    .codes = {"vocabulary_not_found", "model_mismatch"},
-                    .example =
-                        R"(curl -X PUT )"
-                        R"("$PLIANT/v1/collections/default/vocabularies/$VOCABULARY/active")",
-                    .handler = [&service](const Request& request, const Parameters&) {
-                      return Activate(service, request);
-                    }});
+void AddVocabularyRoutes(RouteTable& table) {
+  table.Add("POST /v1/collections/{c}/vocabularies", "vocabularies.train", Train)
+      .Summary("Train a vocabulary from the stored images, in the background")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kJson)
+      .Takes(
+          {Parameter("words", "number of visual words; by default a tenth of the sample")
+               .Integer(2, kMostWords),
+           Parameter("sample",
+                     "number of descriptors to train on; by default ten per word, at least 10000")
+               .Integer(2, kLargestSample),
+           Parameter("seed", "the same seed and images give the same vocabulary")
+               .Integer(0, std::numeric_limits<std::int64_t>::max())
+               .Default("1"),
+           Parameter("activate", "activate the vocabulary after the training")
+               .Boolean()
+               .Default("true")})
+      .Answers(202, "the job; Location has its address", "Job")
+      .Codes({"busy"})
+      .Example(R"(curl -H "Content-Type: application/json" -d '{"words": 20}' )"
+               R"("$PLIANT/v1/collections/default/vocabularies")");
+  table.Add("GET /v1/collections/{c}/vocabularies", "vocabularies.list", List)
+      .Summary("List the vocabularies of a collection, oldest first")
+      .Answers(200, "all vocabularies", "VocabularyList")
+      .Example(R"(curl "$PLIANT/v1/collections/default/vocabularies")");
+  table.Add("PUT /v1/collections/{c}/vocabularies/{v}/active", "vocabularies.activate", Activate)
+      .Summary("Activate this vocabulary")
+      .Needs(Scope::kWrite)
+      .Answers(200, "the vocabulary, now active", "Vocabulary")
+      .Answers(202, "the job, if many images need their visual words first", "Job")
+      .Codes({"vocabulary_not_found", "model_mismatch"})
+      .Example(R"(curl -X PUT )"
+               R"("$PLIANT/v1/collections/default/vocabularies/$VOCABULARY/active")");
 }
 
 }  // namespace pliant::server

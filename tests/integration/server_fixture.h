@@ -36,7 +36,7 @@ inline httplib::Result PostPatiently(httplib::Client& client, const std::string&
                                      const std::string& body, const std::string& type) {
   auto answer = client.Post(path, body, type);
   for (int i = 0; i < kMoreTries && answer && answer->status == 409 &&
-                  answer->body.find("is being trained") != std::string::npos;
+                  answer->body.find("training the first vocabulary") != std::string::npos;
        ++i) {
     answer = client.Post(path, body, type);
   }

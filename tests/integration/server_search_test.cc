@@ -105,7 +105,7 @@ TEST_F(ServerTest, AFullDiskIsNoReasonToSearchInVain) {
   ASSERT_TRUE(vain) << "the server lives";
   EXPECT_EQ(vain->status, 409) << vain->body;
   EXPECT_EQ(Json::parse(vain->body)["code"], "no_vocabulary");
-  EXPECT_THAT(Json::parse(vain->body)["detail"].get<std::string>(), HasSubstr("stored"));
+  EXPECT_THAT(Json::parse(vain->body)["detail"].get<std::string>(), HasSubstr("disk is too full"));
   EXPECT_EQ(client.Post(kImages, TestImage(2), "image/png")->status, 507);
   server_->LimitFiles(RLIM_INFINITY);
   const auto found = client.Post(kSearch, TestImage(1, 1), "image/png");

@@ -14,7 +14,6 @@
 #include "server/app/command_line.h"
 #include "server/http/problem.h"
 #include "server/openapi/document.h"
-#include "server/openapi/route_codes.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
