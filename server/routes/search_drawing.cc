@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include "descriptor/plot/drawing.h"
-#include "server/http/accept.h"
+#include "server/http/compression.h"
 
 namespace pliant::server {
 

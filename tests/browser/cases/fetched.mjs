@@ -155,7 +155,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await house.shoot(page, `add-fetched-${size}`);
     await drop(page, "http://elsewhere.example/x.png", "#add-drop");
     await seen(4);
-    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*lets no images be fetched from this host/);
+    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*does not fetch images from this host/);
     await house.closePage(page);
   });
 }
