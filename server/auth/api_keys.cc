@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/auth/api_keys.h"
 
-#include <array>
+#include <algorithm>
 #include <string_view>
 
 #include <openssl/crypto.h>
@@ -24,17 +24,8 @@ namespace pliant::server {
 namespace {
 
 constexpr std::string_view kPrefix = "plk_";
-constexpr std::size_t kIdBytes = 4;
+constexpr std::size_t kIdDigits = 8;
 constexpr std::size_t kSecretBytes = 32;
-
-template <std::size_t N>
-std::array<std::uint8_t, N> RandomBytes() {
-  std::array<std::uint8_t, N> bytes{};
-  if (RAND_bytes(bytes.data(), static_cast<int>(N)) != 1) {
-    throw Error(ErrorCode::kInternal, "no_randomness", "the system gives no random numbers");
-  }
-  return bytes;
-}
 
 std::string HashOf(const std::string& key) {
   return Sha256Hex({reinterpret_cast<const std::uint8_t*>(key.data()), key.size()});
@@ -48,15 +39,14 @@ std::string ShownKey(const Request& request) {
   constexpr std::string_view kScheme = "bearer ";
   const bool bearer = EqualsIgnoringCase(authorization.substr(0, kScheme.size()), kScheme);
   if (!bearer || !shown.empty()) {
-    throw ProblemError("unauthorized",
-                       "Send the key as \"Authorization: Bearer KEY\" or as \"X-API-Key: KEY\", "
-                       "not both and nothing else.");
+    throw ProblemError(
+        "unauthorized",
+        "Send the key as either \"Authorization: Bearer KEY\" or \"X-API-Key: KEY\".");
   }
   return authorization.substr(kScheme.size());
 }
 
 std::string IdOf(const std::string& key) {
-  constexpr std::size_t kIdDigits = 2 * kIdBytes;
   const bool formed = key.starts_with(kPrefix) && key.size() > kPrefix.size() + kIdDigits &&
                       key[kPrefix.size() + kIdDigits] == '_';
   return formed ? key.substr(kPrefix.size(), kIdDigits) : std::string();
@@ -65,15 +55,16 @@ std::string IdOf(const std::string& key) {
 }  // namespace
 
 NewKey MakeApiKey(const std::string& name, Scope scope) {
-  const auto id = RandomBytes<kIdBytes>();
-  const auto secret = RandomBytes<kSecretBytes>();
+  std::string secret(kSecretBytes, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(secret.data()), kSecretBytes) != 1) {
+    throw Error(ErrorCode::kInternal, "no_randomness", "the system gives no random numbers");
+  }
   NewKey made;
-  made.record.id = ToHex(id);
+  made.record.id = RandomHex(kIdDigits);
   made.record.name = name;
   made.record.scope = ScopeName(scope);
   made.record.created_ms = NowMs();
-  made.key = std::string(kPrefix) + made.record.id + "_" +
-             Base64UrlEncode({reinterpret_cast<const char*>(secret.data()), secret.size()});
+  made.key = std::string(kPrefix) + made.record.id + "_" + Base64UrlEncode(secret);
   made.record.hash = HashOf(made.key);
   return made;
 }
@@ -116,12 +107,7 @@ void KeyRing::Open() {
 void KeyRing::Refresh() {
   const std::int64_t version = store_->Version();
   if (version == version_) return;
-  std::map<std::string, ApiKeyRecord> keys;
-  for (ApiKeyRecord& key : store_->Keys()) {
-    const std::string id = key.id;
-    keys.emplace(id, std::move(key));
-  }
-  keys_ = std::move(keys);
+  keys_ = store_->Keys();
   version_ = version;
 }
 
@@ -139,15 +125,14 @@ std::optional<Caller> KeyRing::Identify(const Request& request) {
   const std::lock_guard lock(mutex_);
   if (!store_) throw ProblemError("starting", "The server is starting. Try again shortly.");
   Refresh();
-  const auto found = keys_.find(IdOf(shown));
-  if (found != keys_.end() && found->second.revoked_ms == 0 &&
-      found->second.hash.size() == hash.size() &&
-      CRYPTO_memcmp(found->second.hash.data(), hash.data(), hash.size()) == 0) {
-    if (const auto scope = ScopeFromName(found->second.scope)) {
-      return Caller{found->first, found->second.name, *scope};
-    }
+  const std::string id = IdOf(shown);
+  const auto key = std::find_if(keys_.begin(), keys_.end(),
+                                [&](const ApiKeyRecord& one) { return one.id == id; });
+  if (key != keys_.end() && key->revoked_ms == 0 && key->hash.size() == hash.size() &&
+      CRYPTO_memcmp(key->hash.data(), hash.data(), hash.size()) == 0) {
+    if (const auto scope = ScopeFromName(key->scope)) return Caller{key->id, key->name, *scope};
   }
-  throw ProblemError("unauthorized", "The key is not known, or it was revoked.");
+  throw ProblemError("unauthorized", "The key is unknown or revoked.");
 }
 
 }  // namespace pliant::server

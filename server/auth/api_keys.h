@@ -1,17 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// API keys: "plk_<id>_<secret>", the id 8 hex digits that anybody may see, the secret 256 random
-// bits. Stored is the SHA-256 of the whole key. A fast hash is right here, other than for
-// passwords: nobody can guess 256 random bits however fast he tries, so there is nothing that a
-// slow hash could slow down, and every request has to be checked.
+// API keys: "plk_<id>_<secret>", the id 8 hex digits that are no secret, the secret 256 random
+// bits. The database stores the SHA-256 of the whole key. Unlike for passwords, a fast hash is
+// right: nobody can guess 256 random bits, and the server checks every request.
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "index/store/service_store.h"
 #include "server/http/json.h"
@@ -21,15 +20,14 @@
 namespace pliant::server {
 
 struct NewKey {
-  std::string key;  // the only time that anybody sees it
+  std::string key;  // shown only once
   ApiKeyRecord record;
 };
 
 // `scope` must not be kPublic.
 NewKey MakeApiKey(const std::string& name, Scope scope);
 
-// A key's name is for people: it has the rules of an object's name, and is not empty. Throws
-// kInvalidArgument.
+// A key's name follows the rules of an object's name, and is not empty. Throws kInvalidArgument.
 void CheckKeyName(const std::string& name);
 
 // {"id", "name", "scope", "created_at", "revoked_at": a time or null}
@@ -38,24 +36,24 @@ Json KeyJson(const ApiKeyRecord& key);
 // "read", "write", "admin"; nothing for other words.
 std::optional<Scope> ScopeFromName(const std::string& name);
 
-// The keys of a database, as they are now: what the command line changes counts from the next
-// request on. Thread-safe.
+// The current keys of a database: changes by the command line count from the next request on.
+// Thread-safe.
 class KeyRing {
  public:
-  // Looks whether there are keys and closes the database again. It need not exist yet: then there
-  // are none. Throws what ServiceStore throws.
+  // Checks whether there are keys and closes the database again. A missing database has none.
+  // Throws what ServiceStore throws.
   explicit KeyRing(std::filesystem::path database);
 
-  // To be called when the Engine is open, and not before: it looks at the file in a way that would
-  // drop the locks of what is open already. Throws what ServiceStore throws.
+  // Call it after the Engine is open, and not before: the Engine checks the file in a way that
+  // drops the locks of what is already open. Throws what ServiceStore throws.
   void Open();
 
-  // Whether a key was ever made and not forgotten; also one that is revoked counts, so that
-  // revoking the last one closes the server instead of opening it.
+  // Whether the database has a key. Revoked keys count, so that revoking the last one closes the
+  // server instead of opening it.
   bool InUse();
 
-  // Whose key the request shows ("Authorization: Bearer KEY" or "X-API-Key: KEY"); nothing when
-  // it shows none. Throws ProblemError "unauthorized" for one that does not work, and "starting"
+  // The owner of the request's key ("Authorization: Bearer KEY" or "X-API-Key: KEY"); nothing
+  // without a key. Throws ProblemError "unauthorized" for a key that does not work, and "starting"
   // before Open().
   std::optional<Caller> Identify(const Request& request);
 
@@ -66,7 +64,7 @@ class KeyRing {
   std::mutex mutex_;  // guards all below
   std::unique_ptr<ServiceStore> store_;
   std::int64_t version_ = -1;
-  std::map<std::string, ApiKeyRecord> keys_;  // by id
+  std::vector<ApiKeyRecord> keys_;
   bool in_use_at_start_ = false;
 };
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -18,10 +20,10 @@ int RateLimiter::Take(const std::string& who, Clock::time_point now) {
   if (rate_ <= 0) return 0;
   const std::lock_guard lock(mutex_);
   if (buckets_.size() >= kMaxBuckets && !buckets_.contains(who)) {
-    // A full bucket is like none.
+    // A full bucket equals none.
     std::erase_if(buckets_,
                   [&](const auto& entry) { return TokensOf(entry.second, now) >= burst_; });
-    if (buckets_.size() >= kMaxBuckets) return 1;  // so many at once: come again
+    if (buckets_.size() >= kMaxBuckets) return 1;  // too many callers at once
   }
   Bucket& bucket = buckets_.try_emplace(who, Bucket{burst_, now}).first->second;
   bucket.tokens = TokensOf(bucket, now);
@@ -40,22 +42,24 @@ void Gate::Admit(const Route& route, Request& request) {
     const auto caller = keys_.Identify(request);
     if (!caller) {
       throw ProblemError("unauthorized",
-                         "A key is needed: send it as \"Authorization: Bearer KEY\" or as "
-                         "\"X-API-Key: KEY\". The operator makes one with pliant-server keys "
+                         "This request needs a key. Send it as \"Authorization: Bearer KEY\" or "
+                         "\"X-API-Key: KEY\". The operator creates keys with pliant-server keys "
                          "create.");
     }
     request.caller = *caller;
     if (caller->scope < route.scope) {
-      throw ProblemError("forbidden", std::string("The key's scope is ") +
-                                          ScopeName(caller->scope) + ", but this needs " +
-                                          ScopeName(route.scope) + ".");
+      throw ProblemError("forbidden",
+                         fmt::format("This route needs a key of scope {}. The scope of this key is "
+                                     "{}.",
+                                     ScopeName(route.scope), ScopeName(caller->scope)));
     }
   } else {
     request.caller = {.scope = Scope::kAdmin};
   }
   const int wait_s = limiter_.Take(open ? request.remote_address : request.caller.key_id);
   if (wait_s > 0) {
-    throw ProblemError("rate_limited", "Too many requests. Try again shortly.").RetryAfter(wait_s);
+    throw ProblemError("rate_limited", "Too many requests. Try again shortly.",
+                       {.retry_after_s = wait_s});
   }
 }
 

@@ -14,9 +14,7 @@
 
 namespace pliant::server {
 
-// A token bucket per key: `rate` requests per second in the long run, `burst` at once.
-
-// Thread-safe.
+// A token bucket per key: `rate` requests per second in the long run, `burst` at once. Thread-safe.
 class RateLimiter {
  public:
   using Clock = std::chrono::steady_clock;
@@ -25,8 +23,8 @@ class RateLimiter {
   // `rate` 0 = no limit; `burst` at least 1.
   RateLimiter(double rate, double burst) : rate_(rate), burst_(burst) {}
 
-  // Takes one token of `who` and returns 0; or, if there is none, takes nothing and returns the
-  // whole seconds (at least 1) until there is one.
+  // Takes one token of `who` and returns 0; without a token returns the whole seconds (at least 1)
+  // until there is one.
   int Take(const std::string& who, Clock::time_point now = Clock::now());
 
  private:
@@ -45,7 +43,7 @@ class RateLimiter {
 // Thread-safe.
 class Gate {
  public:
-  // `open_without_keys`: all requests are allowed as long as no key was ever created.
+  // `open_without_keys`: allows all requests until a key is created.
   Gate(KeyRing& keys, double rate, double burst, bool open_without_keys)
       : keys_(keys), limiter_(rate, burst), open_without_keys_(open_without_keys) {}
 

@@ -66,7 +66,7 @@ int Create(const Options& options) {
                                    {"key", made.key}}));
   } else {
     fmt::print("{}\n", made.key);
-    fmt::print(stderr, "This is the key \"{}\" (id {}, scope {}). It is shown only this once.\n",
+    fmt::print(stderr, "Copy the key \"{}\" (id {}, scope {}) now. It will not be shown again.\n",
                made.record.name, made.record.id, made.record.scope);
   }
   return 0;
@@ -95,7 +95,7 @@ int Revoke(const Options& options) {
     if (store->RevokeKey(key)) {
       fmt::print("revoked {}\n", key);
     } else {
-      fmt::print(stderr, "no working key has the id or the name \"{}\"\n", ToDisplayText(key));
+      fmt::print(stderr, "no valid key has the id or name \"{}\"\n", ToDisplayText(key));
       status = 1;
     }
   }
@@ -103,8 +103,8 @@ int Revoke(const Options& options) {
 }
 
 int Purge(const Options& options) {
-  const std::uint64_t forgotten = OpenServiceStore(options.engine.database)->ForgetRevokedKeys();
-  fmt::print("forgot {} revoked keys\n", forgotten);
+  fmt::print("deleted {} revoked keys\n",
+             OpenServiceStore(options.engine.database)->ForgetRevokedKeys());
   return 0;
 }
 
@@ -123,7 +123,7 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
         [&options, &command, run] { command = [&options, run] { return run(options); }; });
     return sub;
   };
-  CLI::App* create = add("create", "Create a key and print it, only this once", Create,
+  CLI::App* create = add("create", "Create a key and print it once", Create,
                          "create --db my.db --name shop --scope read");
   create->add_option("--name", options.name, "what it is for")->required();
   create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")

@@ -13,7 +13,6 @@
 #include <new>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include <malloc.h>
 #include <sys/prctl.h>
@@ -23,41 +22,34 @@
 #include "descriptor/image/image.h"
 #include "descriptor/image/prepare_decoders.h"
 #include "server/decoder/sandbox.h"
-#include "server/decoder/wire.h"
 
 namespace pliant::server {
 
 namespace {
 
 constexpr const char* kTooMuchMemory =
-    "Decoding the image takes more memory than allowed. Scale it down, or save it as JPEG that "
+    "Decoding the image takes more memory than allowed. Scale it down, or save it as a JPEG that "
     "is "
     "not progressive.";
 constexpr int kArguments = 5;  // program, kDecoderArgument, server, memory, processor time
 
-// False at the end of the stream, when there is no server any more.
-bool Read(void* to, std::size_t bytes) {
-  auto* next = static_cast<char*>(to);
+// Calls read() or write() until all is done. False: the stream has ended, there is no server.
+template <typename Call, typename Byte>
+bool All(Call call, Byte* data, std::size_t bytes) {
   while (bytes > 0) {
-    const ssize_t n = read(kDecoderSocket, next, bytes);
+    const ssize_t n = call(kDecoderSocket, data, bytes);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return false;
-    next += n;
+    data += n;
     bytes -= static_cast<std::size_t>(n);
   }
   return true;
 }
 
+bool Read(void* to, std::size_t bytes) { return All(::read, static_cast<char*>(to), bytes); }
+
 bool Write(const void* from, std::size_t bytes) {
-  const auto* next = static_cast<const char*>(from);
-  while (bytes > 0) {
-    const ssize_t n = write(kDecoderSocket, next, bytes);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    next += n;
-    bytes -= static_cast<std::size_t>(n);
-  }
-  return true;
+  return All(::write, static_cast<const char*>(from), bytes);
 }
 
 bool Write(const Image& image) { return Write(image.pixels.data(), image.pixels.size()); }
@@ -69,29 +61,21 @@ void Copy(const std::string& text, char (&field)[kSize]) {
 }
 
 DecodeAnswer Refusal(ErrorCode code, const std::string& reason, const std::string& message) {
-  DecodeAnswer answer;
-  answer.refused = 1;
-  answer.error_code = static_cast<std::int32_t>(code);
+  DecodeAnswer answer{.refused = 1, .error_code = static_cast<std::int32_t>(code)};
   Copy(reason, answer.reason);
   Copy(message, answer.message);
-  return answer;
-}
-
-DecodeAnswer Describe(const DecodedImage& decoded) {
-  DecodeAnswer answer;
-  answer.width = decoded.image.width;
-  answer.height = decoded.image.height;
-  answer.channels = decoded.image.channels;
-  answer.original_width = decoded.original_width;
-  answer.original_height = decoded.original_height;
-  answer.format = static_cast<std::int32_t>(decoded.format);
   return answer;
 }
 
 DecodeAnswer Decode(Bytes bytes, const DecodeOptions& options, DecodedImage* decoded) {
   try {
     *decoded = DecodeImage(bytes, options);
-    return Describe(*decoded);
+    return {.width = decoded->image.width,
+            .height = decoded->image.height,
+            .channels = decoded->image.channels,
+            .original_width = decoded->original_width,
+            .original_height = decoded->original_height,
+            .format = static_cast<std::int32_t>(decoded->format)};
   } catch (const Error& error) {
     return Refusal(error.code(), error.reason(), error.what());
   } catch (const std::bad_alloc&) {
@@ -127,11 +111,11 @@ bool IsDecoder(int argc, const char* const* argv) {
 int RunDecoder(int /*argc*/, const char* const* argv) {
   // Ends with the thread that started it, whatever it is doing then.
   if (prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0) != 0 || getppid() != std::atoi(argv[2])) return 1;
-  // What one image took is there for the next: no second arena, which reserves what the limit
-  // counts, and large blocks go back at once (mallopt(3)).
+  // The next image finds the memory that this one took: no second arena, which reserves what the
+  // limit counts, and large blocks go back at once (mallopt(3)).
   mallopt(M_ARENA_MAX, 1);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);
-  // If the machine is short of memory, rather this than the server (proc(5)). As far as allowed.
+  // If the machine is short of memory, the system ends this before the server (proc(5)).
   std::ofstream("/proc/self/oom_score_adj") << 1000;
   const SandboxLimits limits{.memory_bytes = std::atoll(argv[3]), .cpu_s = std::atoll(argv[4])};
   DecoderGreeting greeting;

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/decoder/decoder_pool.h"
 
+#include <future>
 #include <utility>
 #include <variant>
 
+#include <httplib.h>
 #include <spdlog/spdlog.h>
 
 namespace pliant::server {
@@ -16,61 +18,38 @@ using Cause = DecoderEnded::Cause;
 Error RefusalOf(const DecoderEnded& ended) {
   if (ended.cause == Cause::kTimeout) {
     return {ErrorCode::kTooLarge, "image_too_large",
-            "Decoding the image takes longer than allowed. Scale it down, or save it as JPEG that "
-            "is not progressive."};
+            "Decoding the image takes longer than allowed. Scale it down, or save it as a JPEG "
+            "that is not progressive."};
   }
   return {ErrorCode::kUnprocessable, "image_corrupt",
-          "The image cannot be decoded: the decoder did not survive it. Save it again as JPEG or "
-          "PNG."};
+          "The image cannot be decoded: it crashed the decoder. Save it again as JPEG or PNG."};
 }
 
 }  // namespace
 
+// Decoders end with the thread that started them, so that is one that stays.
+struct DecoderPool::Starter {
+  ~Starter() { thread.shutdown(); }
+  httplib::ThreadPool thread{1};
+};
+
 DecoderPool::DecoderPool(DecoderOptions options, std::function<void(DecoderEnded::Cause)> on_ended)
     : options_(std::move(options)),
       on_ended_(std::move(on_ended)),
-      starter_([this] { StartForOthers(); }) {
-  try {
-    Decoder first = Start();
-    missing_ = first->AwaitReady();
-    waiting_.push_back(std::move(first));
-  } catch (...) {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    wanted_changed_.notify_all();
-    starter_.join();
-    throw;
-  }
+      starter_(std::make_unique<Starter>()) {
+  Decoder first = Start();
+  missing_ = first->AwaitReady();
+  waiting_.push_back(std::move(first));
 }
 
-DecoderPool::~DecoderPool() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-    waiting_.clear();
-  }
-  wanted_changed_.notify_all();
-  starter_.join();
-}
+DecoderPool::~DecoderPool() = default;
 
 DecodedImage DecoderPool::Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     return DecodeImage(bytes, options);  // refuses it without looking at it
   }
-  struct Busy {  // counts this image
-    explicit Busy(DecoderPool& in) : pool(in) { Add(1); }
-    ~Busy() { Add(-1); }
-    Busy(const Busy&) = delete;
-    Busy& operator=(const Busy&) = delete;
-    void Add(int n) {
-      const std::lock_guard lock(pool.mutex_);
-      pool.busy_ += static_cast<std::size_t>(n);
-    }
-    DecoderPool& pool;
-  };
-  const Busy busy(*this);
+  ++busy_;
+  const std::shared_ptr<void> counted(this, [this](void*) { --busy_; });
   for (bool again = false;; again = true) {
     Decoder decoder = Take();
     try {
@@ -80,7 +59,7 @@ DecodedImage DecoderPool::Decode(Bytes bytes, const DecodeOptions& options) {
       return std::get<DecodedImage>(std::move(answer));
     } catch (const DecoderEnded& ended) {
       Report(ended, "while it decoded an image of " + std::to_string(bytes.size()) + " bytes");
-      // No image has a decoder killed: its limits are others. Somebody else wanted its end.
+      // No image gets a decoder killed: it meets other limits. Somebody else ended it.
       if (ended.cause != Cause::kKilled || again) throw RefusalOf(ended);
     }
   }
@@ -124,13 +103,10 @@ DecoderPool::Decoder DecoderPool::Take() {
 }
 
 DecoderPool::Decoder DecoderPool::Start() {
-  std::packaged_task<Decoder()> task([this] { return std::make_unique<DecoderProcess>(options_); });
-  std::future<Decoder> started = task.get_future();
-  {
-    const std::lock_guard lock(mutex_);
-    wanted_.push_back(std::move(task));
-  }
-  wanted_changed_.notify_one();
+  const auto task = std::make_shared<std::packaged_task<Decoder()>>(
+      [this] { return std::make_unique<DecoderProcess>(options_); });
+  std::future<Decoder> started = task->get_future();
+  starter_->thread.enqueue([task] { (*task)(); });
   return started.get();
 }
 
@@ -143,19 +119,6 @@ void DecoderPool::Return(Decoder decoder) {
 void DecoderPool::Report(const DecoderEnded& ended, const std::string& when) const {
   spdlog::warn("a decoder ended {}: {}", when, ended.what());
   if (on_ended_) on_ended_(ended.cause);
-}
-
-void DecoderPool::StartForOthers() {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    wanted_changed_.wait(lock, [this] { return stopping_ || !wanted_.empty(); });
-    if (wanted_.empty()) return;
-    std::packaged_task<Decoder()> task = std::move(wanted_.front());
-    wanted_.pop_front();
-    lock.unlock();
-    task();
-    lock.lock();
-  }
 }
 
 }  // namespace pliant::server

@@ -21,8 +21,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "server/decoder/decoder_main.h"
 #include "server/decoder/sandbox.h"
-#include "server/decoder/wire.h"
 
 namespace pliant::server {
 
@@ -33,7 +33,7 @@ using Cause = DecoderEnded::Cause;
 constexpr std::chrono::seconds kStartTimeout{60};
 
 [[noreturn]] void ThrowBroken(const std::string& what) {
-  throw DecoderEnded(Cause::kBroken, "it gave an answer that cannot be: " + what);
+  throw DecoderEnded(Cause::kBroken, "it gave an impossible answer: " + what);
 }
 
 // A field of the answer: printable, whatever the decoder has put there.
@@ -46,22 +46,18 @@ std::string TextOf(const char (&field)[kSize]) {
 
 // Only what DecodeImage throws.
 Error ErrorOf(const DecodeAnswer& answer) {
-  struct Known {
-    ErrorCode code;
-    std::string_view reason;
-  };
-  static constexpr auto kKnown = std::to_array<Known>({
+  static constexpr std::pair<ErrorCode, std::string_view> kKnown[] = {
       {ErrorCode::kTooLarge, "image_too_large"},
       {ErrorCode::kUnsupportedMediaType, "image_type_unknown"},
       {ErrorCode::kUnprocessable, "image_empty"},
       {ErrorCode::kUnprocessable, "image_too_small"},
       {ErrorCode::kUnprocessable, "image_truncated"},
       {ErrorCode::kUnprocessable, "image_corrupt"},
-  });
+  };
   const std::string reason = TextOf(answer.reason);
-  for (const Known& known : kKnown) {
-    if (known.reason == reason && answer.error_code == static_cast<int>(known.code)) {
-      return {known.code, reason, TextOf(answer.message)};
+  for (const auto& [code, known] : kKnown) {
+    if (known == reason && answer.error_code == static_cast<int>(code)) {
+      return {code, reason, TextOf(answer.message)};
     }
   }
   ThrowBroken("the error " + std::to_string(answer.error_code) + " " + reason);
@@ -113,17 +109,19 @@ DecodedImage Checked(const DecodeAnswer& answer, const DecodeOptions& options) {
               "a decoder cannot be started: " + what + ": " + std::strerror(error));
 }
 
-// What is open in it, and which signals it hears.
+// The open files of a decoder, and the signals that reach it.
 class SpawnPlan {
  public:
   explicit SpawnPlan(int socket) {
     posix_spawn_file_actions_init(&actions_);
     posix_spawnattr_init(&attributes_);
     Check(posix_spawn_file_actions_adddup2(&actions_, socket, kDecoderSocket));
-    OpenNull(STDIN_FILENO, O_RDONLY);
-    OpenNull(STDOUT_FILENO, O_WRONLY);
-    if (!kSanitized) OpenNull(STDERR_FILENO, O_WRONLY);  // else what a sanitizer finds is lost
+    for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+      if (kSanitized && file == STDERR_FILENO) continue;  // a sanitizer reports there
+      Check(posix_spawn_file_actions_addopen(&actions_, file, "/dev/null", O_RDWR, 0));
+    }
     Check(posix_spawn_file_actions_addclosefrom_np(&actions_, kDecoderSocket + 1));
+    // A terminal or a service manager sends these to all processes.
     sigset_t blocked;
     sigemptyset(&blocked);
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&blocked, signal);
@@ -141,23 +139,22 @@ class SpawnPlan {
   SpawnPlan(const SpawnPlan&) = delete;
   SpawnPlan& operator=(const SpawnPlan&) = delete;
 
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
+  // Returns 0 or an error number.
+  int Run(const std::string& program, char* const* arguments, char* const* environment, pid_t* id) {
+    Check(posix_spawn(id, program.c_str(), &actions_, &attributes_, arguments, environment));
+    return error_;
+  }
 
  private:
-  void OpenNull(int file, int mode) {
-    Check(posix_spawn_file_actions_addopen(&actions_, file, "/dev/null", mode, 0));
-  }
-  static void Check(int error) {
-    if (error != 0) ThrowNotStarted("posix_spawn", error);
-  }
+  void Check(int error) { error_ = error_ == 0 ? error : error_; }
 
   posix_spawn_file_actions_t actions_{};
   posix_spawnattr_t attributes_{};
+  int error_ = 0;
 };
 
-// Libraries start no threads; where they lie, if not at their usual places; and what a sanitizer is
-// told. No more: the server's environment may hold secrets.
+// Libraries start no threads; their places, if unusual; and a sanitizer's options. No more: the
+// server's environment can hold secrets.
 std::vector<std::string> Environment() {
   std::vector<std::string> environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"};
   for (const char* name :
@@ -175,52 +172,6 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
-// Enough for the image during which it comes to be worn.
-std::int64_t CpuLimit(const DecoderOptions& options) {
-  const auto whole = std::chrono::ceil<std::chrono::seconds>(options.worn_after + options.timeout);
-  return whole.count();
-}
-
-struct StartedDecoder {
-  pid_t id = -1;
-  int socket = -1;  // ours, not blocking
-};
-
-// The program with an empty environment and no open file but its socket; SIGINT and SIGTERM, which
-// a terminal or a service manager sends to all processes, do not reach it. Throws Error
-// kUnavailable "decoder_not_started".
-StartedDecoder StartDecoder(const DecoderOptions& options) {
-  struct Ends {  // closed again, whatever is thrown
-    ~Ends() {
-      for (const int end : both) {
-        if (end >= 0) close(end);
-      }
-    }
-    int both[2] = {-1, -1};
-  } pair;
-  int* const ends = pair.both;
-  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
-    ThrowNotStarted("socketpair", errno);
-  }
-  StartedDecoder started;
-  int error = 0;
-  {
-    const SpawnPlan plan(ends[1]);
-    std::vector<std::string> arguments = {
-        "pliant-server", kDecoderArgument, std::to_string(getpid()),
-        std::to_string(options.memory_bytes), std::to_string(CpuLimit(options))};
-    std::vector<std::string> environment = Environment();
-    error = fcntl(ends[0], F_SETFL, O_NONBLOCK) == 0 ? 0 : errno;
-    if (error == 0) {
-      error = posix_spawn(&started.id, options.program.c_str(), plan.actions(), plan.attributes(),
-                          Pointers(arguments).data(), Pointers(environment).data());
-    }
-  }
-  if (error != 0) ThrowNotStarted(options.program.string(), error);
-  started.socket = std::exchange(ends[0], -1);
-  return started;
-}
-
 }  // namespace
 
 const char* DecoderCauseName(DecoderEnded::Cause cause) {
@@ -230,9 +181,23 @@ const char* DecoderCauseName(DecoderEnded::Cause cause) {
 }
 
 DecoderProcess::DecoderProcess(const DecoderOptions& options) : options_(options) {
-  const StartedDecoder started = StartDecoder(options);
-  pid_ = started.id;
-  socket_ = started.socket;
+  // Enough for the image during which it becomes worn.
+  const auto cpu = std::chrono::ceil<std::chrono::seconds>(options.worn_after + options.timeout);
+  std::vector<std::string> arguments = {"pliant-server", kDecoderArgument, std::to_string(getpid()),
+                                        std::to_string(options.memory_bytes),
+                                        std::to_string(cpu.count())};
+  std::vector<std::string> environment = Environment();
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
+    ThrowNotStarted("socketpair", errno);
+  }
+  socket_ = ends[0];
+  const int error = SpawnPlan(ends[1]).Run(options.program.string(), Pointers(arguments).data(),
+                                           Pointers(environment).data(), &pid_);
+  close(ends[1]);
+  if (error == 0) return;
+  close(socket_);
+  ThrowNotStarted(options.program.string(), error);
 }
 
 DecoderProcess::~DecoderProcess() {
@@ -271,9 +236,7 @@ void DecoderProcess::CheckAlive() {
 std::variant<DecodedImage, Error> DecoderProcess::Decode(Bytes bytes,
                                                          const DecodeOptions& options) {
   const Clock::time_point deadline = Clock::now() + options_.timeout;
-  DecodeRequest request;
-  request.options = options;
-  request.bytes = bytes.size();
+  const DecodeRequest request{.options = options, .bytes = bytes.size()};
   Send(&request, sizeof(request), deadline);
   Send(bytes.data(), bytes.size(), deadline);
   DecodeAnswer answer;
@@ -313,35 +276,34 @@ void DecoderProcess::Wait(short events, Clock::time_point deadline) {
 
 void DecoderProcess::Send(const void* from, std::size_t bytes, Clock::time_point deadline) {
   const auto* next = static_cast<const char*>(from);
-  while (bytes > 0) {
-    const ssize_t n = send(socket_, next, bytes, MSG_NOSIGNAL);
-    if (n >= 0) {
-      next += n;
-      bytes -= static_cast<std::size_t>(n);
-    } else if (errno == EAGAIN) {
-      Wait(POLLOUT, deadline);
-    } else if (errno != EINTR) {
-      ThrowEnded();
-    }
-  }
+  Transfer(bytes, POLLOUT, deadline, [&](std::size_t done) {
+    return send(socket_, next + done, bytes - done, MSG_NOSIGNAL | MSG_DONTWAIT);
+  });
 }
 
 void DecoderProcess::Receive(void* to, std::size_t bytes, Clock::time_point deadline) {
   auto* next = static_cast<char*>(to);
-  while (bytes > 0) {
-    const ssize_t n = recv(socket_, next, bytes, 0);
+  Transfer(bytes, POLLIN, deadline, [&](std::size_t done) {
+    return recv(socket_, next + done, bytes - done, MSG_DONTWAIT);
+  });
+}
+
+template <typename Call>
+void DecoderProcess::Transfer(std::size_t bytes, short event, Clock::time_point deadline,
+                              Call call) {
+  for (std::size_t done = 0; done < bytes;) {
+    const ssize_t n = call(done);
     if (n > 0) {
-      next += n;
-      bytes -= static_cast<std::size_t>(n);
+      done += static_cast<std::size_t>(n);
     } else if (n < 0 && errno == EAGAIN) {
-      Wait(POLLIN, deadline);
+      Wait(event, deadline);
     } else if (n == 0 || errno != EINTR) {
       ThrowEnded();
     }
   }
 }
 
-// It has closed its end, or is gone.
+// It has closed its end, or ended.
 void DecoderProcess::ThrowEnded() {
   // One that lives on without its socket would not end by itself.
   siginfo_t ended{};

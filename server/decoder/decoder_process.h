@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One decoder: this program again, as a child process that does nothing but decode images and may
-// do nothing else (sandbox.h). Nothing that it says is believed without a check.
+// One decoder: this program again, as a child process that decodes images and can do nothing else
+// (sandbox.h). The server checks everything that it sends.
 #pragma once
 
 #include <chrono>
@@ -29,15 +29,15 @@ struct DecoderOptions {
   std::chrono::milliseconds worn_after{600'000};
 };
 
-// A decoder is no more, or was ended because it broke a rule.
+// A decoder ended, or the server ended it because it broke a rule.
 class DecoderEnded : public std::runtime_error {
  public:
   enum class Cause {
-    kCrashed,    // by a signal, or it left by itself
+    kCrashed,    // by a signal, or by itself
     kForbidden,  // by a system call that decoding does not need
-    kKilled,     // SIGKILL: by the system for want of memory, or by somebody
+    kKilled,     // SIGKILL: by the system for lack of memory, or by somebody
     kTimeout,    // ended here: it took too long
-    kBroken,     // ended here: it said what cannot be
+    kBroken,     // ended here: it sent something impossible
   };
 
   DecoderEnded(Cause why, const std::string& what) : std::runtime_error(what), cause(why) {}
@@ -50,7 +50,7 @@ const char* DecoderCauseName(DecoderEnded::Cause cause);  // "crashed", "forbidd
 // Not thread-safe: one image at a time.
 class DecoderProcess {
  public:
-  // Starts the program. It is killed when the calling thread ends, however that comes. Throws Error
+  // Starts the program, which the system kills when the calling thread ends. Throws Error
   // kUnavailable "decoder_not_started".
   explicit DecoderProcess(const DecoderOptions& options);
   ~DecoderProcess();  // kills it
@@ -61,7 +61,7 @@ class DecoderProcess {
   // limited, empty when they are. Throws Error kUnavailable "decoder_not_started".
   std::string AwaitReady();
 
-  // While it waits for an image: throws DecoderEnded if it is no more.
+  // While it waits for an image: throws DecoderEnded if it has ended.
   void CheckAlive();
 
   // What DecodeImage gives, or throws. Throws DecoderEnded; do not use it after that.
@@ -73,7 +73,9 @@ class DecoderProcess {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void Wait(short events, Clock::time_point deadline);
+  void Wait(short event, Clock::time_point deadline);
+  template <typename Call>
+  void Transfer(std::size_t bytes, short event, Clock::time_point deadline, Call call);
   void Send(const void* from, std::size_t bytes, Clock::time_point deadline);
   void Receive(void* to, std::size_t bytes, Clock::time_point deadline);
   [[noreturn]] void ThrowEnded();

@@ -24,7 +24,7 @@ namespace {
   throw Error(ErrorCode::kInternal, "sandbox_failed", what + ": " + std::strerror(errno));
 }
 
-// One that is stricter already stays: to raise it would take a privilege.
+// A stricter limit stays: raising it would take a privilege.
 void Limit(int resource, rlim_t value, const char* name) {
   const auto which = static_cast<__rlimit_resource_t>(resource);
   rlimit limit{};
@@ -42,58 +42,38 @@ rlim_t UsedBytes() {
   return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
 }
 
-class Filter {
- public:
-  Filter() {
-    // Kernels before 4.14, and those that do not let us ask, end the thread instead: the only one.
-    context_.reset(seccomp_init(SCMP_ACT_KILL_PROCESS));
-    if (!context_) context_.reset(seccomp_init(SCMP_ACT_KILL));
-    error_ = context_ ? 0 : -EINVAL;
-  }
-
-  template <typename... Conditions>
-  void Allow(int call, Conditions... conditions) {
-    if (error_ != 0) return;
-    error_ = seccomp_rule_add(context_.get(), SCMP_ACT_ALLOW, call, sizeof...(conditions),
-                              conditions...);
-  }
-
-  // 0, or an error number.
-  int Load() {
-    if (error_ == 0) error_ = seccomp_load(context_.get());
-    return -error_;
-  }
-
- private:
-  struct Release {
-    void operator()(scmp_filter_ctx context) const { seccomp_release(context); }
-  };
-  std::unique_ptr<void, Release> context_;
-  int error_ = 0;
-};
-
-// What decoding needs, how the C library ends a process that has found its memory damaged, and
-// nothing that opens, connects, starts or makes anything.
+// Allows what decoding needs, how the C library ends a process that has found its memory damaged,
+// and nothing that opens, connects, starts or makes anything. Returns 0 or an error number.
 int LimitCalls(int socket) {
-  Filter filter;
+  std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_KILL_PROCESS),
+                                                           seccomp_release);
+  // Kernels before 4.14, and those that do not let us ask, end the thread instead: the only one.
+  if (!filter) filter.reset(seccomp_init(SCMP_ACT_KILL));
+  int error = filter ? 0 : -EINVAL;
+  const auto allow = [&](int call, auto... conditions) {
+    if (error != 0) return;
+    error =
+        seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, sizeof...(conditions), conditions...);
+  };
   const auto file = static_cast<scmp_datum_t>(socket);
-  filter.Allow(SCMP_SYS(read), SCMP_A0(SCMP_CMP_EQ, file));
-  filter.Allow(SCMP_SYS(write), SCMP_A0(SCMP_CMP_EQ, file));
-  filter.Allow(SCMP_SYS(write), SCMP_A0(SCMP_CMP_EQ, STDERR_FILENO));
-  filter.Allow(SCMP_SYS(writev), SCMP_A0(SCMP_CMP_EQ, STDERR_FILENO));
-  filter.Allow(SCMP_SYS(mmap), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0),
-               SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_ANONYMOUS, MAP_ANONYMOUS));
-  filter.Allow(SCMP_SYS(mprotect), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
+  allow(SCMP_SYS(read), SCMP_A0(SCMP_CMP_EQ, file));
+  allow(SCMP_SYS(write), SCMP_A0(SCMP_CMP_EQ, file));
+  allow(SCMP_SYS(write), SCMP_A0(SCMP_CMP_EQ, STDERR_FILENO));
+  allow(SCMP_SYS(writev), SCMP_A0(SCMP_CMP_EQ, STDERR_FILENO));
+  allow(SCMP_SYS(mmap), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0),
+        SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_ANONYMOUS, MAP_ANONYMOUS));
+  allow(SCMP_SYS(mprotect), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   for (const int call :
        {SCMP_SYS(munmap), SCMP_SYS(mremap), SCMP_SYS(madvise), SCMP_SYS(brk), SCMP_SYS(futex),
         SCMP_SYS(sched_yield), SCMP_SYS(getrandom), SCMP_SYS(clock_gettime), SCMP_SYS(gettimeofday),
         SCMP_SYS(sysinfo), SCMP_SYS(restart_syscall), SCMP_SYS(exit), SCMP_SYS(exit_group),
         SCMP_SYS(getpid), SCMP_SYS(gettid), SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask),
         SCMP_SYS(rt_sigreturn)}) {
-    filter.Allow(call);
+    allow(call);
   }
-  filter.Allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid())));
-  return filter.Load();
+  allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid())));
+  if (error == 0) error = seccomp_load(filter.get());
+  return -error;
 }
 
 }  // namespace

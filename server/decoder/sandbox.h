@@ -27,11 +27,11 @@ struct SandboxLimits {
   std::int64_t cpu_s = 0;         // of processor time, from the start of the process
 };
 
-// Limits this process for ever: no new privileges, not to be traced, no core dumps, no more open
-// files, no growing files, and `limits`. Then its system calls: it may read and write `socket`, and
-// have memory; any other call ends it (SIGSYS). `socket` is the last of its open files, and no
-// thread may run beside the caller. Returns why system calls are not limited, empty when they are.
-// Throws Error kInternal when anything else fails.
+// Limits this process for ever: no new privileges, no tracing, no core dumps, no more open files,
+// no growing files, and `limits`. Then its system calls: it can read and write `socket` and get
+// memory; any other call ends it (SIGSYS). `socket` is the last of its open files, and no other
+// thread runs. Returns why system calls are not limited, empty when they are. Throws Error
+// kInternal when anything else fails.
 std::string EnterSandbox(int socket, const SandboxLimits& limits);
 
 }  // namespace pliant::server

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Images that a client names by their address on the web, fetched by the server where its
-// operator allows the host.
+// Images that a client names by their address on the web: the server fetches them from the hosts
+// that its operator allows.
 #pragma once
 
 #include <chrono>
@@ -14,14 +14,12 @@
 
 namespace pliant::server {
 
-// The operator's list of the hosts that images may be fetched from.
-
-// Immutable and thread-safe.
+// The operator's list of hosts to fetch from. Immutable and thread-safe.
 class FetchHosts {
  public:
-  // Each "host", "*.suffix" (all names below it, not itself) or "*" (any), with ":port" behind it
-  // for another port than 80 (http) and 443 (https); "[2001:db8::1]" for an IPv6 address. Throws
-  // Error kInvalidArgument "fetch_hosts_invalid" naming the entry.
+  // Each entry is "host", "*.suffix" (all names below it, not itself) or "*" (any), followed by
+  // ":port" for another port than 80 (http) and 443 (https); "[2001:db8::1]" for an IPv6 address.
+  // Throws Error kInvalidArgument "fetch_hosts_invalid" naming the entry.
   explicit FetchHosts(const std::vector<std::string>& entries);
 
   bool empty() const { return entries_.empty(); }
@@ -47,14 +45,14 @@ struct FetchOptions {
   int most_at_once = 16;                      // images on their way or in use
   std::string user_agent = "Pliant";
   std::string ca_file = {};               // PEM; empty = the system's certificates
-  std::vector<std::string> resolve = {};  // "host:port:address" in place of the system's resolver
+  std::vector<std::string> resolve = {};  // "host:port:address" instead of the system's resolver
 };
 
 struct FetchedImage {
   // As long as these are held, the image counts among FetchOptions::most_at_once.
   std::shared_ptr<const std::vector<std::uint8_t>> bytes;
-  std::string source;                // its address without query and fragment
-  std::shared_ptr<void> place = {};  // which it takes
+  std::string source;  // its address without query and fragment
+  std::shared_ptr<void> place = {};
 };
 
 // Thread-safe. What it returns may outlive it.
@@ -70,21 +68,24 @@ class Fetcher {
 
   bool on() const { return !hosts_.empty(); }
 
-  // Who asks, when all places are taken.
+  // What happens when all places are taken.
   enum class For {
-    kRequest,  // is refused at once: it holds a thread that serves requests
-    kBatch,    // waits as long as one image may take
+    kRequest,  // refused at once: it holds a thread that serves requests
+    kBatch,    // waits for FetchOptions::timeout
     kJob,      // waits until `stop`, and leaves half of the places to the others
   };
   // Throws ProblemError: "fetch_off"; "fetch_host_not_allowed", also for a redirection to such a
-  // host, and for a host that has only addresses that may not be connected to; "fetch_failed",
-  // which says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
-  // "image_url_invalid".
-  // `place`: of another image of the same request, to be shared with it; null = one of its own.
+  // host, and for a host without an address that the server can connect to; "fetch_failed", which
+  // says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
+  // "image_url_invalid". `place`: to share, of another image of the same request; null = a new one.
+  //
+  // The network address is checked when the socket is made, after all resolving: no name can mean
+  // another address than the one that was allowed. No cookies, proxies, keys or passwords of the
+  // environment are used, nothing is decompressed, certificates are verified.
   FetchedImage Fetch(const std::string& url, For whom = For::kRequest,
                      const std::function<bool()>& stop = {}, std::shared_ptr<void> place = {});
 
-  // Ends what runs, within a second, and refuses all that comes.
+  // Ends running transfers, within a second, and refuses new ones.
   void Stop();
 
  private:

@@ -3,19 +3,88 @@
 #include "server/fetch/web_address.h"
 
 #include <algorithm>
-#include <cctype>
+#include <array>
+#include <cstdint>
+#include <cstring>
 #include <new>
 #include <utility>
 
 #include <arpa/inet.h>
 #include <curl/curl.h>
+#include <netinet/in.h>
 
 #include "descriptor/base/error.h"
-#include "server/fetch/address_kind.h"
+#include "descriptor/base/strings.h"
+#include "index/files/text.h"
 
 namespace pliant::server {
 
 namespace {
+
+using Kind = AddressKind;
+// The bytes of an IPv6 address; of an IPv4 address as mapped into IPv6 (RFC 4291, 2.5.5.2).
+using Bytes16 = std::array<std::uint8_t, 16>;
+
+constexpr Bytes16 kMapped = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+constexpr Bytes16 kNat64 = {0, 0x64, 0xff, 0x9b};
+constexpr int kBitsBeforeIp4 = 96;
+
+struct Network {
+  Bytes16 base;
+  int bits;
+  Kind kind;
+};
+
+constexpr Network Ip4(std::uint8_t a, std::uint8_t b, std::uint8_t c, int bits, Kind kind) {
+  return {{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, a, b, c}, kBitsBeforeIp4 + bits, kind};
+}
+
+// The first that contains an address counts; all others are kNever.
+constexpr Network kNetworks[] = {
+    Ip4(0, 0, 0, 8, Kind::kNever),         // this network
+    Ip4(10, 0, 0, 8, Kind::kPrivate),      //
+    Ip4(100, 64, 0, 10, Kind::kPrivate),   // shared by providers' customers (CGNAT)
+    Ip4(127, 0, 0, 8, Kind::kPrivate),     // loopback
+    Ip4(169, 254, 0, 16, Kind::kNever),    // link-local
+    Ip4(172, 16, 0, 12, Kind::kPrivate),   //
+    Ip4(192, 0, 0, 24, Kind::kNever),      // of protocols
+    Ip4(192, 0, 2, 24, Kind::kNever),      // of documents
+    Ip4(192, 88, 99, 24, Kind::kNever),    // relays of 6to4
+    Ip4(192, 168, 0, 16, Kind::kPrivate),  //
+    Ip4(198, 18, 0, 15, Kind::kNever),     // of benchmarks
+    Ip4(198, 51, 100, 24, Kind::kNever),   // of documents
+    Ip4(203, 0, 113, 24, Kind::kNever),    // of documents
+    Ip4(224, 0, 0, 4, Kind::kNever),       // multicast
+    Ip4(240, 0, 0, 4, Kind::kNever),       // reserved, and broadcast
+    Ip4(0, 0, 0, 0, Kind::kPublic),
+    {{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}, 128, Kind::kPrivate},  // loopback
+    {{0xfc}, 7, Kind::kPrivate},                                              // unique local
+    {{0x20, 0x01, 0x00}, 23, Kind::kNever},        // of protocols: Teredo, ORCHID
+    {{0x20, 0x01, 0x0d, 0xb8}, 32, Kind::kNever},  // of documents
+    {{0x20, 0x02}, 16, Kind::kNever},              // 6to4: leads to an IPv4 address
+    {{0x3f, 0xff, 0x00}, 20, Kind::kNever},        // of documents
+    {{0x20}, 3, Kind::kPublic},
+};
+
+bool Contains(const Bytes16& base, int bits, const Bytes16& address) {
+  const int whole = bits / 8;
+  const int mask = 0xff00 >> bits % 8 & 0xff;  // of the byte that a network has a part of
+  return std::equal(base.begin(), base.begin() + whole, address.begin()) &&
+         (mask == 0 || (address[whole] & mask) == (base[whole] & mask));
+}
+
+Kind KindOfBytes(const Bytes16& address) {
+  if (Contains(kNat64, kBitsBeforeIp4, address)) {
+    Bytes16 mapped = kMapped;
+    std::copy(address.begin() + kBitsBeforeIp4 / 8, address.end(),
+              mapped.begin() + kBitsBeforeIp4 / 8);
+    return KindOfBytes(mapped) == Kind::kPublic ? Kind::kPublic : Kind::kNever;
+  }
+  for (const Network& network : kNetworks) {
+    if (Contains(network.base, network.bits, address)) return network.kind;
+  }
+  return Kind::kNever;
+}
 
 constexpr std::size_t kMostBytes = 2048;
 
@@ -23,11 +92,7 @@ constexpr std::size_t kMostBytes = 2048;
   throw Error(ErrorCode::kInvalidArgument, "image_url_invalid", "image_url " + why);
 }
 
-bool IsHostCharacter(char c) {
-  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' || c == '_';
-}
-
-// Whoever resolves it takes it for an IPv4 address, in one of the forms of inet_aton(). The library
+// A resolver takes such a host for an IPv4 address, in one of the forms of inet_aton(). The library
 // has written these as four numbers, unless a part was percent-encoded.
 bool EndsInANumber(std::string host) {
   if (host.ends_with('.')) host.pop_back();
@@ -40,12 +105,37 @@ bool EndsInANumber(std::string host) {
 // `host` is canonical. An IPv6 address is in brackets; the library has read it already.
 bool IsHost(const std::string& host) {
   if (host.starts_with('[')) return true;
-  if (!std::all_of(host.begin(), host.end(), IsHostCharacter)) return false;
+  if (!IsNameOf(host, ".-_")) return false;
   in_addr address{};
   return !EndsInANumber(host) || inet_pton(AF_INET, host.c_str(), &address) == 1;
 }
 
 }  // namespace
+
+std::string CanonicalHost(std::string host) {
+  host = Lower(host);
+  if (host.size() < 2 || host.front() != '[' || host.back() != ']') return host;
+  in6_addr address{};
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (inet_pton(AF_INET6, host.substr(1, host.size() - 2).c_str(), &address) != 1) return host;
+  return "[" + std::string(inet_ntop(AF_INET6, &address, text.data(), text.size())) + "]";
+}
+
+AddressKind KindOf(const sockaddr* address) {
+  Bytes16 bytes = kMapped;
+  if (address->sa_family == AF_INET) {
+    sockaddr_in v4{};
+    std::memcpy(&v4, address, sizeof v4);
+    std::memcpy(bytes.data() + kBitsBeforeIp4 / 8, &v4.sin_addr, sizeof v4.sin_addr);
+  } else if (address->sa_family == AF_INET6) {
+    sockaddr_in6 v6{};
+    std::memcpy(&v6, address, sizeof v6);
+    std::memcpy(bytes.data(), &v6.sin6_addr, bytes.size());
+  } else {
+    return Kind::kNever;
+  }
+  return KindOfBytes(bytes);
+}
 
 WebAddress::WebAddress(const std::string& text)
     : WebAddress(Parts(curl_url(), curl_url_cleanup), text) {}
@@ -58,17 +148,12 @@ WebAddress::WebAddress(Parts parts, const std::string& text) : parts_(std::move(
   if (!parts_) throw std::bad_alloc();
   if (text.empty()) ThrowInvalid("is empty.");
   if (text.size() > kMostBytes) ThrowInvalid("is longer than 2048 bytes.");
-  if (std::any_of(text.begin(), text.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; })) {
-    ThrowInvalid("has control characters.");
-  }
-  switch (curl_url_set(parts_.get(), CURLUPART_URL, text.c_str(),
-                       CURLU_URLENCODE | CURLU_DISALLOW_USER)) {
-    case CURLUE_OK:
-      break;
-    case CURLUE_USER_NOT_ALLOWED:
-      ThrowInvalid("may not name a user.");
-    default:
-      ThrowInvalid("must be an address like https://images.example.org/mug.jpg.");
+  if (HasControlCharacter(text)) ThrowInvalid("has control characters.");
+  const CURLUcode code = curl_url_set(parts_.get(), CURLUPART_URL, text.c_str(),
+                                      CURLU_URLENCODE | CURLU_DISALLOW_USER);
+  if (code == CURLUE_USER_NOT_ALLOWED) ThrowInvalid("must not name a user.");
+  if (code != CURLUE_OK) {
+    ThrowInvalid("must be an address like https://images.example.org/mug.jpg.");
   }
   scheme_ = Part(CURLUPART_SCHEME);
   if (scheme_ != "http" && scheme_ != "https") ThrowInvalid("must begin with http:// or https://.");

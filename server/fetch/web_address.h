@@ -1,25 +1,43 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// An address on the web that a client has given, taken apart by the library that connects to it:
-// what is checked is what is asked.
+// Addresses that a client names: on the web, and of the network behind them.
 #pragma once
 
 #include <memory>
 #include <string>
 
 #include <curl/urlapi.h>
+#include <sys/socket.h>
 
 namespace pliant::server {
 
-// Used by one thread.
+// Whether the server can connect to a network address when a client names a host.
+enum class AddressKind {
+  kPublic,   // anybody's, on the Internet
+  kPrivate,  // of this machine, or of a network of its own: an operator can allow it
+  kNever,    // no host's (multicast, unspecified, reserved), a network's own business (link-local,
+             // where clouds keep their secrets), or leading elsewhere (6to4, Teredo)
+};
+
+// By the registries of special addresses (RFC 6890 with its updates). An IPv4 address inside an
+// IPv6 one (mapped, or NAT64's) is what the IPv4 address is; a private one behind NAT64 is kNever.
+// Other families are kNever.
+AddressKind KindOf(const sockaddr* address);
+
+// A host as it is compared: in lower case, and an IPv6 address, which is in brackets, in its
+// shortest form.
+std::string CanonicalHost(std::string host);
+
+// A client's address on the web, parsed by the library that connects to it: the server checks what
+// it then asks for. Used by one thread.
 class WebAddress {
  public:
-  // Throws Error kInvalidArgument "image_url_invalid" for what is no absolute address of http or
-  // https, is longer than 2048 bytes, or has a user, a password, control characters or a host that
-  // is neither a name of ASCII nor an address.
+  // Throws Error kInvalidArgument "image_url_invalid" unless the text is an absolute address of
+  // http or https, of at most 2048 bytes, without a user, a password and control characters, whose
+  // host is a name in ASCII or an address.
   explicit WebAddress(const std::string& text);
 
-  // The one that a redirection from here leads to. Throws the same.
+  // The address that a redirection from here leads to. Throws the same.
   WebAddress Redirected(const std::string& location) const;
 
   const std::string& scheme() const { return scheme_; }  // "http" or "https"

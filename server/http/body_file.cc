@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include <fcntl.h>
@@ -13,13 +15,12 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
-#include "server/http/file_error.h"
 
 namespace pliant::server {
 
 namespace {
 
-constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
+constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between two checks of the disk
 
 int Open(const std::filesystem::path& directory) {
   const int nameless = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
@@ -33,6 +34,34 @@ int Open(const std::filesystem::path& directory) {
 }
 
 }  // namespace
+
+void ThrowFileError(const std::filesystem::path& path, int number) {
+  const std::string what = path.string() + ": " + std::strerror(number);
+  switch (number) {
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      throw Error(ErrorCode::kNoSpace, "no_space", what);
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      throw Error(ErrorCode::kReadOnly, "read_only", what);
+    case EMFILE:
+    case ENFILE:
+      throw Error(ErrorCode::kUnavailable, "too_many_open_files", what);
+    default:
+      throw Error(ErrorCode::kInternal, "io_error", what);
+  }
+}
+
+void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
+                      std::uint64_t reserve) {
+  std::error_code error;
+  const std::uint64_t available = std::filesystem::space(directory, error).available;
+  if (error) ThrowFileError(directory, error.value());
+  if (available >= reserve && available - reserve >= bytes) return;  // a sum could overflow
+  ThrowFileError(directory, ENOSPC);
+}
 
 BodyFile::BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes)
     : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), fd_(Open(directory_)) {}
@@ -58,12 +87,6 @@ BodyFile::BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, s
 
 BodyFile::~BodyFile() {
   if (fd_ >= 0) ::close(fd_);
-}
-
-void BodyFile::Append(std::string_view bytes) { Write(size_, bytes); }
-
-void BodyFile::Reserve(std::uint64_t bytes) const {
-  RequireDiskSpace(directory_, bytes, reserve_bytes_);
 }
 
 void BodyFile::Write(std::uint64_t offset, std::string_view bytes) {

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The body of a long answer: written to a file without a name, or a file that is there, from which
-// it is sent as fast as the client takes it, so that it is never in memory as a whole and no thread
-// waits for the client.
+// The body of a long answer in a file: the server sends it as fast as the client takes it, never
+// holds it in memory as a whole, and no thread waits for the client.
 #pragma once
 
 #include <cstddef>
@@ -14,44 +13,51 @@
 
 namespace pliant::server {
 
-// One thread writes it whole; then any number read. The file is gone with the object, also when the
-// process is killed.
+// By errno: kNoSpace "no_space", kReadOnly "read_only", kUnavailable "too_many_open_files",
+// kInternal "io_error".
+[[noreturn]] void ThrowFileError(const std::filesystem::path& path, int number);
+
+// Throws kNoSpace "no_space" unless `bytes` fit on the disk of the directory and leave `reserve`
+// bytes free.
+void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
+                      std::uint64_t reserve);
+
+// One thread writes the whole body; then any number of threads read it. A file without a name goes
+// with the object, also when the process is killed.
 class BodyFile {
  public:
-  // In a directory on a disk, of which `reserve_bytes` stay free. Throws Error: kNoSpace
-  // "no_space", kReadOnly "read_only", kInternal "io_error".
+  // A new file without a name, on a disk of which `reserve_bytes` stay free. Throws Error as
+  // ThrowFileError does.
   BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes);
-  // A regular file, no link, as it is now; it stays readable when its name is removed. Throws Error
-  // kNotFound "file_not_found", and as above.
+  // A regular file, no link; it stays readable when its name is removed. Throws Error kNotFound
+  // "file_not_found", and as above.
   explicit BodyFile(const std::filesystem::path& file);
-  // `bytes` of another from `first` on; both must be inside it.
+  // `bytes` of another body from `first` on; both must be inside it.
   BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, std::uint64_t bytes);
   ~BodyFile();
   BodyFile(const BodyFile&) = delete;
   BodyFile& operator=(const BodyFile&) = delete;
 
-  void Append(std::string_view bytes);  // throws as the constructor does
-  // For one that is written anywhere, until all places below size() are. Throws likewise; Reserve,
-  // before, when so many bytes would not fit on the disk.
-  void Reserve(std::uint64_t bytes) const;
-  void Write(std::uint64_t offset, std::string_view bytes);
+  // These throw as the constructor does. Reserve only checks that so many bytes fit on the disk.
+  void Append(std::string_view bytes) { Write(size_, bytes); }
+  void Reserve(std::uint64_t bytes) const { RequireDiskSpace(directory_, bytes, reserve_bytes_); }
+  void Write(std::uint64_t offset, std::string_view bytes);  // until no place below size() is empty
   std::uint64_t size() const { return size_; }
-  // Of a file that is there: another one, or another state of it, has another.
-  const std::string& version() const { return version_; }
+  const std::string& version() const { return version_; }  // differs for each state of a named file
 
-  // At most `bytes` from `offset` on; how many, 0 at the end, -1 when it cannot be read.
+  // Reads up to `bytes` from `offset` on. Returns how many: 0 at the end, -1 on failure.
   std::ptrdiff_t Read(std::uint64_t offset, char* data, std::size_t bytes) const;
 
  private:
   std::filesystem::path directory_;
   std::uint64_t reserve_bytes_ = 0;
-  std::shared_ptr<const BodyFile> whole_;  // this is a part of
-  std::uint64_t first_ = 0;                // of the part
+  std::shared_ptr<const BodyFile> whole_;  // null unless this is a part of it
+  std::uint64_t first_ = 0;                // byte of whole_
   int fd_ = -1;
   std::string version_;
   std::uint64_t size_ = 0;
   std::uint64_t written_ = 0;
-  std::uint64_t checked_ = 0;  // written_ when the free space was looked at
+  std::uint64_t checked_ = 0;  // written_ at the last check of the free space
 };
 
 }  // namespace pliant::server

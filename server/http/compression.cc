@@ -4,21 +4,20 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
-#include <limits>
-#include <map>
+#include <regex>
 
 #include <brotli/encode.h>
 #include <zlib.h>
 
 #include "descriptor/base/strings.h"
-#include "server/http/accept.h"
 
 namespace pliant::server {
 
 namespace {
 
-// Long answers at a speed of about 100 MB/s, short ones as well as it makes sense.
+// Long answers are compressed at about 100 MB/s, short ones better.
 constexpr int kGzipLevel = 6;
 constexpr int kGzipLevelOfLong = 1;
 constexpr int kBrotliQuality = 5;
@@ -26,6 +25,7 @@ constexpr int kBrotliQualityOfLong = 1;
 constexpr int kGzipWindowBits = 15 + 16;  // 16: a gzip header and trailer
 constexpr int kGzipMemory = 8;
 
+// Both return an empty string on failure.
 std::string Gzipped(const std::string& body) {
   z_stream stream{};
   const int level = body.size() >= Compressor::kLongBytes ? kGzipLevelOfLong : kGzipLevel;
@@ -56,45 +56,48 @@ std::string Brotlied(const std::string& body) {
   return packed;
 }
 
-void NameCoding(Coding coding, Response& response) {
-  response.headers.emplace_back("Content-Encoding", CodingName(coding));
+void NameCoding(const std::string& coding, Response& response) {
+  response.headers.emplace_back("Content-Encoding", coding);
   for (auto& [name, value] : response.headers) {
     const bool strong = value.size() >= 2 && value.front() == '"' && value.back() == '"';
     if (name == "ETag" && strong) {
-      value.insert(value.size() - 1, std::string("-") + CodingName(coding));
+      value.insert(value.size() - 1, "-" + coding);
     }
   }
 }
 
-}  // namespace
-
-const char* CodingName(Coding coding) {
-  switch (coding) {
-    case Coding::kIdentity:
-      return "identity";
-    case Coding::kGzip:
-      return "gzip";
-    case Coding::kBrotli:
-      return "br";
-  }
-  return "identity";
+// "0", "0.5", "1.000" in thousandths; -1 = no q-value.
+int ThousandthsOf(const std::string& text) {
+  static const std::regex form(R"(0(\.[0-9]{0,3})?|1(\.0{0,3})?)");
+  return std::regex_match(text, form) ? static_cast<int>(std::lround(std::stod(text) * 1000)) : -1;
 }
 
-Coding ChooseCoding(std::string_view accept_encoding) {
-  std::map<std::string, int> listed = WeightsOf(accept_encoding);
-  if (const auto old = listed.find("x-gzip"); old != listed.end()) {
-    listed.emplace("gzip", old->second);  // its earlier name (RFC 9110, section 8.4.1.3)
+}  // namespace
+
+std::map<std::string, int> WeightsOf(std::string_view list) {
+  std::map<std::string, int> weights;
+  for (const std::string& entry : Split(list, ',')) {
+    const std::size_t semicolon = std::min(entry.find(';'), entry.size());
+    const std::string name = Lower(Trimmed(std::string_view(entry).substr(0, semicolon)));
+    int weight = 1000;
+    if (semicolon < entry.size()) {
+      const std::string q = Lower(Trimmed(std::string_view(entry).substr(semicolon + 1)));
+      weight = q.starts_with("q=") ? ThousandthsOf(q.substr(2)) : -1;
+    }
+    if (weight >= 0 && !name.empty()) weights.emplace(name, weight);
   }
-  const auto others = listed.find("*");
-  const auto weight = [&](Coding coding) {
-    const auto it = listed.find(CodingName(coding));
-    if (it != listed.end()) return it->second;
-    return others == listed.end() || coding == Coding::kIdentity ? 0 : others->second;
-  };
-  Coding best = Coding::kIdentity;
-  for (const Coding coding : {Coding::kGzip, Coding::kBrotli}) {
-    const int q = weight(coding);
-    if (q > 0 && q >= weight(best)) best = coding;
+  return weights;
+}
+
+std::string ChooseCoding(std::string_view accept_encoding) {
+  std::map<std::string, int> weights = WeightsOf(accept_encoding);
+  if (const auto old = weights.find("x-gzip"); old != weights.end()) {
+    weights.emplace("gzip", old->second);  // its earlier name (RFC 9110, section 8.4.1.3)
+  }
+  for (const char* coding : {"gzip", "br"}) weights.emplace(coding, weights["*"]);
+  std::string best = "identity";
+  for (const char* coding : {"gzip", "br"}) {
+    if (weights[coding] > 0 && weights[coding] >= weights[best]) best = coding;
   }
   return best;
 }
@@ -107,29 +110,23 @@ bool IsCompressible(std::string_view content_type) {
   return type.starts_with("text/") || std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end();
 }
 
-std::string Compressed(const std::string& body, Coding coding) {
-  if (body.size() > std::numeric_limits<uInt>::max() / 2) return {};
-  if (coding == Coding::kGzip) return Gzipped(body);
-  return coding == Coding::kBrotli ? Brotlied(body) : std::string();
-}
-
 void Compressor::Compress(const Request& request, Response& response) {
   if (!IsCompressible(response.content_type)) return;
-  // Also for those that are too short now: caches must not mix them up.
+  // Also for answers that are too short now: caches must not mix them up.
   response.headers.emplace_back("Vary", "Accept-Encoding");
   const std::size_t bytes = response.body.size();
   std::string accepted;
   const auto [begin, end] = request.headers.equal_range("Accept-Encoding");
   for (auto header = begin; header != end; ++header) accepted += header->second + ",";
-  const Coding coding = ChooseCoding(accepted);
+  const std::string coding = ChooseCoding(accepted);
   const bool partial = response.status == 206;
-  if (coding == Coding::kIdentity || partial || bytes < kFewestBytes || bytes > kMostBytes) return;
+  if (coding == "identity" || partial || bytes < kFewestBytes || bytes > kMostBytes) return;
   const bool is_long = bytes >= kLongBytes;
   if (is_long && --free_ < 0) {
     ++free_;
     return;
   }
-  std::string packed = Compressed(response.body, coding);
+  std::string packed = coding == "br" ? Brotlied(response.body) : Gzipped(response.body);
   if (is_long) ++free_;
   if (packed.empty() || packed.size() >= bytes) return;
   response.body = std::move(packed);

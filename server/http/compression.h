@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Compressed answers: gzip and Brotli, as the client likes them (RFC 9110, section 12.5.3).
+// Answers compressed with gzip and Brotli, as the client prefers (RFC 9110, section 12.5).
 #pragma once
 
 #include <atomic>
 #include <cstddef>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -12,25 +13,20 @@
 
 namespace pliant::server {
 
-enum class Coding { kIdentity, kGzip, kBrotli };
+// The names that Accept or Accept-Encoding lists, in lower case, with their q-values in thousandths
+// (RFC 9110, section 12.4.2). The first of equal names counts. Entries with a broken q-value or
+// with other parameters are left out.
+std::map<std::string, int> WeightsOf(std::string_view list);
 
-// "identity", "gzip", "br"
-const char* CodingName(Coding coding);
-
-// Of what a list of codings with q-values accepts, that with the highest q; of equals br, then
-// gzip. What is not listed and not meant by * is taken as refused, but for identity, which is the
-// last choice. Entries that are not well-formed are not looked at.
-Coding ChooseCoding(std::string_view accept_encoding);
+// "br", "gzip" or "identity": the coding with the highest q; of equals, the first of these. Codings
+// that are neither listed nor covered by * are refused, but identity is the last choice.
+std::string ChooseCoding(std::string_view accept_encoding);
 
 // Text and JSON; images are compressed already.
 bool IsCompressible(std::string_view content_type);
 
-// Empty where it cannot be done.
-std::string Compressed(const std::string& body, Coding coding);
-
-// Compresses answers on the threads that made them, within limits: short ones, and very long ones,
-// are left as they are, and of long ones so many are compressed at once; the others go as they are.
-// Thread-safe.
+// Compresses answers on the threads that made them. Short and very long answers stay as they are,
+// and so do long ones when enough others are being compressed. Thread-safe.
 class Compressor {
  public:
   static constexpr std::size_t kFewestBytes = 1024;
@@ -39,7 +35,7 @@ class Compressor {
 
   explicit Compressor(int long_ones_at_once) : free_(long_ones_at_once) {}
 
-  // With Vary, Content-Encoding, and a strong ETag of its own (RFC 9110, section 8.8.3.3).
+  // Sets Vary, Content-Encoding, and a strong ETag of its own (RFC 9110, section 8.8.3.3).
   void Compress(const Request& request, Response& response);
 
  private:

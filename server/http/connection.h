@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A client's connection: its socket, TLS, what was received and what is to be sent. It belongs to
-// the thread of the event loop, and waits there without a thread of its own: for a handshake, for a
+// A client's connection: its socket, what was received and what is to be sent. It belongs to the
+// thread of the event loop, and waits there without a thread of its own: for a handshake, for a
 // request to arrive as a whole, for a worker, for an event that a handler wants, for the client to
 // take the answer. So a thousand slow clients cost memory and nothing else.
 //
@@ -15,43 +15,64 @@
 #include <functional>
 #include <memory>
 #include <string>
-#include <string_view>
+#include <utility>
+
+#include <httplib.h>
 
 #include "server/http/event_loop.h"
 #include "server/http/request_reader.h"
 #include "server/http/session.h"
-#include "server/http/tls.h"
-#include "server/http/workers.h"
+#include "server/http/socket.h"
 
 namespace pliant::server {
+
+// Threads of the HTTP library, and a bounded queue of tasks that wait for one. Thread-safe.
+class Workers {
+ public:
+  Workers(int threads, int limit) : limit_(limit), pool_(static_cast<std::size_t>(threads)) {}
+  ~Workers() { Finish(); }
+  Workers(const Workers&) = delete;
+  Workers& operator=(const Workers&) = delete;
+
+  // False when the queue is full; with `past_limit` it takes the task all the same.
+  bool Run(std::function<void()> task, bool past_limit = false);
+  // Runs the tasks that wait, then ends the threads. From one thread.
+  void Finish() {
+    if (!std::exchange(finished_, true)) pool_.shutdown();
+  }
+
+ private:
+  const int limit_;
+  std::atomic<int> waiting_{0};
+  bool finished_ = false;
+  httplib::ThreadPool pool_;
+};
 
 class Connection;
 
 // What all connections of a server share.
 struct ConnectionContext {
-  const ConnectionLimits& limits;
-  EventLoop& loop;
-  Workers& requests;
-  Workers& health;      // of those who ask whether the server lives
-  Workers& handshakes;  // a step of one takes milliseconds of a core (RSA)
-  SessionContext& sessions;
-  MemoryBudget& budget;
+  SessionContext sessions;
   std::function<void(const std::shared_ptr<Connection>&)> on_close;  // on the loop's thread
+  MemoryBudget budget{sessions.options.max_inflight_bytes};
+  EventLoop loop{};  // outlives the workers, which post to it
+  Workers requests{sessions.options.threads, sessions.options.connection_queue};
+  // Threads of their own for /livez, so that it is answered when all others are busy.
+  Workers health{2, 64};
+  // A step of a handshake takes milliseconds of a core (RSA): one core, so that others stay free.
+  Workers handshakes{1, sessions.options.max_connections};
 };
 
 // Its functions are called on the loop's thread.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  // Owns the socket and makes it non-blocking. `tls` can be null.
+  // Owns the socket. `tls` can be null.
   Connection(ConnectionContext& context, int socket_fd, const TlsContext* tls);
-  ~Connection();
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
 
   const std::string& address() const { return address_; }
   void Start();
-  // Instead of Start(): answers without reading a request. Under TLS there is no answer.
-  void TurnAway(const Problem& problem);
+  // Instead of Start(): answers "busy" without reading a request. Under TLS there is no answer.
+  void TurnAway();
   // The server stops: no other request is received, and nobody waits for an event.
   void Drain();
   void Close();
@@ -68,37 +89,32 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kLingering,  // the last answer was sent: what the client still sends is dropped
     kClosed
   };
-  enum class AfterSending { kBody, kRequest, kEnd };
 
-  void OnEvent(EventLoop::Event event);
   void Run(const std::function<bool()>& step);
   void Enter(Phase phase);
-  void SetDeadline(Clock::time_point deadline);
+  void SetDeadline(Clock::time_point at) { context_.loop.SetDeadline(socket_.fd(), at); }
   // These take a step and return whether the next one can be taken at once.
   bool Step();
   bool OnTimeout();
   bool Handshake();
-  bool OnHandshake(ssize_t result);
   bool ReceiveHead();
   bool ReceiveBody();
   bool Serve();
   bool OnServed();
   bool AwaitEvent();
-  bool Refuse(const Problem& problem);
+  bool Refuse(const ProblemError& error);
   bool SendAnswer();
   bool Send();
   bool Linger();
   bool Receive();  // into reader_; false: waits, or closed
   bool Await();    // what the socket waits for; false
-  bool Refill();   // unsent_ with what comes next
-  ssize_t SendSome();
-  void EndSending();
+  bool End();      // closes; false
+  bool Refill();   // answer_.text with the next piece
 
   ConnectionContext& context_;
-  const int socket_fd_;
-  std::unique_ptr<TlsSession> tls_;
+  const ConnectionLimits& limits_;
+  Socket socket_;
   const std::string address_;
-  std::uint32_t awaited_;  // events, after a step that could not go on
 
   Phase phase_ = Phase::kIdle;
   Clock::time_point last_deadline_;  // of the whole body or answer
@@ -108,10 +124,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::shared_ptr<Session> session_;    // from the head to the answer
   std::shared_ptr<void> subscription_;  // kWaiting
 
-  AfterSending after_ = AfterSending::kEnd;
-  std::string unsent_;
-  std::size_t sent_ = 0;  // of unsent_
-  Session::Answer rest_;  // after unsent_
+  Session::Answer answer_;  // kSending; its text has the pieces of its file one after another
+  std::size_t sent_ = 0;    // of its text
   std::uint64_t file_sent_ = 0;
   std::size_t held_ = 0;  // of the budget, for what the client has not taken
   std::size_t dropped_ = 0;

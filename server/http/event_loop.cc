@@ -21,19 +21,10 @@ EventLoop::EventLoop()
 }
 
 EventLoop::~EventLoop() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  Wake();
+  Post([this] { ending_ = true; });
   thread_.join();
   close(epoll_fd_);
   close(wake_fd_);
-}
-
-void EventLoop::Wake() {
-  const std::uint64_t one = 1;
-  [[maybe_unused]] const ssize_t woken = ::write(wake_fd_, &one, sizeof(one));
 }
 
 void EventLoop::Post(std::function<void()> task) {
@@ -41,7 +32,8 @@ void EventLoop::Post(std::function<void()> task) {
     const std::lock_guard lock(mutex_);
     tasks_.push_back(std::move(task));
   }
-  Wake();
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const ssize_t woken = ::write(wake_fd_, &one, sizeof(one));
 }
 
 void EventLoop::Add(int fd, Handler handler) {
@@ -76,7 +68,7 @@ void EventLoop::SetDeadline(int fd, Clock::time_point deadline) {
 void EventLoop::Run() {
   constexpr int kEvents = 64;  // taken from the system at a time
   std::array<epoll_event, kEvents> events{};
-  do {
+  while (!ending_) {
     const int count = epoll_wait(epoll_fd_, events.data(), kEvents, MillisecondsToDeadline());
     for (int i = 0; i < count; ++i) {
       if (events[i].data.fd != wake_fd_) {
@@ -91,7 +83,8 @@ void EventLoop::Run() {
       SetDeadline(fd, kNever);
       Call(fd, Event::kTimeout);
     }
-  } while (RunTasks());
+    RunTasks();
+  }
 }
 
 void EventLoop::Call(int fd, Event event) {
@@ -101,15 +94,13 @@ void EventLoop::Call(int fd, Event event) {
   handler(event);
 }
 
-bool EventLoop::RunTasks() {
+void EventLoop::RunTasks() {
   std::vector<std::function<void()>> tasks;
   {
     const std::lock_guard lock(mutex_);
-    if (ending_) return false;
     tasks.swap(tasks_);
   }
   for (const auto& task : tasks) task();
-  return true;
 }
 
 int EventLoop::MillisecondsToDeadline() const {

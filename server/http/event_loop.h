@@ -24,7 +24,7 @@ class EventLoop {
   static constexpr Clock::time_point kNever = Clock::time_point::max();
 
   EventLoop();
-  ~EventLoop();  // ends the thread; tasks and handlers are dropped
+  ~EventLoop();  // runs the tasks so far and ends the thread; handlers are dropped
   EventLoop(const EventLoop&) = delete;
   EventLoop& operator=(const EventLoop&) = delete;
 
@@ -46,19 +46,19 @@ class EventLoop {
   };
 
   void Run();
-  bool RunTasks();  // false: the loop ends
+  void RunTasks();
   void Call(int fd, Event event);
   int MillisecondsToDeadline() const;
-  void Wake();
 
   int epoll_fd_;
   int wake_fd_;
   std::unordered_map<int, Entry> entries_;
   std::set<std::pair<Clock::time_point, int>> deadlines_;
 
-  std::mutex mutex_;  // guards tasks_ and ending_
-  std::vector<std::function<void()>> tasks_;
   bool ending_ = false;
+
+  std::mutex mutex_;  // guards tasks_
+  std::vector<std::function<void()>> tasks_;
   std::thread thread_;
 };
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/http_server.h"
 
+#include <algorithm>
 #include <condition_variable>
 #include <future>
-#include <map>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -21,14 +21,6 @@ namespace pliant::server {
 namespace {
 
 constexpr int kListenBacklog = 512;
-// Threads of their own for those who ask whether the server lives, so that they are answered when
-// all others are busy.
-constexpr int kHealthThreads = 2;
-constexpr int kHealthQueue = 64;
-// One of so many connections can wait for an event; the others are for who wants an answer now.
-constexpr int kWaitingShare = 2;
-// Cores that TLS handshakes can take from everything else.
-constexpr int kHandshakeThreads = 1;
 
 // What httplib::TaskQueue::enqueue() returns: nothing, or since 0.13 whether the task was taken.
 using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
@@ -43,12 +35,6 @@ class PassingQueue final : public httplib::TaskQueue {
   void shutdown() override {}
 };
 
-// Without SO_REUSEPORT, which the library sets: two servers on one port must not go unnoticed.
-void SetListenOptions(socket_t listener) {
-  const int yes = 1;
-  setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-}
-
 }  // namespace
 
 // The library listens and accepts. process_and_close_socket() is private there:
@@ -57,26 +43,20 @@ class HttpServer::Impl final : public httplib::Server {
  public:
   Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
-      : options_(std::move(options)),
-        sessions_{router,
-                  std::move(admit),
-                  std::move(on_request),
-                  OriginPolicy(options_.allowed_origins),
-                  AllowedHosts(options_.host, options_.allowed_hosts),
-                  !options_.tls_certificate.empty(),
-                  options_.limits.max_body_bytes,
-                  std::chrono::ceil<std::chrono::seconds>(options_.limits.idle_timeout),
-                  options_.max_connections / kWaitingShare},
-        budget_{options_.max_inflight_bytes},
-        requests_(options_.threads, options_.connection_queue),
-        health_(kHealthThreads, kHealthQueue),
-        handshakes_(kHandshakeThreads, options_.max_connections) {
+      : context_{.sessions = {.options = std::move(options),
+                              .router = router,
+                              .admit = std::move(admit),
+                              .on_request = std::move(on_request)},
+                 .on_close = [this](const auto& connection) { OnClose(connection); }} {
     if (!options_.tls_certificate.empty()) {
       tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
     }
     new_task_queue = [] { return new PassingQueue; };
     set_socket_options([this](socket_t listener) {
-      SetListenOptions(listener);
+      // Without SO_REUSEPORT, which the library sets: two servers on one port must not go
+      // unnoticed.
+      const int yes = 1;
+      setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
       listener_ = listener;  // of several addresses, the last tried is the one that is bound
     });
     set_tcp_nodelay(true);
@@ -94,24 +74,24 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   std::size_t Drain(std::chrono::milliseconds deadline) {
-    sessions_.stopping = true;
+    context_.sessions.stopping = true;
     if (accepting_.joinable()) {
       stop();
       accepting_.join();
     }
     ForEach([](Connection& connection) { connection.Drain(); });
     std::unique_lock lock(mutex_);
-    closed_one_.wait_for(lock, deadline, [&] { return open_ == 0; });
-    const std::size_t cut_off = open_;
+    closed_one_.wait_for(lock, deadline, [&] { return connections_.empty(); });
+    const std::size_t cut_off = connections_.size();
     lock.unlock();
     ForEach([](Connection& connection) { connection.Close(); });
-    requests_.Finish();
-    health_.Finish();
-    handshakes_.Finish();
+    for (Workers* workers : {&context_.requests, &context_.health, &context_.handshakes}) {
+      workers->Finish();
+    }
     return cut_off;
   }
 
-  void SetReady(bool ready) { sessions_.ready = ready; }
+  void SetReady(bool ready) { context_.sessions.ready = ready; }
   int port() const { return port_; }
 
  private:
@@ -122,7 +102,7 @@ class HttpServer::Impl final : public httplib::Server {
     if (port <= 0) {
       throw Error(ErrorCode::kUnavailable, "address_in_use",
                   "cannot listen on " + options_.host + ":" + std::to_string(options_.port) +
-                      ": the port is taken, or the address is none of this machine's");
+                      ": the port is in use, or this machine does not have the address");
     }
     port_ = port;
     ::listen(listener_, kListenBacklog);  // the library's own backlog is 5
@@ -130,74 +110,55 @@ class HttpServer::Impl final : public httplib::Server {
 
   bool process_and_close_socket(socket_t socket_fd) override {
     const auto connection = std::make_shared<Connection>(context_, socket_fd, tls_.get());
-    loop_.Post([this, connection] { Welcome(connection); });
+    context_.loop.Post([this, connection] { Begin(connection); });
     return true;
   }
 
-  void Welcome(const std::shared_ptr<Connection>& connection) {
-    const auto of_address = by_address_.find(connection->address());
-    const std::size_t same = of_address == by_address_.end() ? 0 : of_address->second;
-    const auto most_of_address = static_cast<std::size_t>(options_.connections_per_address);
+  void Begin(const std::shared_ptr<Connection>& connection) {
+    const auto of_address = [&] {
+      return std::count_if(connections_.begin(), connections_.end(), [&](const auto& other) {
+        return other->address() == connection->address();
+      });
+    };
+    const int most = options_.connections_per_address;
     if (connections_.size() >= static_cast<std::size_t>(options_.max_connections) ||
-        (most_of_address > 0 && same >= most_of_address)) {
-      connection->TurnAway(
-          ProblemError("busy", "Too many connections. Try again shortly.").RetryAfter(2).problem());
-      return;
+        (most > 0 && of_address() >= most)) {
+      return connection->TurnAway();
     }
-    connections_.insert(connection);
-    ++by_address_[connection->address()];
-    Count();
+    {
+      const std::lock_guard lock(mutex_);
+      connections_.insert(connection);
+    }
     connection->Start();
   }
 
   void OnClose(const std::shared_ptr<Connection>& connection) {
-    const auto of_address = by_address_.find(connection->address());
-    if (--of_address->second == 0) by_address_.erase(of_address);
-    connections_.erase(connection);
-    Count();
-  }
-
-  void Count() {
     const std::lock_guard lock(mutex_);
-    open_ = connections_.size();
+    connections_.erase(connection);
     closed_one_.notify_all();
   }
 
-  // Does it on the loop's thread, and waits for that.
+  // Runs the action on the loop's thread, and waits for it.
   void ForEach(const std::function<void(Connection&)>& action) {
     std::promise<void> done;
-    loop_.Post([&] {
-      const auto connections = connections_;  // a copy: those that close leave
+    context_.loop.Post([&] {
+      const auto connections = connections_;  // a copy: closed connections leave the set
       for (const auto& connection : connections) action(*connection);
       done.set_value();
     });
     done.get_future().wait();
   }
 
-  const HttpOptions options_;
   std::unique_ptr<TlsContext> tls_;
-  SessionContext sessions_;
-  MemoryBudget budget_;
   int port_ = 0;
   socket_t listener_ = INVALID_SOCKET;  // owned by the library
 
-  // Of the loop's thread.
-  std::set<std::shared_ptr<Connection>> connections_;
-  std::map<std::string, std::size_t> by_address_;
-
-  std::mutex mutex_;  // guards open_
+  std::mutex mutex_;  // guards changes of connections_ by the loop's thread
   std::condition_variable closed_one_;
-  std::size_t open_ = 0;  // connections
+  std::set<std::shared_ptr<Connection>> connections_;
 
-  EventLoop loop_;  // outlives the workers, which post to it
-  Workers requests_;
-  Workers health_;
-  Workers handshakes_;
-  ConnectionContext context_{
-      options_.limits, loop_,
-      requests_,       health_,
-      handshakes_,     sessions_,
-      budget_,         [this](const auto& connection) { OnClose(connection); }};
+  ConnectionContext context_;
+  const HttpOptions& options_ = context_.sessions.options;
   std::thread accepting_;
 };
 

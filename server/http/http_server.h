@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The HTTP layer: sockets, framing, limits and problem answers around a Router. What a route does
-// is none of its business.
+// The HTTP layer: sockets, framing, limits and problem answers around a Router.
 #pragma once
 
 #include <chrono>
@@ -29,7 +28,7 @@ struct HttpOptions {
   std::string host = "127.0.0.1";
   int port = 8080;                  // 0 = any free one
   int threads = 64;                 // requests served at once
-  int connection_queue = 256;       // requests that may wait for a thread; more get 503
+  int connection_queue = 256;       // requests that wait for a thread; more get 503
   int max_connections = 2048;       // open at once; more get 503
   int connections_per_address = 0;  // likewise; 0 = no limit
   // Bodies of requests, and what clients have not yet taken of answers, over all connections.
@@ -37,9 +36,9 @@ struct HttpOptions {
   ConnectionLimits limits;
   std::string tls_certificate;  // PEM file; empty = no TLS
   std::string tls_key;
-  // Pages of these origins ("https://shop.example") may ask (CORS); "*" = any.
+  // Pages of these origins ("https://shop.example") can send requests (CORS); "*" = any.
   std::vector<std::string> allowed_origins;
-  // Names that requests may call the server by, beside those that AllowedHosts knows; "*" = any.
+  // The server's host names, in addition to those of AllowedHosts; "*" = any.
   std::vector<std::string> allowed_hosts;
 };
 
@@ -59,12 +58,12 @@ struct RequestRecord {
   double seconds = 0;
 };
 
-// Called when the headers of a request are there, before its body is read; throws what ends it.
+// Called after the headers of a request, before its body is read; throws to refuse it.
 using AdmitRequest = std::function<void(const Route&, Request&)>;
 
 class HttpServer {
  public:
-  // Binds at once, so that a taken port is noticed before anything else is loaded; throws Error
+  // Binds at once, so that a port in use is noticed before anything else is loaded; throws Error
   // kUnavailable "address_in_use". `router` must outlive the server.
   HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
              std::function<void(const RequestRecord&)> on_request);
@@ -76,8 +75,8 @@ class HttpServer {
   // While `ready` is false, routes that need the index are answered with "starting".
   void SetReady(bool ready);
 
-  // Accepts no more, lets running requests finish for at most `deadline`, then cuts connections
-  // off. Returns how many were cut off.
+  // Accepts no more connections, lets running requests finish for at most `deadline`, then closes
+  // the others. Returns how many it closed.
   std::size_t Drain(std::chrono::milliseconds deadline);
 
  private:

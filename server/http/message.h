@@ -4,7 +4,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <functional>
 #include <map>
@@ -15,11 +14,13 @@
 #include <utility>
 #include <vector>
 
+#include <strings.h>
+
 namespace pliant::server {
 
 class BodyFile;
 
-// What a caller must be allowed to do; each includes those before it.
+// What a caller can do; each includes those before it.
 enum class Scope { kPublic, kRead, kWrite, kAdmin };
 
 // "public", "read", "write", "admin"
@@ -28,16 +29,16 @@ inline const char* ScopeName(Scope scope) {
   return kNames[static_cast<int>(scope)];
 }
 
-// Who sent a request, and what it may do.
+// Who sent a request.
 struct Caller {
-  std::string key_id = {};  // of the API key that was shown; empty when none was needed
+  std::string key_id = {};  // of the API key; empty when none was needed
   std::string key_name = {};
   Scope scope = Scope::kPublic;
 };
 
 // Where a long body of a request goes, piece by piece, so that it is never in memory as a whole.
-// Used by one thread at a time. One that is destroyed before the body was complete, because the
-// client went or the body was refused, leaves nothing behind.
+// Used by one thread at a time. A sink that is destroyed before the body was complete, because the
+// client left or the body was refused, leaves nothing behind.
 class BodySink {
  public:
   BodySink() = default;
@@ -48,16 +49,14 @@ class BodySink {
   // Called by the thread that polls all connections: must not take long. What it throws is the
   // request's answer, and the rest of the body is not read.
   virtual void Append(std::string_view bytes) = 0;
-  // The complete body, where it can be looked at as a whole; as long as this is there.
+  // The complete body, if the sink can show it as a whole; valid as long as the sink.
   virtual std::string_view All() { return {}; }
 };
 
 // Orders header names without regard to case (RFC 9110, section 5.1).
 struct HeaderNameLess {
   bool operator()(const std::string& a, const std::string& b) const {
-    return std::lexicographical_compare(
-        a.begin(), a.end(), b.begin(), b.end(),
-        [](unsigned char x, unsigned char y) { return std::tolower(x) < std::tolower(y); });
+    return ::strcasecmp(a.c_str(), b.c_str()) < 0;
   }
 };
 using HeaderFields = std::multimap<std::string, std::string, HeaderNameLess>;
@@ -97,7 +96,7 @@ struct Request {
   std::vector<Part> parts;
   std::shared_ptr<BodySink> received = {};  // has the body, where the route receives it by itself
   bool has_body = false;
-  bool waited = false;  // the handler has returned a Wait, which is over: now it must answer
+  bool waited = false;  // the handler's Wait is over: now it must answer
 
   // The first header of that name; empty when there is none.
   std::string header(const std::string& name) const {
@@ -107,9 +106,9 @@ struct Request {
   bool is_multipart() const { return content_type == "multipart/form-data"; }
 };
 
-// What a handler returns instead of an answer: it is called again, with Request::waited, when the
-// event has happened, the time is up, the client goes, or the server stops. Meanwhile the request
-// holds no thread.
+// A handler can return this instead of an answer. The server calls it again, with Request::waited,
+// when the event happens, the time is up, the client leaves, or the server stops. Meanwhile the
+// request holds no thread.
 struct Wait {
   std::chrono::steady_clock::time_point until;
   // Called once. Calls `wake` at most once, from any thread, when it has happened; at once if it
@@ -124,6 +123,13 @@ struct Response {
   std::vector<std::pair<std::string, std::string>> headers = {};
   std::shared_ptr<const BodyFile> file = {};  // the body instead of `body`
   std::optional<Wait> wait = {};  // only of routes that take no body; then the rest means nothing
+
+  // The first header of that name, as written; empty when there is none.
+  std::string header(const std::string& name) const {
+    const auto it = std::find_if(headers.begin(), headers.end(),
+                                 [&](const auto& header) { return header.first == name; });
+    return it == headers.end() ? std::string() : it->second;
+  }
 };
 
 }  // namespace pliant::server

@@ -73,15 +73,12 @@ bool OriginPolicy::IsPreflight(const Request& request) const {
 }
 
 Response OriginPolicy::PreflightAnswer(const std::string& methods) {
-  if (methods.empty()) throw ProblemError("route_not_found", "There is nothing at this path.");
-  Response response;
-  response.status = 204;
-  response.headers = {{"Access-Control-Allow-Methods", methods},
+  return {.status = 204,
+          .headers = {{"Access-Control-Allow-Methods", methods},
                       {"Access-Control-Allow-Headers",
                        "Authorization, X-API-Key, Content-Type, Idempotency-Key, If-Match, "
                        "If-None-Match, If-Range, Range, X-Request-Id"},
-                      {"Access-Control-Max-Age", "600"}};
-  return response;
+                      {"Access-Control-Max-Age", "600"}}};
 }
 
 void OriginPolicy::CheckSameSite(const Request& request) const {
@@ -101,15 +98,13 @@ std::vector<std::pair<std::string, std::string>> OriginPolicy::Headers(
   std::vector<std::pair<std::string, std::string>> headers;
   if (!allowed_.empty()) headers.emplace_back("Vary", "Origin");
   const std::string origin = request.header("Origin");
-  if (!Allows(origin)) {
-    headers.emplace_back("Cross-Origin-Resource-Policy", "same-origin");
-    return headers;
-  }
+  const bool allowed = Allows(origin);
+  headers.emplace_back("Cross-Origin-Resource-Policy", allowed ? "cross-origin" : "same-origin");
+  if (!allowed) return headers;
   headers.emplace_back("Access-Control-Allow-Origin", origin);
   headers.emplace_back("Access-Control-Expose-Headers",
                        "Content-Range, ETag, Idempotency-Replayed, Location, Retry-After, "
                        "X-Request-Id");
-  headers.emplace_back("Cross-Origin-Resource-Policy", "cross-origin");
   return headers;
 }
 

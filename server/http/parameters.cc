@@ -5,19 +5,76 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <system_error>
 
 #include <fmt/format.h>
 
+#include "descriptor/base/strings.h"
 #include "index/files/text.h"
-#include "server/http/multipart.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
 
 namespace {
 
-constexpr const char* kImageUrl = "image_url";
+using Type = Parameter::Type;
+
+constexpr std::size_t kShownNameBytes = 64;
+constexpr std::size_t kMostFieldBytes = 64 * 1024;  // of a part that is not an image
+constexpr std::size_t kMostBoundaryBytes = 70;      // RFC 2046, section 5.1.1
+
+// A parameter of a field such as Content-Type, without its quotes; empty = there is none.
+std::string FieldParameter(std::string_view field, std::string_view name) {
+  std::size_t at = field.find(';');
+  while (at != std::string_view::npos) {
+    const std::size_t equals = field.find('=', at);
+    if (equals == std::string_view::npos) break;
+    const std::string_view found = Trimmed(field.substr(at + 1, equals - at - 1));
+    const bool quoted = field.substr(equals + 1, 1) == "\"";
+    const std::size_t begin = equals + (quoted ? 2 : 1);
+    std::size_t end = field.find(quoted ? '"' : ';', begin);
+    while (quoted && end != std::string_view::npos && field[end - 1] == '\\') {
+      end = field.find('"', end + 1);
+    }
+    const std::string_view value = field.substr(begin, end - begin);
+    if (EqualsIgnoringCase(found, name)) return std::string(quoted ? value : Trimmed(value));
+    at = field.find(';', end);
+  }
+  return {};
+}
+
+[[noreturn]] void ThrowDamaged() {
+  throw ProblemError("bad_request", "The multipart/form-data body is damaged or incomplete.");
+}
+
+// Takes what is before `mark` off the text, and the mark.
+std::string_view TakeUpTo(std::string_view& text, std::string_view mark) {
+  const std::size_t end = text.find(mark);
+  if (end == std::string_view::npos) ThrowDamaged();
+  const std::string_view taken = text.substr(0, end);
+  text.remove_prefix(end + mark.size());
+  return taken;
+}
+
+// Takes the headers of a part, and their empty line, off the text.
+Part TakeHeaders(std::string_view& text) {
+  Part part;
+  bool is_form_data = false;
+  for (auto line = TakeUpTo(text, "\r\n"); !line.empty(); line = TakeUpTo(text, "\r\n")) {
+    const std::size_t colon = line.find(':');
+    if (colon == std::string_view::npos) ThrowDamaged();
+    const std::string name = Lower(Trimmed(line.substr(0, colon)));
+    const std::string_view value = Trimmed(line.substr(colon + 1));
+    if (name == "content-type") part.content_type = value;
+    if (name != "content-disposition") continue;
+    is_form_data = Lower(value.substr(0, value.find(';'))) == "form-data";
+    part.name = FieldParameter(value, "name");
+    part.filename = FieldParameter(value, "filename");
+  }
+  if (!is_form_data) ThrowDamaged();
+  return part;
+}
 
 const Parameter* FindSpec(const Route& route, const std::string& name) {
   const auto it = std::find_if(route.parameters.begin(), route.parameters.end(),
@@ -25,169 +82,159 @@ const Parameter* FindSpec(const Route& route, const std::string& name) {
   return it == route.parameters.end() ? nullptr : &*it;
 }
 
-// What stands for an image is taken out of the object. `of` begins its name in what is said of it,
-// and is the parameter at fault where there is no other.
+// Moves the keys of an image out of the object. `of`: the parameter that holds them; empty = the
+// body.
 ImageText TakeImage(Json& object, const std::string& of = {}) {
-  const auto take = [&](const char* name, const char* what) -> std::optional<std::string> {
-    const auto found = object.find(name);
+  const auto take = [&](const char* key, const char* what) -> std::optional<std::string> {
+    const auto found = object.find(key);
     if (found == object.end()) return std::nullopt;
     Json value = std::move(*found);
     object.erase(found);
     if (value.is_null()) return std::nullopt;
     if (!value.is_string()) {
-      ThrowInvalid(of.empty() ? name : of,
-                   fmt::format("{} must be text: {}.", of.empty() ? name : of + "." + name, what));
+      ThrowInvalid(of.empty() ? key : of,
+                   fmt::format("{}{} must be text: {}.", of.empty() ? "" : of + ".", key, what));
     }
     return std::move(value.get_ref<std::string&>());
   };
-  ImageText image;
-  image.base64 = take(kImagePart, "base64");
-  image.url = take(kImageUrl, "an address on the web");
+  ImageText image{take(kImagePart, "base64"), take("image_url", "an address on the web")};
   if (image.base64 && image.url) {
-    ThrowInvalid(of.empty() ? kImageUrl : of,
+    ThrowInvalid(of.empty() ? "image_url" : of,
                  (of.empty() ? "" : of + ": ") + "image_url and image exclude each other.");
   }
   return image;
 }
 
-// Whole text to number; false for anything left over.
+// Whole text as a number; null for anything else.
 template <typename T>
-bool ParseNumber(const std::string& text, T* value) {
+Json NumberOf(const std::string& text) {
+  T value{};
   const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, *value);
-  return error == std::errc() && stop == end && !text.empty();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  return error == std::errc() && stop == end ? Json(value) : Json();
 }
 
-// JSON does not tell 5 from 5.0 (JSON Schema, section 4.2.3).
+// The text of a query or a form as a value; one of another type when the text has no such value.
+Json ValueOf(const Parameter& spec, const std::string& text) {
+  switch (spec.type) {
+    case Type::kText:
+    case Type::kChoice:
+      return text;
+    case Type::kInteger:
+      return NumberOf<std::int64_t>(text);
+    case Type::kNumber:
+      return NumberOf<double>(text);
+    case Type::kNumbers: {
+      Json numbers = Json::array();
+      for (const std::string& one : Split(text + ",", ','))
+        numbers.push_back(NumberOf<double>(one));
+      return numbers;
+    }
+    case Type::kBoolean:
+      return text == "true" || text == "false" ? Json(text == "true") : Json();
+    case Type::kJson:
+    case Type::kImage:
+      return ParseJsonObject(text, spec.name);
+    case Type::kJsonList:
+      return ParseJsonArray(text, spec.name);
+  }
+  return {};
+}
+
+// Fits into 64 bits. JSON does not tell 5 from 5.0 (JSON Schema, section 4.2.3).
 bool IsWhole(const Json& value) {
   constexpr double kExact = 9007199254740992;  // 2^53
+  if (value.is_number_unsigned()) {
+    return value.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
+  }
   if (!value.is_number_float()) return value.is_number();
   const double number = value.get<double>();
   return std::trunc(number) == number && std::abs(number) <= kExact;
 }
 
-// What a value of a JSON body must be, for people; empty = it is.
-std::string WantedType(const Parameter& spec, const Json& value) {
-  const auto unless = [](bool fits, const char* wanted) { return fits ? "" : wanted; };
+bool IsNumberIn(const Json& value, double lowest, double highest) {
+  return value.is_number() && value.get<double>() >= lowest && value.get<double>() <= highest;
+}
+
+// What the value must be, for people; empty = it is.
+std::string WantedOf(const Parameter& spec, const Json& value) {
+  const auto unless = [](bool fits, std::string wanted) { return fits ? std::string() : wanted; };
   switch (spec.type) {
-    case Parameter::Type::kText:
-    case Parameter::Type::kChoice:
+    case Type::kText:
       return unless(value.is_string(), "text");
-    case Parameter::Type::kInteger:
-      return unless(IsWhole(value), "a whole number");
-    case Parameter::Type::kNumber:
-      return unless(value.is_number(), "a number");
-    case Parameter::Type::kNumbers:
-      return unless(value.is_array() && std::all_of(value.begin(), value.end(),
-                                                    [](const Json& v) { return v.is_number(); }),
-                    "an array of numbers");
-    case Parameter::Type::kBoolean:
+    case Type::kChoice:
+      return unless(std::any_of(spec.choices.begin(), spec.choices.end(),
+                                [&](const std::string& choice) { return value == choice; }),
+                    fmt::format("one of: {}", fmt::join(spec.choices, ", ")));
+    case Type::kInteger:
+      return unless(IsWhole(value) && IsNumberIn(value, spec.lowest, spec.highest),
+                    fmt::format("a whole number from {:.0f} to {:.0f}", spec.lowest, spec.highest));
+    case Type::kNumber:
+      return unless(IsNumberIn(value, spec.lowest, spec.highest),
+                    fmt::format("a number from {} to {}", spec.lowest, spec.highest));
+    case Type::kNumbers:
+      return unless(value.is_array() && value.size() == spec.count &&
+                        std::all_of(value.begin(), value.end(),
+                                    [](const Json& one) {
+                                      constexpr double kMost = std::numeric_limits<double>::max();
+                                      return IsNumberIn(one, -kMost, kMost);
+                                    }),
+                    fmt::format("{} numbers with commas between them", spec.count));
+    case Type::kBoolean:
       return unless(value.is_boolean(), "true or false");
-    case Parameter::Type::kJson:
-    case Parameter::Type::kImage:
+    case Type::kJson:
+    case Type::kImage:
       return unless(value.is_object(), "an object");
-    case Parameter::Type::kJsonList:
+    case Type::kJsonList:
       return unless(value.is_array(), "an array");
   }
   return {};
 }
 
-void RequireType(const Parameter& spec, const Json& value) {
-  if (const std::string wanted = WantedType(spec, value); !wanted.empty()) {
-    ThrowInvalid(spec.name, fmt::format("{} must be {} in a JSON body.", spec.name, wanted));
-  }
-}
-
-std::string JsonText(const Parameter& spec, const Json& value) {
-  RequireType(spec, value);
-  if (value.is_string()) return value.get<std::string>();
-  if (spec.type == Parameter::Type::kInteger && value.is_number_float()) {
-    return fmt::format("{:.0f}", value.get<double>());
-  }
-  std::string text = ToText(value);
-  // An array of numbers reads like the comma-separated form.
-  if (spec.type == Parameter::Type::kNumbers) text = text.substr(1, text.size() - 2);
-  return text;
-}
-
-std::vector<double> ParseNumbers(const std::string& text) {
-  std::vector<double> values;
-  std::size_t begin = 0;
-  while (begin <= text.size()) {
-    const std::size_t end = std::min(text.find(',', begin), text.size());
-    double value = 0;
-    if (!ParseNumber(text.substr(begin, end - begin), &value) || !std::isfinite(value)) return {};
-    values.push_back(value);
-    begin = end + 1;
-  }
-  return values;
-}
-
-void CheckText(const Parameter& spec, const std::string& text) {
-  const std::string& name = spec.name;
-  switch (spec.type) {
-    case Parameter::Type::kText:
-      return;
-    case Parameter::Type::kInteger: {
-      std::int64_t value = 0;
-      if (ParseNumber(text, &value) && static_cast<double>(value) >= spec.lowest &&
-          static_cast<double>(value) <= spec.highest) {
-        return;
-      }
-      ThrowInvalid(name, fmt::format("{} must be a whole number from {:.0f} to {:.0f}.", name,
-                                     spec.lowest, spec.highest));
-    }
-    case Parameter::Type::kNumber: {
-      double value = 0;
-      if (ParseNumber(text, &value) && value >= spec.lowest && value <= spec.highest) return;
-      ThrowInvalid(
-          name, fmt::format("{} must be a number from {} to {}.", name, spec.lowest, spec.highest));
-    }
-    case Parameter::Type::kNumbers:
-      if (ParseNumbers(text).size() == spec.count) return;
-      ThrowInvalid(
-          name, fmt::format("{} must be {} numbers with commas between them.", name, spec.count));
-    case Parameter::Type::kChoice:
-      if (std::find(spec.choices.begin(), spec.choices.end(), text) != spec.choices.end()) return;
-      ThrowInvalid(name,
-                   fmt::format("{} must be one of: {}.", name, fmt::join(spec.choices, ", ")));
-    case Parameter::Type::kBoolean:
-      if (text == "true" || text == "false") return;
-      ThrowInvalid(name, name + " must be true or false.");
-    case Parameter::Type::kJson:
-      ParseJsonObject(text, name);
-      return;
-    case Parameter::Type::kJsonList:
-      ParseJsonArray(text, name);
-      return;
-    case Parameter::Type::kImage:
-      return;
-  }
-}
-
 }  // namespace
 
+std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view body,
+                                 std::size_t most_parts) {
+  const std::string boundary = FieldParameter(content_type, "boundary");
+  const std::string delimiter = "\r\n--" + boundary;
+  const std::string first = delimiter.substr(2);
+  if (boundary.empty() || boundary.size() > kMostBoundaryBytes || !body.starts_with(first)) {
+    ThrowDamaged();
+  }
+  body.remove_prefix(first.size());
+  std::vector<Part> parts;
+  while (!body.starts_with("--")) {  // what comes after the last delimiter means nothing
+    if (!Trimmed(TakeUpTo(body, "\r\n")).empty()) ThrowDamaged();
+    if (parts.size() == most_parts) {
+      throw ProblemError("bad_request",
+                         fmt::format("The form has more than {} parts.", most_parts));
+    }
+    Part part = TakeHeaders(body);
+    const std::string_view content = TakeUpTo(body, delimiter);
+    if (part.name != kImagePart && content.size() > kMostFieldBytes) {
+      throw ProblemError("body_too_large",
+                         fmt::format("The form field \"{}\" has more than {} bytes. Only an image "
+                                     "can have more: send it as \"image\".",
+                                     ToDisplayText(part.name.substr(0, 64)), kMostFieldBytes));
+    }
+    part.content = content;
+    parts.push_back(std::move(part));
+  }
+  if (parts.empty()) ThrowDamaged();
+  return parts;
+}
+
 Parameters::Parameters(const Route& route, const Request& request) : route_(route) {
-  for (const auto& [name, value] : request.query) Insert(Known(name), value);
+  for (const auto& [name, value] : request.query) InsertText(name, value);
   for (const Part& part : request.parts) {
-    if (part.name != kImagePart) Insert(Known(part.name), part.content);
+    if (part.name != kImagePart) InsertText(part.name, part.content);
   }
   // A merge patch is the handler's: in it null means something, and types do.
-  const bool in_body = request.content_type == "application/json" && !request.body.empty() &&
-                       route.body != BodyKind::kMergePatch;
-  if (in_body) {
+  if (request.content_type == "application/json" && !request.body.empty() &&
+      route.body != BodyKind::kMergePatch) {
     Json body = ParseJsonObject(request.body, "body");
     if (route.body == BodyKind::kImageOrJson) image_ = TakeImage(body);
-    for (auto& [name, value] : body.items()) {
-      const Parameter& spec = Known(name);
-      if (value.is_null()) continue;
-      if (spec.type == Parameter::Type::kImage) {
-        RequireType(spec, value);
-        InsertImage(spec, std::move(value));
-      } else {
-        Insert(spec, JsonText(spec, value));
-      }
-    }
+    for (auto& [name, value] : body.items()) InsertJson(name, std::move(value));
   }
   for (const Parameter& parameter : route_.parameters) {
     if (parameter.required && !images_.contains(parameter.name) &&
@@ -202,42 +249,46 @@ const Parameter& Parameters::Known(const std::string& name) const {
   if (const Parameter* spec = FindSpec(route_, name)) return *spec;
   std::vector<std::string> known;
   for (const Parameter& parameter : route_.parameters) known.push_back(parameter.name);
-  const std::string offer =
-      known.empty() ? "It takes none." : fmt::format("It takes: {}.", fmt::join(known, ", "));
-  throw ProblemError("unknown_parameter",
-                     fmt::format("There is no parameter '{}' here. {}", name.substr(0, 64), offer))
-      .Parameter(name.substr(0, 64));
+  const std::string shown = name.substr(0, kShownNameBytes);
+  throw ProblemError(
+      "unknown_parameter",
+      fmt::format("Unknown parameter \"{}\". This route takes {}.", shown,
+                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))))
+      .Parameter(shown);
 }
 
-void Parameters::Insert(const Parameter& spec, std::string value) {
+void Parameters::InsertText(const std::string& name, const std::string& text) {
+  const Parameter& spec = Known(name);
+  if (!IsValidUtf8(text)) ThrowInvalid(name, name + " is not UTF-8.");
+  Insert(spec, ValueOf(spec, text));
+}
+
+void Parameters::InsertJson(const std::string& name, Json value) {
+  const Parameter& spec = Known(name);
+  if (!value.is_null()) Insert(spec, std::move(value));
+}
+
+void Parameters::Insert(const Parameter& spec, Json value) {
   const std::string& name = spec.name;
-  if (!IsValidUtf8(value)) ThrowInvalid(name, name + " is not UTF-8.");
-  if (spec.type == Parameter::Type::kImage) {
-    InsertImage(spec, ParseJsonObject(value, name));
+  if (has(name)) {
+    throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
+  }
+  if (const std::string wanted = WantedOf(spec, value); !wanted.empty()) {
+    ThrowInvalid(name, name + " must be " + wanted + ".");
+  }
+  if (spec.type != Type::kImage) {
+    values_.emplace(name, std::move(value));
     return;
   }
-  RequireNew(name);
-  CheckText(spec, value);
-  values_.emplace(name, std::move(value));
-}
-
-void Parameters::InsertImage(const Parameter& spec, Json value) {
-  const std::string& name = spec.name;
-  RequireNew(name);
   ImageText image = TakeImage(value, name);
   if (!value.empty()) {
-    ThrowInvalid(name, fmt::format("{}: there is no '{}', only image and image_url.", name,
-                                   value.begin().key().substr(0, 64)));
+    ThrowInvalid(name, fmt::format("Unknown key \"{}\" in {}. It takes image and image_url.",
+                                   value.begin().key().substr(0, kShownNameBytes), name));
   }
   if (!image.base64 && !image.url) {
     ThrowInvalid(name, name + " needs an image: image (base64) or image_url.");
   }
   images_.emplace(name, std::move(image));
-}
-
-void Parameters::RequireNew(const std::string& name) const {
-  if (!has(name)) return;
-  throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
 }
 
 bool Parameters::takes(const std::string& name) const { return FindSpec(route_, name) != nullptr; }
@@ -247,63 +298,24 @@ const Parameter& Parameters::Spec(const std::string& name) const {
   throw std::logic_error("route " + route_.name + " has no parameter " + name);
 }
 
-std::optional<std::string> Parameters::Value(const std::string& name, Parameter::Type type) const {
-  if (Spec(name).type != type) throw std::logic_error("parameter " + name + " is of another kind");
-  const auto it = values_.find(name);
-  if (it == values_.end()) return std::nullopt;
-  return it->second;
-}
-
 std::optional<std::string> Parameters::Text(const std::string& name) const {
-  return Value(name, Spec(name).type);
-}
-
-std::optional<std::int64_t> Parameters::Integer(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kInteger);
-  if (!text) return std::nullopt;
-  std::int64_t value = 0;
-  ParseNumber(*text, &value);
-  return value;
-}
-
-std::optional<double> Parameters::Number(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kNumber);
-  if (!text) return std::nullopt;
-  double value = 0;
-  ParseNumber(*text, &value);
-  return value;
-}
-
-std::optional<std::vector<double>> Parameters::Numbers(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kNumbers);
-  if (!text) return std::nullopt;
-  return ParseNumbers(*text);
-}
-
-std::optional<bool> Parameters::Flag(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kBoolean);
-  if (!text) return std::nullopt;
-  return *text == "true";
+  const auto value = Value<Json>(name, Spec(name).type);
+  if (!value) return std::nullopt;
+  return value->is_string() ? value->get<std::string>() : ToText(*value);
 }
 
 std::optional<std::string> Parameters::JsonObject(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kJson);
-  if (!text) return std::nullopt;
-  return ToText(ParseJsonObject(*text, name));
+  const auto object = Value<Json>(name, Type::kJson);
+  if (!object) return std::nullopt;
+  return ToText(*object);
 }
 
 const ImageText* Parameters::Image(const std::string& name) const {
-  if (Spec(name).type != Parameter::Type::kImage) {
-    throw std::logic_error("parameter " + name + " is of another kind");
+  if (Spec(name).type != Type::kImage) {
+    throw std::logic_error("parameter " + name + " has another type");
   }
   const auto it = images_.find(name);
   return it == images_.end() ? nullptr : &it->second;
-}
-
-std::optional<Json> Parameters::JsonList(const std::string& name) const {
-  const auto text = Value(name, Parameter::Type::kJsonList);
-  if (!text) return std::nullopt;
-  return ParseJsonArray(*text, name);
 }
 
 void ThrowInvalid(const std::string& name, const std::string& detail) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The parameters of a request, wherever they stand: query, form fields, keys of a JSON body.
-// Every complaint is a ProblemError that names the parameter.
+// The parameters of a request: from the query, from form fields (multipart/form-data, RFC 7578) and
+// from the keys of a JSON body. Every refusal is a ProblemError that names the parameter.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -18,6 +19,13 @@
 
 namespace pliant::server {
 
+inline constexpr const char* kImagePart = "image";  // the parts of that name are images
+
+// The parts of a whole body. Throws ProblemError "bad_request" for a damaged body or more than
+// `most_parts` parts, "body_too_large" for a long part that is not an image.
+std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view body,
+                                 std::size_t most_parts);
+
 // An image in JSON: base64, or an address to fetch it from. Never both; neither = there is none.
 struct ImageText {
   std::optional<std::string> base64 = {};
@@ -26,13 +34,12 @@ struct ImageText {
 
 class Parameters {
  public:
-  // Checks everything against what the route says of its parameters. Throws "unknown_parameter" for
-  // a name that it does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
-  // "invalid_parameter" for text that is not UTF-8 or a value that the parameter cannot have; in a
-  // JSON body also for one of another type ("5" is no number). There null is as good as nothing.
-  // The part or field "image" is the image, never a parameter; in a JSON body it is base64, or
-  // "image_url" stands in its place.
-  // `route` must outlive this.
+  // Checks all values against the route's parameters. Throws "unknown_parameter" for a name that
+  // the route does not list, "duplicate_parameter", "missing_parameter", "invalid_json", and
+  // "invalid_parameter" for text that is not UTF-8 and for values that the parameter cannot have.
+  // A JSON body must have the right types ("5" is no number); null means that there is no value.
+  // The form field "image" is the image and no parameter; in a JSON body it is base64, and
+  // "image_url" can replace it. `route` must outlive this.
   Parameters(const Route& route, const Request& request);
 
   bool has(const std::string& name) const {
@@ -42,45 +49,58 @@ class Parameters {
 
   // The key "image" of a JSON body, where the route takes an image; null = there is none.
   const std::string* image_base64() const { return image_.base64 ? &*image_.base64 : nullptr; }
-  // Likewise the key "image_url". Never both.
+  // The key "image_url", likewise. Never both.
   const std::string* image_url() const { return image_.url ? &*image_.url : nullptr; }
 
-  // Absent = nothing. The name must be one of the route's, of the kind asked for; else
-  // std::logic_error.
-  std::optional<std::string> Text(const std::string& name) const;
-  std::optional<std::int64_t> Integer(const std::string& name) const;
-  std::optional<double> Number(const std::string& name) const;
-  std::optional<std::vector<double>> Numbers(const std::string& name) const;
-  std::optional<bool> Flag(const std::string& name) const;
-  // Text that is a JSON object, in one line.
-  std::optional<std::string> JsonObject(const std::string& name) const;
-  // nullptr = absent. As long as this lives.
-  const ImageText* Image(const std::string& name) const;
-  // The elements of a JSON array.
-  std::optional<Json> JsonList(const std::string& name) const;
+  // Absent = nothing. Throws std::logic_error unless `name` is one of the route's parameters and
+  // has the type asked for.
+  std::optional<std::int64_t> Integer(const std::string& name) const {
+    return Value<std::int64_t>(name, Parameter::Type::kInteger);
+  }
+  std::optional<double> Number(const std::string& name) const {
+    return Value<double>(name, Parameter::Type::kNumber);
+  }
+  std::optional<std::vector<double>> Numbers(const std::string& name) const {
+    return Value<std::vector<double>>(name, Parameter::Type::kNumbers);
+  }
+  std::optional<bool> Flag(const std::string& name) const {
+    return Value<bool>(name, Parameter::Type::kBoolean);
+  }
+  std::optional<Json> JsonList(const std::string& name) const {
+    return Value<Json>(name, Parameter::Type::kJsonList);
+  }
+  std::optional<std::string> JsonObject(const std::string& name) const;  // on one line
+  std::optional<std::string> Text(const std::string& name) const;        // of any type
+  const ImageText* Image(const std::string& name) const;  // null = absent; owned by this
 
   template <typename T>
   std::optional<T> Choice(const std::string& name,
                           const std::vector<std::pair<std::string, T>>& choices) const {
-    const std::optional<std::string> text = Value(name, Parameter::Type::kChoice);
+    const auto text = Value<std::string>(name, Parameter::Type::kChoice);
     if (!text) return std::nullopt;
     for (const auto& [choice, value] : choices) {
       if (choice == *text) return value;
     }
-    throw std::logic_error("parameter " + name + " may be '" + *text + "', which has no meaning");
+    throw std::logic_error("parameter " + name + " has no meaning for '" + *text + "'");
   }
 
  private:
-  // Throws "unknown_parameter".
-  const Parameter& Known(const std::string& name) const;
-  void Insert(const Parameter& spec, std::string value);
-  void InsertImage(const Parameter& spec, Json value);
-  void RequireNew(const std::string& name) const;
+  const Parameter& Known(const std::string& name) const;  // throws "unknown_parameter"
+  void InsertText(const std::string& name, const std::string& text);
+  void InsertJson(const std::string& name, Json value);
+  void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;
-  std::optional<std::string> Value(const std::string& name, Parameter::Type type) const;
+
+  template <typename T>
+  std::optional<T> Value(const std::string& name, Parameter::Type type) const {
+    if (Spec(name).type != type) throw std::logic_error("parameter " + name + " has another type");
+    const auto found = values_.find(name);
+    if (found == values_.end()) return std::nullopt;
+    return found->second.get<T>();
+  }
 
   const Route& route_;
-  std::map<std::string, std::string> values_;
+  std::map<std::string, Json> values_;
   std::map<std::string, ImageText> images_;
   ImageText image_;
 };

@@ -3,6 +3,7 @@
 #include "server/http/problem.h"
 
 #include <algorithm>
+#include <array>
 #include <exception>
 #include <new>
 #include <stdexcept>
@@ -23,102 +24,191 @@ constexpr std::size_t kMostDetailBytes = 2048;
 constexpr std::size_t kMostParameterBytes = 128;
 constexpr std::string_view kInvalidSuffix = "_invalid";
 
-const ProblemCode* FindCode(const std::string& code) {
-  const std::span<const ProblemCode> codes = ProblemCodes();
-  const auto it = std::find_if(codes.begin(), codes.end(),
-                               [&](const ProblemCode& known) { return code == known.code; });
-  return it == codes.end() ? nullptr : &*it;
+constexpr std::array kCodes = std::to_array<ProblemCode>({
+    // Of the server itself.
+    {"bad_request", 400,
+     "the request is not valid HTTP, or its body does not match its Content-Type"},
+    {"invalid_parameter", 400, "a parameter has an invalid value (`parameter` names it)"},
+    {"unknown_parameter", 400, "this route has no such parameter (`parameter` names it)"},
+    {"missing_parameter", 400, "a required parameter is missing (`parameter` names it)"},
+    {"duplicate_parameter", 400, "a parameter was given twice (`parameter` names it)"},
+    {"invalid_cursor", 400, "invalid cursor for this list; start again without a cursor"},
+    {"invalid_json", 400,
+     "the JSON does not parse, is nested too deep, has a name twice or more than 1000 names in "
+     "one object, or is not an object"},
+    {"unauthorized", 401, "the key is missing or invalid"},
+    {"forbidden", 403, "the scope of the key does not allow this"},
+    {"cross_site", 403, "a page of another site tried to change something"},
+    {"route_not_found", 404, "no route has this path"},
+    {"collection_not_found", 404, "no collection has this name"},
+    {"alias_not_found", 404, "no alias has this name"},
+    {"image_not_found", 404, "no image has this id"},
+    {"object_not_found", 404, "no image shows this object"},
+    {"vocabulary_not_found", 404, "no vocabulary has this number"},
+    {"job_not_found", 404, "no job has this id, or the server has deleted its record"},
+    {"backup_not_found", 404, "no backup has this name"},
+    {"key_not_found", 404, "no valid key has this id"},
+    {"method_not_allowed", 405, "the path exists, but not with this method (see Allow)"},
+    {"request_timeout", 408, "the request did not arrive in time"},
+    {"no_vocabulary", 409, "the collection has no vocabulary yet; the detail says what to do"},
+    {"imports_off", 409, "the server has no --import-dir"},
+    {"backups_off", 409, "the server has no --backup-dir"},
+    {"backup_exists", 409, "a backup with this name exists"},
+    {"fetch_off", 409, "the server fetches no images (--fetch-hosts)"},
+    {"first_key_admin", 409, "the first key must have the scope admin"},
+    {"last_admin_key", 409, "the last key of scope admin cannot be revoked over HTTP"},
+    {"idempotency_running", 409, "the first request with this Idempotency-Key is still running"},
+    {"interrupted", 409,
+     "the server stopped during the job, and the job cannot continue (of a job)"},
+    {"precondition_failed", 412,
+     "the resource does not meet If-Match or If-None-Match; read it again"},
+    {"body_too_large", 413,
+     "the body is larger than --max-body-mb, or an import than --max-import-mb"},
+    {"uri_too_long", 414, "the address is too long"},
+    {"unsupported_content_type", 415, "this route does not accept this Content-Type"},
+    {"unsupported_content_encoding", 415, "the server does not accept compressed bodies"},
+    {"range_not_satisfiable", 416, "the Range header is invalid or outside of the file"},
+    {"host_not_allowed", 421, "unknown host name in the Host header (--allowed-hosts)"},
+    {"idempotency_other", 422,
+     "this Idempotency-Key was already used for a different request in the last day"},
+    {"rate_limited", 429, "more requests than --rate-limit allows; wait Retry-After seconds"},
+    {"fetch_host_not_allowed", 422,
+     "the server does not fetch from this host, or the host has no public address "
+     "(--fetch-hosts, --fetch-private)"},
+    {"fetch_failed", 422, "the server could not fetch the image at image_url; the detail says why"},
+    {"headers_too_large", 431, "the headers are larger than --max-header-kb"},
+    {"internal", 500, "a defect or damaged data; find the request id in the server's log"},
+    {"unsupported_transfer_encoding", 501, "the server accepts only chunked transfer encoding"},
+    {"busy", 503, "the server is busy; wait Retry-After seconds"},
+    {"database_unavailable", 503, "the database server does not answer; try again later"},
+    {"database_outcome_unknown", 503, "outcome unknown; check before retrying"},
+    {"starting", 503, "the index is still loading"},
+    {"stopping", 503, "the server is stopping"},
+    {"read_only", 500, "the server cannot write to the directory or database"},
+    {"no_space", 507, "the server's disk is full"},
+    // Of the engine.
+    {"content_not_kept", 404, "the server did not store the uploaded bytes (--keep-originals)"},
+    {"collection_permanent", 409, "the collection `default` cannot be deleted"},
+    {"collection_is_alias", 409, "delete the collection by its own name, not by an alias"},
+    {"collection_exists", 409, "an alias cannot have the name of a collection"},
+    {"same_bytes", 409,
+     "the collection has these bytes as an image with another object or other metadata"},
+    {"object_exists", 409, "another object has this name; `merge=true` merges the two"},
+    {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
+    {"no_images", 409, "there are no images to train a vocabulary from (of a job)"},
+    {"image_too_large", 413,
+     "the image exceeds --max-megapixels, --max-decode-mb or --decode-timeout"},
+    {"image_type_unknown", 415, "the bytes are not an image of a supported type"},
+    {"image_empty", 422, "the image has no pixels"},
+    {"image_too_small", 422, "the image is too small to be described"},
+    {"image_truncated", 422, "the image ends too early"},
+    {"image_corrupt", 422, "the image is damaged, or it crashed its decoder"},
+    {"too_few_features", 422, "the image, or its region, has too few keypoints to be recognised"},
+});
+
+// The value of the first pair with that key.
+template <typename Key, typename Value, std::size_t kSize>
+Value ValueOf(const std::pair<Key, Value> (&table)[kSize], const Key& key, Value otherwise) {
+  for (const auto& [known, value] : table) {
+    if (known == key) return value;
+  }
+  return otherwise;
 }
 
-Problem MakeProblem(const std::string& code, const std::string& detail) {
-  Problem problem;
-  if (const ProblemCode* known = FindCode(code)) {
-    problem.status = known->status;
-    problem.code = code;
-    problem.detail = detail;
-  } else {
-    problem = {.status = 500, .code = "internal", .internal = "unlisted problem code " + code};
+const ProblemCode* FindCode(const std::string& code) {
+  const auto it = std::find_if(kCodes.begin(), kCodes.end(),
+                               [&](const ProblemCode& known) { return code == known.code; });
+  return it == kCodes.end() ? nullptr : &*it;
+}
+
+Problem Completed(const std::string& code, const std::string& detail, Problem problem) {
+  const ProblemCode* known = FindCode(code);
+  if (known == nullptr) {
+    return {.status = 500, .code = "internal", .internal = "unlisted problem code " + code};
   }
-  if (problem.status == 503) problem.retry_after_s = kDefaultRetryAfterS;
+  problem.status = known->status;
+  problem.code = code;
+  problem.detail = detail;
+  if (problem.status == 503 && problem.retry_after_s == 0) {
+    problem.retry_after_s = kDefaultRetryAfterS;
+  }
   return problem;
 }
 
-// What a client may know of a failure on this side.
-std::string PublicDetail(const std::string& code) {
-  if (code == "database_unavailable") return "The database does not answer. Try again later.";
-  if (code == "database_outcome_unknown") {
-    return "Outcome unknown. Check before retrying.";
-  }
-  if (code == "busy") return "The server is busy. Try again shortly.";
-  if (code == "read_only") return "The server may not write where it keeps this.";
-  if (code == "no_space") return "The server has no space left to store this.";
-  return "Something went wrong on the server. Its log has more under the request id.";
+// A failure on this side: clients learn no more than its code says.
+Problem Hidden(const std::string& code, const std::string& internal) {
+  constexpr std::pair<std::string_view, const char*> kDetails[] = {
+      {"database_unavailable", "The database does not answer. Try again later."},
+      {"database_outcome_unknown", "Outcome unknown. Check before retrying."},
+      {"busy", "The server is busy. Try again shortly."},
+      {"read_only", "The server cannot write to its directory or database."},
+      {"no_space", "The server has no space left to store this."},
+  };
+  const char* detail = ValueOf<std::string_view, const char*>(
+      kDetails, code, "Something went wrong on the server. Its log has more under the request id.");
+  return Completed(code, detail, {.internal = internal});
 }
 
 Problem FromError(const Error& error) {
-  Problem problem;
-  problem.status = StatusOf(error.code());
-  if (problem.status < 500) {
-    problem.code = error.reason();
-    problem.detail = error.what();
-    // The engine's "limit_invalid" is one code with a named parameter here.
-    if (error.code() == ErrorCode::kInvalidArgument && problem.code.ends_with(kInvalidSuffix)) {
-      problem.parameter = problem.code.substr(0, problem.code.size() - kInvalidSuffix.size());
-      problem.code = "invalid_parameter";
-    }
-    return problem;
+  const int status = StatusOf(error.code());
+  if (status >= 500) {
+    const ProblemCode* known = FindCode(error.reason());
+    const bool own = status == 503 && known != nullptr && known->status == 503;
+    return Hidden(own                                    ? error.reason()
+                  : status == 503                        ? "busy"
+                  : status == 507                        ? "no_space"
+                  : error.code() == ErrorCode::kReadOnly ? "read_only"
+                                                         : "internal",
+                  error.reason() + ": " + error.what());
   }
-  const ProblemCode* known = FindCode(error.reason());
-  const bool own = problem.status == 503 && known != nullptr && known->status == 503;
-  problem.code = own                                    ? error.reason()
-                 : problem.status == 503                ? "busy"
-                 : problem.status == 507                ? "no_space"
-                 : error.code() == ErrorCode::kReadOnly ? "read_only"
-                                                        : "internal";
-  problem.detail = PublicDetail(problem.code);
-  problem.internal = error.reason() + ": " + error.what();
-  if (problem.status == 503) problem.retry_after_s = kDefaultRetryAfterS;
+  Problem problem{.status = status, .code = error.reason(), .detail = error.what()};
+  // The engine's "limit_invalid" is one code with a named parameter here.
+  if (error.code() == ErrorCode::kInvalidArgument && problem.code.ends_with(kInvalidSuffix)) {
+    problem.parameter = problem.code.substr(0, problem.code.size() - kInvalidSuffix.size());
+    problem.code = "invalid_parameter";
+  }
   return problem;
 }
 
 // An answer repeats no more of a request than people read.
 Problem Bounded(Problem problem) {
-  if (problem.detail.size() > kMostDetailBytes) {
-    problem.detail = Shown(problem.detail, kMostDetailBytes);
-  }
-  if (problem.parameter.size() > kMostParameterBytes) {
-    problem.parameter = Shown(problem.parameter, kMostParameterBytes);
-  }
+  const auto bound = [](std::string& text, std::size_t most) {
+    if (text.size() > most) text = Shown(text, most);
+  };
+  bound(problem.detail, kMostDetailBytes);
+  bound(problem.parameter, kMostParameterBytes);
   return problem;
 }
 
 }  // namespace
 
-ProblemError::ProblemError(const std::string& code, const std::string& detail)
-    : ProblemError(MakeProblem(code, detail)) {}
+std::span<const ProblemCode> ProblemCodes() { return kCodes; }
+
+const ProblemCode& ProblemCodeOf(const std::string& code) {
+  if (const ProblemCode* known = FindCode(code)) return *known;
+  throw std::logic_error("unlisted problem code " + code);
+}
+
+int StatusOf(ErrorCode code) {
+  constexpr std::pair<ErrorCode, int> kStatuses[] = {
+      {ErrorCode::kInvalidArgument, 400},
+      {ErrorCode::kNotFound, 404},
+      {ErrorCode::kConflict, 409},
+      {ErrorCode::kTooLarge, 413},
+      {ErrorCode::kUnsupportedMediaType, 415},
+      {ErrorCode::kUnprocessable, 422},
+      {ErrorCode::kUnavailable, 503},
+      {ErrorCode::kCancelled, 503},
+      {ErrorCode::kNoSpace, 507},
+  };
+  return ValueOf(kStatuses, code, 500);
+}
+
+ProblemError::ProblemError(const std::string& code, const std::string& detail, Problem more)
+    : ProblemError(Completed(code, detail, std::move(more))) {}
 
 ProblemError::ProblemError(Problem problem)
     : std::runtime_error(problem.code + ": " + problem.detail), problem_(std::move(problem)) {}
-
-ProblemError& ProblemError::Parameter(std::string name) {
-  problem_.parameter = std::move(name);
-  return *this;
-}
-
-ProblemError& ProblemError::RetryAfter(int seconds) {
-  problem_.retry_after_s = seconds;
-  return *this;
-}
-
-ProblemError& ProblemError::Allow(std::string methods) {
-  problem_.allow = std::move(methods);
-  return *this;
-}
-
-ProblemError& ProblemError::ContentRange(std::string range) {
-  problem_.content_range = std::move(range);
-  return *this;
-}
 
 Problem CurrentProblem() {
   try {
@@ -128,21 +218,11 @@ Problem CurrentProblem() {
   } catch (const Error& error) {
     return Bounded(FromError(error));
   } catch (const std::bad_alloc&) {
-    return {.status = 503,
-            .code = "busy",
-            .detail = PublicDetail("busy"),
-            .retry_after_s = kDefaultRetryAfterS,
-            .internal = "out of memory"};
+    return Hidden("busy", "out of memory");
   } catch (const std::exception& error) {
-    return {.status = 500,
-            .code = "internal",
-            .detail = PublicDetail("internal"),
-            .internal = error.what()};
+    return Hidden("internal", error.what());
   } catch (...) {
-    return {.status = 500,
-            .code = "internal",
-            .detail = PublicDetail("internal"),
-            .internal = "an exception of an unknown type"};
+    return Hidden("internal", "an exception of an unknown type");
   }
 }
 
@@ -167,18 +247,49 @@ Response ProblemResponse(const Problem& problem, const std::string& request_id) 
   response.status = problem.status;
   response.content_type = "application/problem+json";
   response.body = ToText(body);
-  response.headers.emplace_back("Cache-Control", "no-store");
-  if (problem.status == 401) {
-    response.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"pliant\"");
-  }
-  if (!problem.allow.empty()) response.headers.emplace_back("Allow", problem.allow);
-  if (!problem.content_range.empty()) {
-    response.headers.emplace_back("Content-Range", problem.content_range);
-  }
-  if (problem.retry_after_s > 0) {
-    response.headers.emplace_back("Retry-After", std::to_string(problem.retry_after_s));
-  }
+  const auto add = [&](const char* name, const std::string& value) {
+    if (!value.empty()) response.headers.emplace_back(name, value);
+  };
+  add("Cache-Control", "no-store");
+  add("WWW-Authenticate", problem.status == 401 ? "Bearer realm=\"pliant\"" : "");
+  add("Allow", problem.allow);
+  add("Content-Range", problem.content_range);
+  add("Retry-After", problem.retry_after_s > 0 ? std::to_string(problem.retry_after_s) : "");
   return response;
+}
+
+std::string StatusTitle(int status) {
+  // Not a map: threads can ask until the program's very end.
+  constexpr std::pair<int, const char*> kTitles[] = {
+      {200, "OK"},
+      {201, "Created"},
+      {202, "Accepted"},
+      {204, "No Content"},
+      {206, "Partial Content"},
+      {207, "Multi-Status"},
+      {304, "Not Modified"},
+      {400, "Bad Request"},
+      {401, "Unauthorized"},
+      {403, "Forbidden"},
+      {404, "Not Found"},
+      {405, "Method Not Allowed"},
+      {408, "Request Timeout"},
+      {409, "Conflict"},
+      {412, "Precondition Failed"},
+      {413, "Content Too Large"},
+      {414, "URI Too Long"},
+      {415, "Unsupported Media Type"},
+      {416, "Range Not Satisfiable"},
+      {421, "Misdirected Request"},
+      {422, "Unprocessable Content"},
+      {429, "Too Many Requests"},
+      {431, "Request Header Fields Too Large"},
+      {500, "Internal Server Error"},
+      {501, "Not Implemented"},
+      {503, "Service Unavailable"},
+      {507, "Insufficient Storage"},
+  };
+  return ValueOf<int, const char*>(kTitles, status, "Error");
 }
 
 }  // namespace pliant::server

@@ -6,7 +6,9 @@
 
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "descriptor/base/error.h"
 #include "server/http/message.h"
@@ -32,8 +34,8 @@ struct Problem {
   std::optional<StoredImage> stored = {};  // "same_bytes": which has them
 };
 
-// A code that the server answers with. Codes of the engine ("image_truncated", ...) pass through
-// beside them for statuses below 500.
+// A code that the server answers with. Other codes of the engine pass through when their status is
+// below 500.
 struct ProblemCode {
   const char* code;
   int status;
@@ -41,23 +43,24 @@ struct ProblemCode {
 };
 
 std::span<const ProblemCode> ProblemCodes();
-// Those of the engine that clients meet.
-std::span<const ProblemCode> EngineProblemCodes();
-// Of either list. Throws std::logic_error for any other.
+// Throws std::logic_error for a code that is not listed.
 const ProblemCode& ProblemCodeOf(const std::string& code);
 
-// Ends a request with a problem. The status is the one ProblemCodes() gives for the code; an
-// unknown code is a defect and becomes "internal".
+// Ends a request with a problem.
 class ProblemError : public std::runtime_error {
  public:
-  ProblemError(const std::string& code, const std::string& detail);
+  // ProblemCodes() gives the status; an unknown code is a defect and becomes "internal".
+  ProblemError(const std::string& code, const std::string& detail, Problem more = {});
   explicit ProblemError(Problem problem);
 
-  ProblemError& Parameter(std::string name);
-  ProblemError& RetryAfter(int seconds);
-  ProblemError& Allow(std::string methods);
-  ProblemError& ContentRange(std::string range);
-
+  ProblemError& Parameter(std::string name) {
+    problem_.parameter = std::move(name);
+    return *this;
+  }
+  ProblemError& RetryAfter(int seconds) {
+    problem_.retry_after_s = seconds;
+    return *this;
+  }
   const Problem& problem() const { return problem_; }
 
  private:

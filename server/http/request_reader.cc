@@ -3,31 +3,182 @@
 #include "server/http/request_reader.h"
 
 #include <algorithm>
-#include <utility>
+#include <array>
+#include <charconv>
+#include <limits>
 
 #include <fmt/format.h>
 
 #include "descriptor/base/format_bytes.h"
+#include "descriptor/base/hex.h"
+#include "descriptor/base/strings.h"
+#include "index/files/text.h"
 
 namespace pliant::server {
 
 namespace {
 
+constexpr std::size_t kMostLineBytes = 8192;
+constexpr std::size_t kMostSizeLineBytes = 1024;
 constexpr std::size_t kMostFields = 100;
 constexpr std::size_t kKeptBytes = 64 * 1024;  // of an empty buffer's memory
 // Of a body of chunks into a sink, which has a limit of its own: that numbers do not overflow.
 constexpr std::uint64_t kMostChunked = std::uint64_t{1} << 50;
 
+bool IsControl(char c) { return (static_cast<unsigned char>(c) < ' ' && c != '\t') || c == 0x7F; }
+
 // A line feed without the carriage return before it: the head may then have no end that counts.
 bool HasBareLineFeed(std::string_view text, std::size_t from) {
-  for (std::size_t at = text.find('\n', from); at != std::string_view::npos;
-       at = text.find('\n', at + 1)) {
+  for (std::size_t at = text.find('\n', from); at != text.npos; at = text.find('\n', at + 1)) {
     if (at == 0 || text[at - 1] != '\r') return true;
   }
   return false;
 }
 
+// The next functions return what is wrong; empty = nothing.
+
+std::string ReadRequestLine(std::string_view line, RequestHead& head) {
+  constexpr std::array<std::string_view, 9> kMethods = {
+      "GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT"};
+  const std::size_t first = line.find(' ');
+  const std::size_t last = line.rfind(' ');
+  if (first == last || line.find(' ', first + 1) != last) {
+    return "The request line is not \"METHOD target HTTP/1.1\".";
+  }
+  const std::string_view version = line.substr(last + 1);
+  head.is_http_1_0 = version == "HTTP/1.0";
+  if (version != "HTTP/1.1" && !head.is_http_1_0) return "The HTTP version is not 1.1 or 1.0.";
+  const auto* method = std::find(kMethods.begin(), kMethods.end(), line.substr(0, first));
+  if (method == kMethods.end()) return "The method is unknown.";
+  head.method = *method;
+  head.target = line.substr(first + 1, last - first - 1);
+  return {};
+}
+
+std::string ReadField(std::string_view line, RequestHead& head) {
+  if (line.size() > kMostLineBytes) return "A header field is too long.";
+  if (line.front() == ' ' || line.front() == '\t') {
+    return "A header field is folded over several lines.";
+  }
+  const std::size_t colon = std::min(line.find(':'), line.size());
+  const std::string_view name = line.substr(0, colon);
+  if (colon == line.size() || name.empty() || !IsNameOf(name, "!#$%&'*+-.^_`|~")) {
+    return "A header field has no name or an invalid name.";  // RFC 9110, section 5.6.2
+  }
+  head.fields.emplace(name, Trimmed(line.substr(colon + 1)));
+  return {};
+}
+
+// Sections 6.1 and 6.3: one length, or chunks, never both; HTTP/1.0 has no chunks.
+std::string ReadFraming(RequestHead& head) {
+  const auto length = head.fields.find("Content-Length");
+  const auto encoding = head.fields.find("Transfer-Encoding");
+  const bool has_length = length != head.fields.end();
+  const bool has_encoding = encoding != head.fields.end();
+  if (head.fields.count("Content-Length") > 1 || head.fields.count("Transfer-Encoding") > 1 ||
+      (has_encoding && (has_length || head.is_http_1_0))) {
+    return "The length of the body is ambiguous.";
+  }
+  if (has_encoding) {
+    const bool chunked = EqualsIgnoringCase(encoding->second, "chunked");
+    head.framing = chunked ? BodyFraming::kChunked : BodyFraming::kUnknown;
+  }
+  if (!has_length) return {};
+  const std::string& text = length->second;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), head.length);
+  const bool too_large = error == std::errc::result_out_of_range;
+  if (end != text.data() + text.size() || (error != std::errc() && !too_large)) {
+    return "Content-Length is not a number.";
+  }
+  if (too_large) head.length = std::numeric_limits<std::uint64_t>::max();
+  if (head.length > 0) head.framing = BodyFraming::kLength;
+  return {};
+}
+
 }  // namespace
+
+RequestHead ReadRequestHead(std::string_view text) {
+  RequestHead head;
+  for (bool first = true; head.fault.empty() && !text.empty(); first = false) {
+    const std::size_t end = text.find('\n');
+    if (end == text.npos || end == 0 || text[end - 1] != '\r') {
+      head.fault = "A line of the head does not end in CR LF.";
+      break;
+    }
+    const std::string_view line = text.substr(0, end - 1);
+    text.remove_prefix(end + 1);
+    if (std::any_of(line.begin(), line.end(), IsControl)) {
+      head.fault = "The head contains control characters.";
+    } else if (first) {
+      head.fault = ReadRequestLine(line, head);
+    } else if (!line.empty()) {
+      head.fault = ReadField(line, head);
+    }
+  }
+  if (head.fault.empty()) head.fault = ReadFraming(head);
+  return head;
+}
+
+std::size_t EndOfHead(std::string_view received, std::size_t from) {
+  const std::size_t end = received.find("\r\n\r\n", from < 3 ? 0 : from - 3);
+  return end == received.npos ? end : end + 4;
+}
+
+// One character that is not content: of "SIZE [;extension] CR LF", or of the line ends. The size is
+// hexadecimal and nothing else: no sign, no "0x", no spaces, which some programs take and some not.
+ChunkedBody::State ChunkedBody::TakeFraming(char c) {
+  const auto expect = [&](char wanted, Part next) {
+    part_ = next;
+    return c == wanted ? State::kGoesOn : State::kBroken;
+  };
+  switch (part_) {
+    case Part::kSize:
+      if (++line_bytes_ > kMostSizeLineBytes) return State::kBroken;
+      if (const int digit = HexValue(c); digit >= 0) {
+        left_ = left_ * 16 + static_cast<std::uint64_t>(digit);
+        return total_ + left_ > most_bytes_ ? State::kTooLarge : State::kGoesOn;
+      }
+      if (line_bytes_ == 1) return State::kBroken;  // no digit
+      return c == ';' ? expect(';', Part::kExtension) : expect('\r', Part::kSizeLf);
+    case Part::kExtension:
+      if (c == '\r') return expect('\r', Part::kSizeLf);
+      return ++line_bytes_ > kMostSizeLineBytes || IsControl(c) ? State::kBroken : State::kGoesOn;
+    case Part::kSizeLf:
+      total_ += left_;
+      line_bytes_ = 0;
+      return expect('\n', left_ == 0 ? Part::kLastCr : Part::kData);
+    case Part::kDataCr:
+      return expect('\r', Part::kDataLf);
+    case Part::kDataLf:
+      return expect('\n', Part::kSize);
+    case Part::kLastCr:  // trailer fields are not taken
+      return expect('\r', Part::kLastLf);
+    case Part::kLastLf:
+      return expect('\n', Part::kSize) == State::kGoesOn ? State::kEnded : State::kBroken;
+    case Part::kData:
+      break;
+  }
+  return State::kBroken;
+}
+
+ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
+                                     std::string* content) {
+  State state = State::kGoesOn;
+  std::size_t at = 0;
+  while (state == State::kGoesOn && at < bytes.size()) {
+    if (part_ != Part::kData) {
+      state = TakeFraming(bytes[at++]);
+      continue;
+    }
+    const std::size_t here = std::min<std::uint64_t>(left_, bytes.size() - at);
+    if (content != nullptr) content->append(bytes.substr(at, here));
+    at += here;
+    left_ -= here;
+    if (left_ == 0) part_ = Part::kDataCr;
+  }
+  *used = at;
+  return state;
+}
 
 bool MemoryBudget::Take(std::size_t bytes) {
   if (used.fetch_add(bytes) + bytes <= most) return true;
@@ -41,7 +192,7 @@ bool RequestReader::Refuse(const ProblemError& problem) {
 }
 
 bool RequestReader::ReadHead() {
-  // Empty lines before a request are tolerated (RFC 9112, section 2.2).
+  // Empty lines before a request are tolerated (section 2.2).
   while (buffer_.compare(begin_, 2, "\r\n") == 0) begin_ += 2;
   const std::size_t end = EndOfHead(buffer_, std::max(searched_, begin_));
   const std::size_t known = std::min(end, buffer_.size());
@@ -55,8 +206,6 @@ bool RequestReader::ReadHead() {
   head_ = ReadRequestHead(std::string_view(buffer_).substr(begin_, known - begin_));
   buffer_.erase(0, known);
   begin_ = searched_ = 0;
-  framing_ = head_.framing;
-  length_ = head_.length;
   chunks_ = ChunkedBody(max_body_bytes_);
   if (head_.fields.size() > kMostFields) {
     return Refuse(
@@ -74,14 +223,14 @@ bool RequestReader::ReadBody() {
   if (refusal_ || body_ended_) return true;
   const auto refuse_size = [&] {
     return Refuse({"body_too_large",
-                   fmt::format("A body can have {} at most.", FormatBytes(max_body_bytes_))});
+                   fmt::format("A body can have at most {}.", FormatBytes(max_body_bytes_))});
   };
-  if (!sink_ && length_ > max_body_bytes_) return refuse_size();
+  if (!sink_ && head_.length > max_body_bytes_) return refuse_size();
   std::size_t used = static_cast<std::size_t>(std::min<std::uint64_t>(body_left(), buffer_.size()));
   std::string_view content = std::string_view(buffer_).substr(0, used);
   auto state = ChunkedBody::State::kGoesOn;
   std::string chunked;
-  if (framing_ == BodyFraming::kChunked) {
+  if (head_.framing == BodyFraming::kChunked) {
     state = chunks_.Take(buffer_, &used, &chunked);
     content = chunked;
   }
@@ -96,37 +245,33 @@ bool RequestReader::ReadBody() {
   }
   if (!PassOn(content)) return true;
   buffer_.erase(0, used);
-  body_ended_ =
-      framing_ == BodyFraming::kChunked ? state == ChunkedBody::State::kEnded : body_left() == 0;
+  body_ended_ = head_.framing == BodyFraming::kChunked ? state == ChunkedBody::State::kEnded
+                                                       : body_left() == 0;
   return body_ended_;
 }
 
 // False: refused.
 bool RequestReader::PassOn(std::string_view content) {
-  if (sink_) {
-    try {
-      sink_->Append(content);
-    } catch (...) {
-      refusal_ = CurrentProblem();
-    }
-    return !refusal_;
+  if (!sink_ && budget_->Take(content.size())) {
+    held_ += content.size();
+    body_.append(content);
+    return true;
   }
-  if (!budget_->Take(content.size())) {
-    Refuse(
-        ProblemError("busy", "Too many requests at the moment. Try again shortly.").RetryAfter(2));
+  try {
+    if (!sink_) throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
+    sink_->Append(content);
+    return true;
+  } catch (...) {
+    refusal_ = CurrentProblem();
     return false;
   }
-  held_ += content.size();
-  body_.append(content);
-  return true;
 }
 
 void RequestReader::Forget() {
   if (buffer_.capacity() > buffer_.size() + kKeptBytes) buffer_.shrink_to_fit();
   budget_->Give(std::exchange(held_, 0));
   head_ = {};
-  framing_ = BodyFraming::kNone;
-  length_ = body_bytes_ = framing_bytes_ = 0;
+  body_bytes_ = framing_bytes_ = 0;
   body_ended_ = false;
   body_ = {};
   sink_.reset();

@@ -1,7 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The bytes that a client sends become requests: a head, then a body in memory or in a sink, within
-// limits. Needs no socket.
+// The only reader of requests (RFC 9112): the bytes of a client become a head, then a body in
+// memory or in a sink, within limits. It is strict: where a lenient reader skips something (a field
+// name with a space behind it, a folded line), a proxy in front can understand it, and then the two
+// disagree about where a request ends, so that one's body is the other's next request ("request
+// smuggling"). Needs no socket.
 #pragma once
 
 #include <atomic>
@@ -10,14 +13,63 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "server/http/problem.h"
-#include "server/http/request_head.h"
 
 namespace pliant::server {
 
-// Bytes of all connections that are in memory at once: bodies that were received, answers that
-// were not taken. Thread-safe.
+inline constexpr const char* kTooManyRequests =
+    "Too many requests at the moment. Try again shortly.";
+
+enum class BodyFraming { kNone, kLength, kChunked, kUnknown };  // kUnknown: another encoding
+
+struct RequestHead {
+  std::string fault = {};  // why it is refused (400); empty = it is not
+  std::string method = {};
+  std::string target = {};
+  bool is_http_1_0 = false;
+  HeaderFields fields = {};  // without the spaces around their values
+  BodyFraming framing = BodyFraming::kNone;
+  std::uint64_t length = 0;  // of the body, for kLength; saturated
+};
+
+// Reads a head with its request line and its empty last line. Refuses: unknown methods and
+// versions, lines that do not end in CRLF or are too long, control characters, folded fields,
+// fields without a name that is a token (section 5.1), lengths that are no number or occur twice, a
+// length beside chunks (section 6.3).
+RequestHead ReadRequestHead(std::string_view head);
+
+// Position behind the empty line that ends a head, searching from `from` on; npos when it is not
+// there yet.
+std::size_t EndOfHead(std::string_view received, std::size_t from);
+
+// Follows a chunked body (section 7.1) to its end.
+class ChunkedBody {
+ public:
+  enum class State { kGoesOn, kEnded, kBroken, kTooLarge };
+
+  // `most_bytes`: of the content.
+  explicit ChunkedBody(std::uint64_t most_bytes) : most_bytes_(most_bytes) {}
+
+  // Takes the next bytes; `used` is set to the number of them that belong to the body. Adds their
+  // content to `content` unless that is null.
+  State Take(std::string_view bytes, std::size_t* used, std::string* content = nullptr);
+
+ private:
+  enum class Part { kSize, kExtension, kSizeLf, kData, kDataCr, kDataLf, kLastCr, kLastLf };
+  State TakeFraming(char c);
+
+  std::uint64_t most_bytes_;
+  std::uint64_t total_ = 0;  // of the chunks so far
+  std::uint64_t left_ = 0;   // of this chunk
+  std::size_t line_bytes_ = 0;
+  Part part_ = Part::kSize;
+};
+
+// Bytes of all connections that are in memory at once: received bodies and unsent answers.
+// Thread-safe.
 struct MemoryBudget {
   std::size_t most = 0;
   std::atomic<std::size_t> used{0};
@@ -38,13 +90,13 @@ class RequestReader {
   void Append(std::string_view bytes) { buffer_.append(bytes); }
   bool has_bytes() const { return begin_ < buffer_.size(); }  // of a request
 
-  // Each returns false when more bytes are needed, and true when the part has arrived, or the
-  // request is refused: then refusal() says why, and nothing more of it is read.
+  // Each returns false when it needs more bytes. True: the part has arrived, or refusal() says why
+  // the request is refused, and nothing more of it is read.
   bool ReadHead();
   bool ReadBody();  // after ReadHead(); asked again, it returns the same
   const std::optional<Problem>& refusal() const { return refusal_; }
 
-  RequestHead TakeHead() { return std::move(head_); }
+  const RequestHead& head() const { return head_; }
   // The body goes there, whatever its length. Before the first ReadBody().
   void ReceiveInto(std::shared_ptr<BodySink> sink);
   bool has_sink() const { return sink_ != nullptr; }
@@ -52,10 +104,10 @@ class RequestReader {
   std::uint64_t body_bytes() const { return body_bytes_; }  // of the content, so far
   // Bytes to come of a body that says its length; 0 for chunks.
   std::uint64_t body_left() const {
-    return framing_ == BodyFraming::kLength ? length_ - body_bytes_ : 0;
+    return head_.framing == BodyFraming::kLength ? head_.length - body_bytes_ : 0;
   }
 
-  // The request is over: the next one is read. Bytes that came after it stay.
+  // Ends this request. Bytes that came after it stay for the next one.
   void Forget();
 
  private:
@@ -71,8 +123,6 @@ class RequestReader {
   std::size_t begin_ = 0;     // of the request's head
   std::size_t searched_ = 0;  // for the end of the head
   RequestHead head_;
-  BodyFraming framing_ = BodyFraming::kNone;
-  std::uint64_t length_ = 0;
   ChunkedBody chunks_{0};
   bool body_ended_ = false;
   std::string body_;

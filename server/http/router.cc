@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/router.h"
 
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 
@@ -15,6 +16,8 @@
 namespace pliant::server {
 
 namespace {
+
+constexpr const char* kImageTypes = "image/*";
 
 bool IsCapture(const std::string& part) { return part.size() > 2 && part.front() == '{'; }
 
@@ -41,6 +44,24 @@ std::string DecodeSegment(std::string_view text) {
   }
   if (!IsValidUtf8(decoded)) throw ProblemError("bad_request", "The path is not UTF-8.");
   return decoded;
+}
+
+std::vector<std::string> TypesOf(BodyKind body) {
+  switch (body) {
+    case BodyKind::kNone:
+      break;
+    case BodyKind::kJson:
+      return {"application/json"};
+    case BodyKind::kImageOrJson:
+      return {kImageTypes, kFileType, "multipart/form-data", "application/json"};
+    case BodyKind::kPair:
+      return {"multipart/form-data", "application/json"};
+    case BodyKind::kBulk:
+      return {kNdjsonType, kTarType};
+    case BodyKind::kMergePatch:
+      return {"application/merge-patch+json", "application/json"};
+  }
+  return {};
 }
 
 }  // namespace
@@ -71,8 +92,8 @@ const Route& Router::Resolve(Request& request) const {
     return routes_[i];
   }
   const std::string allowed = AllowedMethods(request.segments);
-  if (allowed.empty()) throw ProblemError("route_not_found", "There is nothing at this path.");
-  throw ProblemError("method_not_allowed", "This path takes " + allowed + ".").Allow(allowed);
+  throw ProblemError("method_not_allowed", "Allowed methods for this path: " + allowed + ".",
+                     {.allow = allowed});
 }
 
 std::string Router::AllowedMethods(const std::vector<std::string>& segments) const {
@@ -82,12 +103,13 @@ std::string Router::AllowedMethods(const std::vector<std::string>& segments) con
     methods.insert(routes_[i].method);
     if (routes_[i].method == "GET") methods.insert("HEAD");
   }
+  if (methods.empty()) throw ProblemError("route_not_found", "Unknown path.");
   return fmt::format("{}", fmt::join(methods, ", "));
 }
 
 std::vector<std::string> SplitPath(std::string_view path) {
   if (path.empty() || path.front() != '/') {
-    throw ProblemError("bad_request", "The address must be a path that begins with /.");
+    throw ProblemError("bad_request", "The address must begin with /.");
   }
   std::vector<std::string> segments;
   std::size_t begin = 1;
@@ -99,50 +121,28 @@ std::vector<std::string> SplitPath(std::string_view path) {
   }
 }
 
-std::vector<std::string> SplitPattern(const std::string& pattern) {
-  return Split(std::string_view(pattern).substr(1), '/');
-}
-
 std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
 
 void CheckConditions(const Route& route, const Request& request) {
-  if (request.method == "GET" || route.takes_if_match) return;
-  if (request.headers.contains("If-Match")) {
-    throw ProblemError("precondition_failed",
-                       "If-Match is not understood here: nothing was changed.");
+  if (request.method == "GET" || route.takes_if_match || !request.headers.contains("If-Match")) {
+    return;
   }
+  throw ProblemError("precondition_failed",
+                     "This route does not support If-Match. Nothing was changed.");
 }
 
 void CheckContentType(const Route& route, const Request& request) {
-  if (!request.has_body) return;
+  if (!request.has_body || route.body == BodyKind::kNone) return;
   const std::string& type = request.content_type;
-  const bool image = type.starts_with("image/") || type == "application/octet-stream" ||
-                     type == "multipart/form-data";
-  const bool json = type == "application/json";
-  switch (route.body) {
-    case BodyKind::kNone:
-      return;  // such a body is not read
-    case BodyKind::kJson:
-      if (json) return;
-      throw ProblemError("unsupported_content_type", "The body must be application/json.");
-    case BodyKind::kImageOrJson:
-      if (image || json) return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be image/*, application/octet-stream, "
-                         "multipart/form-data or application/json.");
-    case BodyKind::kMergePatch:
-      if (json || type == "application/merge-patch+json") return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be application/merge-patch+json or application/json.");
-    case BodyKind::kBulk:
-      if (IsNdjsonType(type) || type == kTarType) return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be application/x-ndjson or application/x-tar.");
-    case BodyKind::kPair:
-      if (type == "multipart/form-data" || json) return;
-      throw ProblemError("unsupported_content_type",
-                         "The body must be multipart/form-data or application/json.");
-  }
+  const std::vector<std::string> accepted = TypesOf(route.body);
+  const bool fits = std::any_of(accepted.begin(), accepted.end(), [&](const std::string& one) {
+    return type == one || (one == kImageTypes && type.starts_with("image/")) ||
+           (one == kNdjsonType && IsNdjsonType(type));
+  });
+  if (fits) return;
+  throw ProblemError("unsupported_content_type",
+                     fmt::format("This route does not accept Content-Type {}. Send {}.",
+                                 type.empty() ? "(none)" : type, fmt::join(accepted, " or ")));
 }
 
 }  // namespace pliant::server

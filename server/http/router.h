@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The route table as data: method, path pattern, what it takes, and the handler.
+// The route table as data: method, path pattern, parameters, body and handler. Requests are checked
+// against it, and the OpenAPI document is made from it, so the two cannot differ.
 #pragma once
 
 #include <cstddef>
@@ -9,21 +10,93 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "server/http/message.h"
-#include "server/http/route_spec.h"
 
 namespace pliant::server {
 
-// What a route takes as its body.
+// One parameter. In the query and in forms it is text of this type, in a JSON body a value of the
+// type that the OpenAPI document gives for it. Built like
+//   Parameter("limit", "hits a page").Integer(1, 1000).Default("10")
+struct Parameter {
+  enum class Type {
+    kText,
+    kInteger,   // lowest..highest
+    kNumber,    // lowest..highest
+    kNumbers,   // exactly `count` of them, with commas between
+    kChoice,    // one of `choices`
+    kBoolean,   // "true" or "false"
+    kJson,      // a JSON object
+    kJsonList,  // a JSON array
+    kImage,     // a JSON object: {"image": base64} or {"image_url": address}
+  };
+
+  Parameter(const char* parameter_name, const char* for_what)
+      : name(parameter_name), meaning(for_what) {}
+
+  Parameter Integer(std::int64_t from, std::int64_t to) && {
+    return Is(Type::kInteger, static_cast<double>(from), static_cast<double>(to));
+  }
+  Parameter Number(double from, double to) && { return Is(Type::kNumber, from, to); }
+  Parameter Numbers(std::size_t how_many) && {
+    count = how_many;
+    return Is(Type::kNumbers);
+  }
+  Parameter Choice(std::vector<std::string> names) && {
+    choices = std::move(names);
+    return Is(Type::kChoice);
+  }
+  Parameter Boolean() && { return Is(Type::kBoolean); }
+  Parameter Json() && { return Is(Type::kJson); }
+  Parameter JsonList() && { return Is(Type::kJsonList); }
+  Parameter Image() && { return Is(Type::kImage); }
+  // The value when it is not given, as text.
+  Parameter Default(const char* value) && {
+    default_value = value;
+    return std::move(*this);
+  }
+  Parameter Required() && {
+    required = true;
+    return std::move(*this);
+  }
+
+  std::string name;
+  std::string meaning;
+  Type type = Type::kText;
+  double lowest = 0;
+  double highest = 0;
+  std::size_t count = 0;
+  std::vector<std::string> choices = {};
+  std::string default_value = {};
+  bool required = false;
+
+ private:
+  Parameter Is(Type which, double from = 0, double to = 0) {
+    type = which;
+    lowest = from;
+    highest = to;
+    return std::move(*this);
+  }
+};
+
+// One answer of a route that succeeds.
+struct Answer {
+  int status = 200;
+  std::string meaning;
+  std::string schema = {};  // name of a component; empty = no body, or no JSON
+  std::string content_type = "application/json";  // when `schema` or a body; empty = no body
+};
+
+// The body that a route takes; router.cc lists the media types.
 enum class BodyKind {
-  kNone,
-  kJson,         // application/json, or no body
-  kImageOrJson,  // image/*, application/octet-stream, multipart/form-data or application/json
-  kPair,         // a form of two images, or application/json; parameters may be images
-  kBulk,         // application/x-ndjson or application/x-tar
-  kMergePatch,   // a JSON merge patch: application/merge-patch+json or application/json
+  kNone,  // a body is ignored
+  kJson,  // or no body
+  kImageOrJson,
+  kPair,  // two images; parameters can be images
+  kBulk,  // NDJSON or tar
+  kMergePatch,
 };
 
 class Parameters;
@@ -38,27 +111,25 @@ struct Route {
   Scope scope = Scope::kRead;
   BodyKind body = BodyKind::kNone;
   std::string body_schema = {};  // of a merge patch: name of a component
-  // What it understands in the query, as form fields, or as keys of a JSON body.
+  // In the query, as form fields, or as keys of a JSON body.
   std::vector<Parameter> parameters = {};
   std::vector<Answer> answers = {};
   // Problem codes beyond those that follow from the method, the scope, the body, the path and the
   // parameters (openapi/document.h).
   std::vector<std::string> codes = {};
-  // A shell command that shows the route at work, with the variables that openapi/document.h
-  // explains. Run by a test.
+  // A shell command that uses the route; openapi/document.h explains its variables. A test runs it.
   std::string example = {};
   Handler handler;
-  // For bodies beyond the server's limit, or in chunks: called when the head is there and its
-  // parameters are right, for what takes the body, which the handler finds in Request::received.
-  // Throws what refuses it, also for its size (0: in chunks, not known yet): the limit does not
-  // hold for it.
+  // Makes the sink for a body in chunks or beyond the server's limit, after the checks of the head
+  // and its parameters; the handler finds the sink in Request::received. Throws to refuse the body,
+  // also for its size (0: in chunks, not known yet).
   Receive receive = {};
-  bool takes_if_match = false;  // the handler looks at If-Match; others than GET refuse it
+  bool takes_if_match = false;  // the handler checks If-Match; without it only GET supports it
   bool needs_index = true;      // answered with "starting" while the index loads
 };
 
-// Whether the route heeds Idempotency-Key: it changes something, and not by a method that may be
-// repeated as it is. One that tells a secret does not: the secret would have to be remembered.
+// Whether the route supports Idempotency-Key: it changes something, by a method that is not safe to
+// repeat. A route that answers with a secret does not: the server would have to store the secret.
 bool HeedsIdempotencyKey(const Route& route);
 
 // Immutable and thread-safe.
@@ -73,7 +144,7 @@ class Router {
   // ProblemError "route_not_found", or "method_not_allowed" with Allow.
   const Route& Resolve(Request& request) const;
 
-  // Methods that the path has, as for Allow ("DELETE, GET, HEAD"); empty = no such path.
+  // The path's methods, as in Allow ("DELETE, GET, HEAD"). Throws ProblemError "route_not_found".
   std::string AllowedMethods(const std::vector<std::string>& segments) const;
 
  private:
@@ -85,17 +156,13 @@ class Router {
 // "bad_request" for a broken escape or a segment that is not UTF-8.
 std::vector<std::string> SplitPath(std::string_view path);
 
-// The same for a route's pattern, which has no escapes.
-std::vector<std::string> SplitPattern(const std::string& pattern);
-
 // Inverse for one segment: everything but RFC 3986's unreserved characters becomes %XX.
 std::string EncodeSegment(std::string_view text);
 
-// Throws ProblemError "unsupported_content_type" when the request's body is none that the route
-// takes.
+// Throws ProblemError "unsupported_content_type" for a body that the route does not take.
 void CheckContentType(const Route& route, const Request& request);
-// Throws "precondition_failed" where If-Match would be ignored: the request must not be performed
-// as if it held (RFC 9110, section 13.1.1).
+// Throws ProblemError "precondition_failed" if the route would ignore If-Match: the request must
+// not be performed as if it held (RFC 9110, section 13.1.1).
 void CheckConditions(const Route& route, const Request& request);
 
 }  // namespace pliant::server

@@ -2,18 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/session.h"
 
-#include <array>
-#include <random>
 #include <stdexcept>
-#include <utility>
 
 #include <fmt/format.h>
 #include <httplib.h>
 
+#include "descriptor/base/hex.h"
 #include "descriptor/base/strings.h"
+#include "index/files/text.h"
 #include "server/http/body_file.h"
 #include "server/http/conditions.h"
-#include "server/http/multipart.h"
 #include "server/http/parameters.h"
 
 namespace pliant::server {
@@ -23,19 +21,12 @@ namespace {
 constexpr std::size_t kMostPathBytes = 2048;
 constexpr std::size_t kMostTargetBytes = 8192;
 constexpr std::size_t kLoggedPathBytes = 256;
-constexpr std::size_t kShortBodyBytes = 16 * 1024;  // sent with the head
 constexpr std::size_t kMostParts = 64;
+// One of so many connections can wait for an event; the others are for immediate answers.
+constexpr int kWaitingShare = 2;
 
 bool IsRequestId(const std::string& id) {
-  return !id.empty() && id.size() <= 64 && std::all_of(id.begin(), id.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
-           c == '_' || c == '.';
-  });
-}
-
-std::string NewRequestId() {
-  thread_local std::mt19937_64 random{std::random_device{}()};
-  return fmt::format("{:016x}", random());
+  return !id.empty() && id.size() <= 64 && IsNameOf(id, "-_.");
 }
 
 std::string Printable(std::string_view text) {
@@ -55,11 +46,6 @@ std::multimap<std::string, std::string> QueryOf(const std::string& target) {
 
 }  // namespace
 
-std::size_t AdmittedKeys::HashOf(const Request& request) {
-  return std::hash<std::string>()(request.header("Authorization") + '\n' +
-                                  request.header("X-API-Key"));
-}
-
 Session::Session(SessionContext& context, RequestHead head, const std::string& remote_address,
                  std::chrono::steady_clock::time_point begun, bool is_last)
     : context_(context), begun_(begun), head_(std::move(head)) {
@@ -72,7 +58,7 @@ Session::Session(SessionContext& context, RequestHead head, const std::string& r
   const std::string type = request_.header("Content-Type");
   request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
   const std::string id = request_.header("X-Request-Id");
-  request_.id = record_.id = IsRequestId(id) ? id : NewRequestId();
+  request_.id = record_.id = IsRequestId(id) ? id : RandomHex(16);
   if (!head_.method.empty()) record_.method = head_.method;
   if (!request_.path.empty()) record_.path = Printable(request_.path);
   const std::string connection = Lower(request_.header("Connection"));
@@ -81,12 +67,10 @@ Session::Session(SessionContext& context, RequestHead head, const std::string& r
   keeps_open_ = !is_last && !closes && (keeps || !head_.is_http_1_0);
 }
 
-Session::~Session() { EndWait(); }
-
 bool Session::asks_for_health() const {
-  constexpr std::array<std::string_view, 3> kPaths = {"/livez", "/readyz", "/metrics"};
+  const std::string& path = request_.path;
   return head_.framing == BodyFraming::kNone &&
-         std::find(kPaths.begin(), kPaths.end(), request_.path) != kPaths.end();
+         (path == "/livez" || path == "/readyz" || path == "/metrics");
 }
 
 bool Session::expects_continue() const {
@@ -94,9 +78,9 @@ bool Session::expects_continue() const {
 }
 
 bool Session::takes_body_first() const {
-  return head_.framing == BodyFraming::kLength && head_.length <= context_.max_body_bytes &&
-         !expects_continue() && !request_.headers.contains("Content-Encoding") &&
-         context_.admitted.Has(request_);
+  return head_.framing == BodyFraming::kLength &&
+         head_.length <= context_.options.limits.max_body_bytes && !expects_continue() &&
+         !request_.headers.contains("Content-Encoding") && context_.admitted.Has(request_);
 }
 
 void Session::TakeBody(std::string body, std::uint64_t bytes) {
@@ -108,11 +92,8 @@ void Session::TakeBody(std::string body, std::uint64_t bytes) {
 void Session::Serve() {
   next_ = Next::kAnswer;
   try {
-    if (wait_) {
-      EndWait();
-      request_.waited = true;
-    }
-    if (!std::exchange(checked_, true)) {
+    request_.waited = std::exchange(wait_, nullptr) != nullptr;
+    if (route_ == nullptr) {
       if (auto answer = Check()) return MakeAnswer(std::move(*answer));
     }
     if (request_.has_body && !has_whole_body_) {
@@ -125,19 +106,23 @@ void Session::Serve() {
     keeps_open_ = keeps_open_ && (route_ != nullptr || problem.code != "bad_request");
     AnswerProblem(problem);
   }
-  if (next_ == Next::kAnswer) ForgetBody();
+  if (next_ != Next::kAnswer) return;
+  request_.received.reset();  // on this thread: a sink can have files to remove
+  request_.body = {};
+  request_.parts.clear();
 }
 
-// All that can be wrong with the head is said before a long body is sent for nothing. Returns the
-// answer to a browser's preflight.
+// Checks the whole head before a long body is sent for nothing. Returns the answer to a browser's
+// preflight.
 std::optional<Response> Session::Check() {
   CheckFraming();
   // HTTP/1.0, which no browser speaks, does without the header.
   const auto host = request_.headers.find("Host");
   if (host != request_.headers.end() && !context_.allowed_hosts.Allows(host->second)) {
     throw ProblemError("host_not_allowed",
-                       "Unknown host name in the Host header. The operator of the server can allow "
-                       "it with --allowed-hosts.");
+                       fmt::format("Unknown host name in the Host header: {}. The operator can "
+                                   "allow it with --allowed-hosts.",
+                                   Shown(host->second)));
   }
   if (request_.path.size() > kMostPathBytes || head_.target.size() > kMostTargetBytes) {
     throw ProblemError("uri_too_long", "The address is too long.");
@@ -152,18 +137,21 @@ std::optional<Response> Session::Check() {
   CheckConditions(*route_, request_);
   Admit();
   if (route_->needs_index && context_.stopping) {
-    throw ProblemError("stopping", "The server is being stopped.");
+    throw ProblemError("stopping", "The server is stopping.");
   }
   if (route_->needs_index && !context_.ready) {
     throw ProblemError("starting", "The index is still loading. Try again shortly.");
   }
   CheckContentType(*route_, request_);
-  if (route_->body == BodyKind::kNone) {  // it means nothing
+  if (route_->body == BodyKind::kNone) {  // a body means nothing
     request_.has_body = false;
     request_.body = {};
   }
-  if (request_.has_body && ReceivesItself()) {
-    const Parameters parameters(*route_, request_);  // are right
+  // Chunks can become any number of bytes.
+  const bool is_long = head_.framing == BodyFraming::kChunked ||
+                       head_.length > context_.options.limits.max_body_bytes;
+  if (request_.has_body && route_->receive && is_long) {
+    const Parameters checked(*route_, request_);
     request_.received = route_->receive(request_, head_.length);
   }
   return std::nullopt;
@@ -175,11 +163,12 @@ void Session::CheckFraming() {
     throw ProblemError("bad_request", "A request needs exactly one Host header.");
   }
   if (head_.framing == BodyFraming::kUnknown) {
-    throw ProblemError("unsupported_transfer_encoding", "Only chunked bodies are taken.");
+    throw ProblemError("unsupported_transfer_encoding", "The Transfer-Encoding must be chunked.");
   }
   const std::string coding = Lower(request_.header("Content-Encoding"));
   if (request_.has_body && !coding.empty() && coding != "identity") {
-    throw ProblemError("unsupported_content_encoding", "Compressed bodies are not taken.");
+    throw ProblemError("unsupported_content_encoding",
+                       "The server does not accept compressed bodies.");
   }
 }
 
@@ -192,12 +181,6 @@ void Session::Admit() {
   }
   record_.key_id = request_.caller.key_id;
   if (route_->scope != Scope::kPublic) context_.admitted.Note(request_, true);
-}
-
-bool Session::ReceivesItself() const {
-  // Chunks can become any number of bytes.
-  return route_->receive &&
-         (head_.framing == BodyFraming::kChunked || head_.length > context_.max_body_bytes);
 }
 
 void Session::RunHandler() {
@@ -216,27 +199,18 @@ void Session::RunHandler() {
 
 void Session::BeginWait(Wait wait) {
   if (request_.waited || route_->body != BodyKind::kNone) {
-    throw std::logic_error("route " + route_->name + " may not wait here");
+    throw std::logic_error("route " + route_->name + " cannot wait here");
   }
-  if (++context_.waiting > context_.max_waiting) {
-    --context_.waiting;
-    throw ProblemError("busy", "Too many requests are waiting. Ask again without.").RetryAfter(5);
+  const int waiting = ++context_.waiting;
+  wait_ = {new Wait(std::move(wait)), [&counter = context_.waiting](Wait* ended) {
+             --counter;
+             delete ended;
+           }};
+  if (waiting > context_.options.max_connections / kWaitingShare) {
+    throw ProblemError("busy", "Too many requests are waiting. Try again without waiting.",
+                       {.retry_after_s = 5});
   }
-  wait_ = std::move(wait);
   next_ = Next::kEvent;
-}
-
-void Session::EndWait() {
-  if (!wait_) return;
-  wait_.reset();
-  --context_.waiting;
-}
-
-// On this thread: what takes a body can have files to remove.
-void Session::ForgetBody() {
-  request_.body = {};
-  request_.parts.clear();
-  request_.received.reset();
 }
 
 void Session::Refuse(const Problem& problem, std::uint64_t body_bytes) {
@@ -261,11 +235,7 @@ void Session::MakeAnswer(Response response) {
   answer_.text = HeadOf(response, bytes);
   if (head_.method != "HEAD") {
     answer_.file = std::move(response.file);
-    if (response.body.size() > kShortBodyBytes) {
-      answer_.body = std::move(response.body);
-    } else {
-      answer_.text += response.body;
-    }
+    answer_.text += response.body;
   }
   record_.status = response.status;
   record_.bytes_out = bytes;
@@ -282,31 +252,30 @@ std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const
       head.append(name).append(": ").append(value).append("\r\n");
     }
   };
-  const auto has = [&](const char* wanted) {
-    return std::any_of(response.headers.begin(), response.headers.end(),
-                       [&](const auto& header) { return header.first == wanted; });
+  const auto add_default = [&](const char* name, const char* value) {
+    if (response.header(name).empty()) add(name, value);
   };
   if (!response.content_type.empty()) add("Content-Type", response.content_type);
   // RFC 9110, section 8.6: these have no content, so they have no length either.
-  if (response.status != 204 && response.status != 304)
+  if (response.status != 204 && response.status != 304) {
     add("Content-Length", std::to_string(bytes));
+  }
   for (const auto& [name, value] : response.headers) add(name, value);
   add("X-Request-Id", request_.id);
-  // Nothing here is meant to be run, framed or loaded by pages of other sites; the page brings
-  // rules of its own.
+  // No answer is meant to be run, framed or loaded by pages of other sites; the page sets rules of
+  // its own.
   add("X-Content-Type-Options", "nosniff");
-  if (!has("Content-Security-Policy")) {
-    add("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
-  }
-  if (!has("Referrer-Policy")) add("Referrer-Policy", "no-referrer");
-  if (context_.encrypted) add("Strict-Transport-Security", "max-age=31536000");
+  add_default("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
+  add_default("Referrer-Policy", "no-referrer");
+  if (!context_.options.tls_certificate.empty())
+    add("Strict-Transport-Security", "max-age=31536000");
   for (const auto& [name, value] : context_.origins.Headers(request_)) add(name, value);
   if (!answer_.keeps_open) {
     add("Connection", "close");
   } else {
     if (head_.is_http_1_0) add("Connection", "keep-alive");
-    add("Keep-Alive", fmt::format("timeout={}, max={}", context_.idle_timeout.count(),
-                                  kMostRequestsPerConnection));
+    const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.limits.idle_timeout);
+    add("Keep-Alive", fmt::format("timeout={}, max={}", idle.count(), kMostRequestsPerConnection));
   }
   return head + "\r\n";
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // One request and its answer: checks before the body is read, the handler, the answer's head, and
-// what the log says.
+// the record for the log.
 #pragma once
 
 #include <algorithm>
@@ -15,19 +15,19 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "server/http/compression.h"
 #include "server/http/http_server.h"
 #include "server/http/origin_policy.h"
-#include "server/http/problem.h"
-#include "server/http/request_head.h"
+#include "server/http/request_reader.h"
 #include "server/http/router.h"
 
 namespace pliant::server {
 
 inline constexpr int kMostRequestsPerConnection = 1000;
 
-// Which keys were admitted lately, by their hashes: bodies that come with them are worth receiving.
+// Hashes of the keys that were admitted lately: bodies that come with them are worth receiving.
 // Thread-safe.
 class AdmittedKeys {
  public:
@@ -42,24 +42,24 @@ class AdmittedKeys {
 
  private:
   static constexpr std::size_t kKeys = 256;
-  static std::size_t HashOf(const Request& request);
+  static std::size_t HashOf(const Request& request) {
+    return std::hash<std::string>()(request.header("Authorization") + '\n' +
+                                    request.header("X-API-Key"));
+  }
   std::array<std::atomic<std::size_t>, kKeys> hashes_ = {};
 };
 
 // What all sessions of a server share.
 struct SessionContext {
+  const HttpOptions options;
   const Router& router;
   const AdmitRequest admit;
   const std::function<void(const RequestRecord&)> on_request;
-  const OriginPolicy origins;
-  const AllowedHosts allowed_hosts;
-  const bool encrypted = false;
-  const std::size_t max_body_bytes = 0;
-  const std::chrono::seconds idle_timeout{0};
-  const int max_waiting = 0;  // requests that wait for an event (Wait); more get "busy"
+  const OriginPolicy origins{options.allowed_origins};
+  const AllowedHosts allowed_hosts{options.host, options.allowed_hosts};
   std::atomic<bool> ready{false};
   std::atomic<bool> stopping{false};
-  std::atomic<int> waiting{0};
+  std::atomic<int> waiting{0};  // requests that wait for an event (Wait)
   AdmittedKeys admitted = {};
   // Long answers at once, on half of the cores: the others are for searches.
   Compressor compressor{std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / 2)};
@@ -69,9 +69,8 @@ struct SessionContext {
 class Session {
  public:
   struct Answer {
-    std::string text = {};                      // the head, and a short body
-    std::string body = {};                      // a long one
-    std::shared_ptr<const BodyFile> file = {};  // or a file
+    std::string text = {};                      // the head, and the body if it is in memory
+    std::shared_ptr<const BodyFile> file = {};  // the body otherwise
     bool keeps_open = false;                    // another request can follow
   };
   // What the request needs next: its body, the event that its handler waits for (see wait()), or
@@ -81,24 +80,23 @@ class Session {
   // `begun`: first byte of the request. `is_last`: the connection takes no other after it.
   Session(SessionContext& context, RequestHead head, const std::string& remote_address,
           std::chrono::steady_clock::time_point begun, bool is_last);
-  ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
   bool asks_for_health() const;
   bool expects_continue() const;
-  // Whether the body can be received before Serve(): that spares two hand-overs. Not where the
-  // client asks first, nor for long or compressed bodies, nor for unknown keys.
+  // Whether the body can be received before Serve(): that spares two hand-overs. Not if the client
+  // asks first, nor for long or compressed bodies, nor for unknown keys.
   bool takes_body_first() const;
   void TakeBody(std::string body, std::uint64_t bytes);
   std::shared_ptr<BodySink> sink() const { return request_.received; }  // for the body; can be null
 
-  // Checks the request and runs its handler, as far as that goes: next() says what it needs.
+  // Checks the request and runs its handler as far as possible: next() says what it needs.
   void Serve();
   Next next() const { return next_; }
   const Wait& wait() const { return *wait_; }
 
-  // Answers by itself; `body_bytes` were received.
+  // Answers with the problem; `body_bytes` were received.
   void Refuse(const Problem& problem, std::uint64_t body_bytes);
   Answer TakeAnswer() { return std::move(answer_); }
 
@@ -106,11 +104,8 @@ class Session {
   std::optional<Response> Check();
   void CheckFraming();
   void Admit();
-  bool ReceivesItself() const;
   void RunHandler();
   void BeginWait(Wait wait);
-  void EndWait();
-  void ForgetBody();
   void AnswerProblem(const Problem& problem);
   void MakeAnswer(Response response);
   std::string HeadOf(const Response& response, std::uint64_t bytes) const;
@@ -120,10 +115,9 @@ class Session {
   Request request_;
   RequestHead head_;  // its fields are in request_
   const Route* route_ = nullptr;
-  bool checked_ = false;
   bool has_whole_body_ = false;
   bool keeps_open_;
-  std::optional<Wait> wait_;  // counted in context_.waiting
+  std::shared_ptr<Wait> wait_;  // counted in context_.waiting
   Next next_ = Next::kAnswer;
   Answer answer_;
   RequestRecord record_;

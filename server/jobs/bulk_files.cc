@@ -19,7 +19,7 @@
 
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/hex.h"
-#include "server/http/file_error.h"
+#include "server/http/body_file.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {

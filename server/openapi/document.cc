@@ -306,8 +306,8 @@ Json Operation(const Route& route) {
   Json operation = {
       {"operationId", route.name}, {"summary", route.summary}, {"tags", {TagOf(route)}}};
   Json parameters = Json::array();
-  for (const std::string& segment : SplitPattern(route.pattern)) {
-    if (segment.front() == '{') {
+  for (const std::string& segment : SplitPath(route.pattern)) {
+    if (segment.starts_with('{')) {
       parameters.push_back(PathParameter(segment.substr(1, segment.size() - 2)));
     }
   }

@@ -12,7 +12,7 @@
 
 #include "descriptor/base/utf8.h"
 #include "descriptor/drawing/drawing.h"
-#include "server/http/accept.h"
+#include "server/http/compression.h"
 
 namespace pliant::server {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "server/http/request_head.h"
+#include "server/http/request_reader.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

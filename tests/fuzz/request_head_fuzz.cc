@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "server/http/request_head.h"
+#include "server/http/request_reader.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

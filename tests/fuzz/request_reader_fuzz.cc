@@ -34,7 +34,7 @@ struct Outcome {
 std::optional<Outcome> Next(RequestReader& reader, std::optional<RequestHead>& head) {
   if (!head) {
     if (!reader.ReadHead()) return std::nullopt;
-    head = reader.TakeHead();
+    head = reader.head();
   }
   if (reader.refusal()) return Outcome();
   if (!reader.ReadBody()) return std::nullopt;

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "descriptor/base/error.h"
-#include "server/fetch/address_kind.h"
 #include "server/fetch/web_address.h"
 #include "tests/fuzz/fuzz.h"
 

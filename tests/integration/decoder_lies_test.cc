@@ -16,7 +16,6 @@
 
 #include "server/decoder/decoder_main.h"
 #include "server/decoder/decoder_pool.h"
-#include "server/decoder/wire.h"
 #include "tests/unit/expect_error.h"
 
 namespace pliant::server {

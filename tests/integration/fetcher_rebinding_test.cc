@@ -20,8 +20,8 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include "server/fetch/address_kind.h"
 #include "server/fetch/fetcher.h"
+#include "server/fetch/web_address.h"
 #include "server/http/problem.h"
 #include "tests/integration/elsewhere.h"
 

@@ -188,7 +188,8 @@ TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
                 "no public address");
   EXPECT_EQ(secret.connections(), 0);
   for (const std::string where : {"file:///etc/passwd", "ftp://127.0.0.1/", "//u:p@127.0.0.1/"}) {
-    ExpectProblem(Options(), other_.url("/to/" + where), "fetch_failed", "no address of an image");
+    ExpectProblem(Options(), other_.url("/to/" + where), "fetch_failed",
+                  "redirected to an invalid address");
   }
   ExpectProblem(Options(), other_.url("/status/302"), "fetch_failed", "answered 302");
 }
@@ -321,11 +322,12 @@ TEST_F(FetcherTest, CertificatesAreVerified) {
   options.hosts = {"*.test:" + port, other_.host()};
   options.resolve = {"images.test:" + port + ":127.0.0.1", "wrong.test:" + port + ":127.0.0.1"};
   const std::string url = "https://images.test:" + port + "/image";
-  ExpectProblem(options, url, "fetch_failed", "no certificate that is trusted");
+  ExpectProblem(options, url, "fetch_failed",
+                "certificate of the host of image_url is not trusted");
   options.ca_file = certificate;
   EXPECT_EQ(Fetched(options, url), kImage);
   ExpectProblem(options, "https://wrong.test:" + port + "/image", "fetch_failed",
-                "no certificate that is trusted");
+                "certificate of the host of image_url is not trusted");
   ExpectProblem(options, "https://images.test:" + port + "/down", "fetch_failed",
                 "from https to http");
   EXPECT_EQ(other_.connections(), 0);

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "server/http/request_head.h"
-
 #include <random>
 
 #include <gtest/gtest.h>
+
+#include "server/http/request_reader.h"
 
 namespace pliant::server {
 namespace {

@@ -13,7 +13,6 @@
 
 #include "descriptor/base/error.h"
 #include "server/app/options.h"
-#include "server/fetch/address_kind.h"
 #include "server/fetch/fetcher.h"
 #include "server/fetch/web_address.h"
 

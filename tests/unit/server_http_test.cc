@@ -7,7 +7,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/http/multipart.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
