@@ -19,6 +19,8 @@ step "Configure"
 cmake --preset ci
 step "Build"
 cmake --build --preset ci
+step "Lint what has changed"
+bash tests/tidy.sh
 step "Test"
 # Two at a time, but for those that need the machine for themselves: most tests wait for servers.
 ctest --preset ci --label-exclude slow --parallel 2 "$@"

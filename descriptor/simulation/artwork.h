@@ -21,18 +21,12 @@ struct Artwork {
   std::vector<Eigen::Array4f> inks;
   Ink ground = Ink::Ones();  // the ground that the drawing was made for
 
-  float aspect() const { return static_cast<float>(height) / static_cast<float>(width); }
+  float aspect() const { return static_cast<float>(height) / width; }
 };
 
 // A painted drawing (figures with outlines, a badge, letters) or, from `image` (may be null), a
 // screen print of it: few flat colours, thin lines, halftone, cut to a shape.
 Artwork DrawArtwork(Random& random, const Texture* image);
-
-// A screen print of an image; `inks` and the cover only. Internal to DrawArtwork.
-Artwork DrawStencil(Random& random, const Texture& image);
-
-// Creatures and things in flat colours with dark outlines, around the canvas' middle.
-void PaintFigure(Canvas& canvas, Random& random, const Ink& outline);
 
 // A plausible colour of cloth: white, black, grey or dyed.
 Ink DrawClothColour(Random& random);

@@ -3,21 +3,19 @@
 #include "descriptor/simulation/body.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 namespace pliant::simulation {
 namespace {
-
-constexpr float kPi = std::numbers::pi_v<float>;
 
 Chart MakeGrid(float aspect, int cells) {
   Chart chart;
   chart.width = std::min(1.0F, 1.0F / aspect);
   chart.height = std::min(1.0F, aspect);
   const auto count = [cells](float length) {
-    return std::max(4, static_cast<int>(std::lround(length * static_cast<float>(cells)))) + 1;
+    return std::max(4, static_cast<int>(std::lround(length * cells))) + 1;
   };
   chart.columns = count(chart.width);
   chart.rows = count(chart.height);
@@ -26,8 +24,8 @@ Chart MakeGrid(float aspect, int cells) {
 }
 
 Eigen::Vector3f FlatPosition(const Chart& chart, int column, int row) {
-  const float u = static_cast<float>(column) / static_cast<float>(chart.columns - 1);
-  const float v = static_cast<float>(row) / static_cast<float>(chart.rows - 1);
+  const float u = static_cast<float>(column) / (chart.columns - 1);
+  const float v = static_cast<float>(row) / (chart.rows - 1);
   return {(u - 0.5F) * chart.width, (v - 0.5F) * chart.height, 0.0F};
 }
 
@@ -36,8 +34,7 @@ Eigen::Vector3f FlatPosition(const Chart& chart, int column, int row) {
 void AddEdges(const Chart& chart, int step_x, int step_y, std::vector<Edge>& edges) {
   const float cell_x = chart.width / static_cast<float>(chart.columns - 1);
   const float cell_y = chart.height / static_cast<float>(chart.rows - 1);
-  const float rest =
-      std::hypot(cell_x * static_cast<float>(step_x), cell_y * static_cast<float>(step_y));
+  const float rest = std::hypot(cell_x * step_x, cell_y * step_y);
   const int period = chart.columns - 1;
   for (int pass = 0; pass < 2; ++pass) {
     for (int row = 0; row < chart.rows; ++row) {
@@ -66,7 +63,7 @@ void DropRepeats(std::vector<Edge>& edges, std::size_t particles) {
   std::vector<std::vector<int>> seen(particles);
   std::erase_if(edges, [&](const Edge& edge) {
     const auto [low, high] = std::minmax(edge.a, edge.b);
-    auto& partners = seen[static_cast<std::size_t>(low)];
+    auto& partners = seen[low];
     if (std::ranges::find(partners, high) != partners.end()) return true;
     partners.push_back(high);
     return false;
@@ -87,7 +84,7 @@ void BuildConstraints(Body& body) {
   DropRepeats(body.bending, body.rest.size());
   float sum = 0.0F;
   for (const Edge& edge : body.structural) sum += edge.rest;
-  body.spacing = sum / static_cast<float>(std::max<std::size_t>(1, body.structural.size()));
+  body.spacing = sum / std::max<std::size_t>(1, body.structural.size());
 }
 
 int AddParticle(Body& body, const Eigen::Vector3f& position) {
@@ -128,8 +125,8 @@ Outline MakeShirtOutline(Random& random) {
   outline.inside.resize(static_cast<std::size_t>(outline.size) * outline.size);
   for (int y = 0; y < outline.size; ++y) {
     for (int x = 0; x < outline.size; ++x) {
-      const float u = (static_cast<float>(x) + 0.5F) / static_cast<float>(outline.size);
-      const float v = (static_cast<float>(y) + 0.5F) / static_cast<float>(outline.size);
+      const float u = (x + 0.5F) / static_cast<float>(outline.size);
+      const float v = (y + 0.5F) / static_cast<float>(outline.size);
       outline.inside[static_cast<std::size_t>(y) * outline.size + x] =
           cut.Contains(2.0F * u - 1.0F, v) ? 1 : 0;
     }
@@ -139,16 +136,37 @@ Outline MakeShirtOutline(Random& random) {
 
 // A vertex carries cloth when the outline reaches into one of the cells around it.
 bool CellTouches(const Chart& chart, int column, int row) {
-  const float step_u = 1.0F / static_cast<float>(chart.columns - 1);
-  const float step_v = 1.0F / static_cast<float>(chart.rows - 1);
+  const float step_u = 1.0F / (chart.columns - 1);
+  const float step_v = 1.0F / (chart.rows - 1);
   for (int dy = -2; dy <= 2; ++dy) {
     for (int dx = -2; dx <= 2; ++dx) {
-      const float u = (static_cast<float>(column) + 0.45F * static_cast<float>(dx)) * step_u;
-      const float v = (static_cast<float>(row) + 0.45F * static_cast<float>(dy)) * step_v;
+      const float u = (column + 0.45F * dx) * step_u;
+      const float v = (row + 0.45F * dy) * step_v;
       if (chart.outline.Contains(u, v)) return true;
     }
   }
   return false;
+}
+
+// Adds a front and a back, joined where `sewn`, else `apart` cells before and behind the middle.
+template <typename Occupied, typename Sewn>
+void SewTwoSides(Body& body, Chart& front, float apart, Occupied&& occupied, Sewn&& sewn) {
+  Chart back = front;
+  const Eigen::Vector3f thin(0.0F, 0.0F, apart * front.width / (front.columns - 1));
+  for (int row = 0; row < front.rows; ++row) {
+    for (int column = 0; column < front.columns; ++column) {
+      if (!occupied(column, row)) continue;
+      const int at = row * front.columns + column;
+      // Seen from behind, u runs the other way.
+      const int mirrored = row * front.columns + front.columns - 1 - column;
+      const bool joined = sewn(column, row);
+      const Eigen::Vector3f position = FlatPosition(front, column, row);
+      front.particle[at] = AddParticle(body, joined ? position : Eigen::Vector3f(position - thin));
+      back.particle[mirrored] = joined ? front.particle[at] : AddParticle(body, position + thin);
+    }
+  }
+  body.charts = {std::move(front), std::move(back)};
+  BuildConstraints(body);
 }
 
 }  // namespace
@@ -156,23 +174,14 @@ bool CellTouches(const Chart& chart, int column, int row) {
 bool Outline::Contains(float u, float v) const {
   if (u < 0.0F || v < 0.0F || u > 1.0F || v > 1.0F) return false;
   if (empty()) return true;
-  const int x = std::min(size - 1, static_cast<int>(u * static_cast<float>(size)));
-  const int y = std::min(size - 1, static_cast<int>(v * static_cast<float>(size)));
+  const int x = std::min(size - 1, static_cast<int>(u * size));
+  const int y = std::min(size - 1, static_cast<int>(v * size));
   return inside[static_cast<std::size_t>(y) * size + x] != 0;
 }
 
 std::string ToString(BodyKind kind) {
-  switch (kind) {
-    case BodyKind::kSheet:
-      return "sheet";
-    case BodyKind::kTube:
-      return "tube";
-    case BodyKind::kPillow:
-      return "pillow";
-    case BodyKind::kShirt:
-      return "shirt";
-  }
-  return "sheet";
+  constexpr std::array kNames{"sheet", "tube", "pillow", "shirt"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 Body MakeSheet(float aspect, int cells) {
@@ -180,7 +189,7 @@ Body MakeSheet(float aspect, int cells) {
   Chart chart = MakeGrid(aspect, cells);
   for (int row = 0; row < chart.rows; ++row) {
     for (int column = 0; column < chart.columns; ++column) {
-      chart.particle[static_cast<std::size_t>(row * chart.columns + column)] =
+      chart.particle[row * chart.columns + column] =
           AddParticle(body, FlatPosition(chart, column, row));
     }
   }
@@ -197,17 +206,16 @@ Body MakeTube(float aspect, int cells) {
   // The chord between neighbours, not the arc, is their rest length.
   const int period = chart.columns - 1;
   const float chord = chart.width / static_cast<float>(period);
-  const float radius = 0.5F * chord / std::sin(kPi / static_cast<float>(period));
+  const float radius = 0.5F * chord / std::sin(kPi / period);
   for (int row = 0; row < chart.rows; ++row) {
     for (int column = 0; column < chart.columns; ++column) {
-      int& particle = chart.particle[static_cast<std::size_t>(row * chart.columns + column)];
+      int& particle = chart.particle[row * chart.columns + column];
       if (column == period) {
         particle = chart.At(0, row);
         continue;
       }
       // u = 0.5 faces the camera at -z; x grows with u.
-      const float turn =
-          2.0F * kPi * (static_cast<float>(column) / static_cast<float>(period) - 0.5F);
+      const float turn = 2.0F * kPi * (static_cast<float>(column) / period - 0.5F);
       const float y = FlatPosition(chart, column, row).y();
       particle = AddParticle(body, {radius * std::sin(turn), y, -radius * std::cos(turn)});
     }
@@ -221,24 +229,10 @@ Body MakePillow(float aspect, int cells) {
   Body body;
   body.kind = BodyKind::kPillow;
   Chart front = MakeGrid(aspect, cells);
-  Chart back = front;
-  for (int row = 0; row < front.rows; ++row) {
-    for (int column = 0; column < front.columns; ++column) {
-      const auto at = static_cast<std::size_t>(row * front.columns + column);
-      // Seen from behind, u runs the other way.
-      const auto mirrored =
-          static_cast<std::size_t>(row * front.columns + front.columns - 1 - column);
-      const bool border =
-          row == 0 || column == 0 || row == front.rows - 1 || column == front.columns - 1;
-      const Eigen::Vector3f position = FlatPosition(front, column, row);
-      const Eigen::Vector3f apart(0.0F, 0.0F,
-                                  0.15F * front.width / static_cast<float>(front.columns - 1));
-      front.particle[at] = AddParticle(body, border ? position : Eigen::Vector3f(position - apart));
-      back.particle[mirrored] = border ? front.particle[at] : AddParticle(body, position + apart);
-    }
-  }
-  body.charts = {std::move(front), std::move(back)};
-  BuildConstraints(body);
+  const auto sewn = [&front](int column, int row) {
+    return row == 0 || column == 0 || row == front.rows - 1 || column == front.columns - 1;
+  };
+  SewTwoSides(body, front, 0.15F, [](int, int) { return true; }, sewn);
   return body;
 }
 
@@ -247,36 +241,21 @@ Body MakeShirt(float aspect, int cells, Random& random) {
   body.kind = BodyKind::kShirt;
   Chart front = MakeGrid(aspect, cells);
   front.outline = MakeShirtOutline(random);
-  Chart back = front;
   const auto occupied = [&front](int column, int row) {
     return column >= 0 && row >= 0 && column < front.columns && row < front.rows &&
            CellTouches(front, column, row);
   };
-  const float thin = 0.25F * front.width / static_cast<float>(front.columns - 1);
-  for (int row = 0; row < front.rows; ++row) {
-    for (int column = 0; column < front.columns; ++column) {
-      if (!occupied(column, row)) continue;
-      const auto at = static_cast<std::size_t>(row * front.columns + column);
-      const auto mirrored =
-          static_cast<std::size_t>(row * front.columns + front.columns - 1 - column);
-      // Sewn along the sides and the shoulders; open at the hem, at the neck and at the cuffs.
-      const bool side =
-          row < front.rows - 1 && (!occupied(column - 1, row) || !occupied(column + 1, row));
-      const bool neck =
-          std::abs(static_cast<float>(column) / static_cast<float>(front.columns - 1) - 0.5F) <
-          0.16F;
-      const bool cuff = column == 0 || column == front.columns - 1;
-      const bool shoulder = !neck && !occupied(column, row - 1);
-      const bool sewn = (side && !cuff && !neck) || shoulder;
-      const Eigen::Vector3f position = FlatPosition(front, column, row);
-      const Eigen::Vector3f apart(0.0F, 0.0F, thin);
-      front.particle[at] = AddParticle(body, sewn ? position : Eigen::Vector3f(position - apart));
-      back.particle[mirrored] = sewn ? front.particle[at] : AddParticle(body, position + apart);
-    }
-  }
+  // Sewn along the sides and the shoulders; open at the hem, at the neck and at the cuffs.
+  const auto sewn = [&](int column, int row) {
+    const bool side =
+        row < front.rows - 1 && (!occupied(column - 1, row) || !occupied(column + 1, row));
+    const bool neck = std::abs(static_cast<float>(column) / (front.columns - 1) - 0.5F) < 0.16F;
+    const bool cuff = column == 0 || column == front.columns - 1;
+    const bool shoulder = !neck && !occupied(column, row - 1);
+    return (side && !cuff && !neck) || shoulder;
+  };
   // The outline is symmetric, so the back's chart may keep it although its u is mirrored.
-  body.charts = {std::move(front), std::move(back)};
-  BuildConstraints(body);
+  SewTwoSides(body, front, 0.25F, occupied, sewn);
   return body;
 }
 
@@ -285,15 +264,13 @@ float StretchQuantile(const Body& body, const std::vector<Eigen::Vector3f>& posi
   std::vector<float> stretch;
   stretch.reserve(body.structural.size());
   for (const Edge& edge : body.structural) {
-    const float length =
-        (positions[static_cast<std::size_t>(edge.b)] - positions[static_cast<std::size_t>(edge.a)])
-            .norm();
+    const float length = (positions[edge.b] - positions[edge.a]).norm();
     stretch.push_back(std::abs(length / edge.rest - 1.0F));
   }
   if (stretch.empty()) return 0.0F;
-  const auto at = static_cast<std::ptrdiff_t>(quantile * static_cast<float>(stretch.size() - 1));
+  const auto at = static_cast<std::ptrdiff_t>(quantile * (stretch.size() - 1));
   std::nth_element(stretch.begin(), stretch.begin() + at, stretch.end());
-  return stretch[static_cast<std::size_t>(at)];
+  return stretch[at];
 }
 
 }  // namespace pliant::simulation

@@ -39,9 +39,7 @@ struct Chart {
   std::vector<int> particle;  // rows x columns; index of a particle, -1 = no cloth there
   Outline outline;
 
-  int At(int column, int row) const {
-    return particle[static_cast<std::size_t>(row * columns + column)];
-  }
+  int At(int column, int row) const { return particle[row * columns + column]; }
 };
 
 enum class BodyKind { kSheet, kTube, kPillow, kShirt };

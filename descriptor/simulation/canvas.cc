@@ -79,9 +79,7 @@ float DistanceToSegment(const Point& p, const Point& from, const Point& to) {
 }  // namespace
 
 Canvas::Canvas(int width, int height, const Ink& paper)
-    : width_(width),
-      height_(height),
-      pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), paper) {}
+    : width_(width), height_(height), pixels_(static_cast<std::size_t>(width) * height, paper) {}
 
 template <typename Distance>
 void Canvas::Fill(const Point& low, const Point& high, const Ink& ink, float opacity,
@@ -188,8 +186,7 @@ Image Canvas::ToImage() const {
   image.pixels.reserve(3 * pixels_.size());
   for (const Ink& ink : pixels_) {
     for (int c = 0; c < 3; ++c) {
-      image.pixels.push_back(
-          static_cast<std::uint8_t>(std::clamp(ink[c] * 255.0F + 0.5F, 0.0F, 255.0F)));
+      image.pixels.push_back(ToByte(ink[c] * 255.0F));
     }
   }
   return image;

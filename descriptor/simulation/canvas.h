@@ -10,6 +10,7 @@
 
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/random.h"
+#include "descriptor/simulation/texture.h"
 
 namespace pliant::simulation {
 
@@ -22,10 +23,7 @@ class Canvas {
 
   int width() const { return width_; }
   int height() const { return height_; }
-  Ink& At(int x, int y) {
-    return pixels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-                   static_cast<std::size_t>(x)];
-  }
+  Ink& At(int x, int y) { return pixels_[static_cast<std::size_t>(y) * width_ + x]; }
 
   void Rectangle(const Point& low, const Point& high, const Ink& ink, float opacity = 1.0F);
   // An ellipse turned by `angle`; a petal when `taper` > 0 (narrower towards its +x end).

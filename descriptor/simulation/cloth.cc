@@ -13,6 +13,7 @@ namespace pliant::simulation {
 namespace {
 
 using Eigen::Vector3f;
+using Eigen::Vector4f;
 
 // Box with half sides `size`, rounded a little so that cloth gets a usable normal at its edges.
 float BoxDistance(const Vector3f& p, const Vector3f& size, Vector3f& normal) {
@@ -45,9 +46,6 @@ float CylinderDistance(const Vector3f& p, float radius, float half_length, Vecto
   normal = side > cap ? outward : along;
   return std::max(side, cap);
 }
-
-using Eigen::Vector3f;
-using Eigen::Vector4f;
 
 constexpr float kFrame = 1.0F / 60.0F;
 constexpr float kMaxSpeed = 12.0F;  // units / s; keeps a bad collision from throwing cloth away

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 namespace pliant::simulation {
@@ -12,8 +11,6 @@ namespace {
 
 using Eigen::Vector2f;
 using Eigen::Vector3f;
-
-constexpr float kPi = std::numbers::pi_v<float>;
 
 // Wraps the motion's start and remembers how.
 void WrapStart(Motion& motion, const Wrap& wrap) {
@@ -43,7 +40,7 @@ float DrawBendCompliance(Random& random) { return random.LogUniform(3e-6F, 3e-3F
 // Pins the particle and its neighbours within `radius` on the flat cloth, all with one velocity.
 void PinPatch(const Body& body, int centre, float radius, const Pin& like, std::vector<Pin>& pins) {
   for (std::size_t i = 0; i < body.rest.size(); ++i) {
-    if ((body.rest[i] - body.rest[static_cast<std::size_t>(centre)]).norm() > radius) continue;
+    if ((body.rest[i] - body.rest[centre]).norm() > radius) continue;
     const auto taken = [i](const Pin& pin) { return pin.particle == static_cast<int>(i); };
     if (std::ranges::any_of(pins, taken)) continue;
     Pin pin = like;
@@ -54,8 +51,8 @@ void PinPatch(const Body& body, int centre, float radius, const Pin& like, std::
 
 int RandomParticle(const Chart& chart, Random& random) {
   for (;;) {
-    const int particle = chart.particle[static_cast<std::size_t>(
-        random.Integer(0, static_cast<int>(chart.particle.size()) - 1))];
+    const int particle =
+        chart.particle[random.Integer(0, static_cast<int>(chart.particle.size()) - 1)];
     if (particle >= 0) return particle;
   }
 }
@@ -69,21 +66,26 @@ int NotablePoint(const Chart& chart, Random& random) {
   }
 }
 
+// A motion that begins with the undeformed body, shaken a little out of its plane.
+Motion Start(const Body& body, std::string name, Random& random, float shake) {
+  Motion motion;
+  motion.name = std::move(name);
+  motion.start = body.rest;
+  Shake(motion.start, random, shake);
+  return motion;
+}
+
 // Held at a few points that come together a little, in wind and gravity of any direction.
 Motion Flutter(const Body& body, Random& random, float strength) {
-  Motion motion;
-  motion.name = "flutter";
-  motion.start = body.rest;
-  Shake(motion.start, random, 0.004F);
+  Motion motion = Start(body, "flutter", random, 0.004F);
   motion.frames = random.Integer(40, 75);
-  const float duration = static_cast<float>(motion.frames) / 60.0F;
+  const float duration = motion.frames / 60.0F;
   const int count = random.Integer(1, 4);
   for (int i = 0; i < count; ++i) {
     const int point = random.Chance(0.8F) ? NotablePoint(body.charts[0], random)
                                           : RandomParticle(body.charts[0], random);
     Pin pin;
-    pin.velocity = -body.rest[static_cast<std::size_t>(point)] *
-                       (strength * random.Uniform(0.0F, 0.45F) / duration) +
+    pin.velocity = -body.rest[point] * (strength * random.Uniform(0.0F, 0.45F) / duration) +
                    random.Normal3() * (0.06F * strength / duration);
     PinPatch(body, point, body.spacing * random.Uniform(0.5F, 2.2F), pin, motion.cloth.pins);
   }
@@ -113,10 +115,7 @@ Solid RandomSolid(Random& random) {
 
 // Falls on one to three solids that stand on a table; gravity points away from the camera.
 Motion Drape(const Body& body, Random& random, float strength) {
-  Motion motion;
-  motion.name = "drape";
-  motion.start = body.rest;
-  Shake(motion.start, random, 0.003F);
+  Motion motion = Start(body, "drape", random, 0.003F);
   motion.frames = random.Integer(45, 75);
   const int count = random.Integer(1, 3);
   float depth = 0.1F;
@@ -170,21 +169,17 @@ Motion FoldOrRoll(const Body& body, Random& random, float strength) {
 
 // Grabbed at several points that are pulled together, then let go; on a table or in the air.
 Motion Crumple(const Body& body, Random& random, float strength) {
-  Motion motion;
-  motion.name = "crumple";
-  motion.start = body.rest;
-  Shake(motion.start, random, 0.006F);
+  Motion motion = Start(body, "crumple", random, 0.006F);
   const int pull = random.Integer(22, 36);
   const int rest = random.Integer(4, 25);
   motion.frames = pull + rest;
-  const float duration = static_cast<float>(pull) / 60.0F;
+  const float duration = pull / 60.0F;
   const bool table = random.Chance(0.6F);
   const int count = random.Integer(3, 8);
   for (int i = 0; i < count; ++i) {
     const int point = RandomParticle(body.charts[0], random);
-    Vector3f to =
-        -body.rest[static_cast<std::size_t>(point)] * (strength * random.Uniform(0.1F, 0.6F)) +
-        random.Normal3() * (0.08F * strength);
+    Vector3f to = -body.rest[point] * (strength * random.Uniform(0.1F, 0.6F)) +
+                  random.Normal3() * (0.08F * strength);
     to.z() = -std::abs(to.z()) * random.Uniform(0.2F, 1.2F);
     Pin pin;
     pin.velocity = to / duration;
@@ -261,8 +256,6 @@ Motion Wear(const Body& body, Random& random, float strength) {
   motion.cloth.self_collision = false;
   return motion;
 }
-
-using Eigen::Vector3f;
 
 constexpr float kStretchTarget = 0.006F;
 constexpr int kRelaxPasses = 400;
@@ -361,8 +354,7 @@ std::vector<Pose> PerformSequence(const Body& body, const Motion& motion, int co
   }
   const int wrapping = motion.wraps.empty() || count == 1 ? 0 : count * 2 / 3;
   for (int i = 0; i < wrapping; ++i) {
-    poses.push_back(
-        PartlyWrapped(body, motion, static_cast<float>(i) / static_cast<float>(wrapping)));
+    poses.push_back(PartlyWrapped(body, motion, static_cast<float>(i) / wrapping));
   }
   Cloth cloth(body, motion.start, motion.cloth);
   if (count == 1) cloth.Run(motion.frames);

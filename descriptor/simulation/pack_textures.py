@@ -3,19 +3,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packs a folder of images into one safetensors file for pliant-simulate-scenes.
 
-    python3 descriptor/simulation/pack_textures.py textures/train train.safetensors [--max-side 640]
+    python3 -m descriptor.simulation.pack_textures textures/train train.safetensors [--max-side 640]
 
 Reads with OpenCV or, where that is absent, with Pillow.
 """
 
 import argparse
-import json
-import os
 import pathlib
-import struct
 import sys
 
 import numpy as np
+
+from descriptor.training import tensor_file
 
 
 def read_rgb(path, max_side):
@@ -46,26 +45,17 @@ def main():
     parser.add_argument("--max-side", type=int, default=640, help="pixels (default %(default)s)")
     options = parser.parse_args()
     names = sorted(p.relative_to(options.folder).as_posix() for p in options.folder.rglob("*") if p.is_file())
-    header, offset, images = {}, 0, []
+    images = {}
     for name in names:
         image = read_rgb(options.folder / name, options.max_side)
         if image is None:
             print(f"skipped {name}: not an image", file=sys.stderr)
-            continue
-        header[name] = {"dtype": "U8", "shape": list(image.shape), "data_offsets": [offset, offset + image.size]}
-        offset += image.size
-        images.append(image)
+        else:
+            images[name] = image
     if not images:
         sys.exit(f"no image in {options.folder}")
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 8)
-    part = options.out.with_name(options.out.name + ".part")
-    with open(part, "wb") as file:
-        file.write(struct.pack("<Q", len(text)) + text)
-        for image in images:
-            file.write(image.tobytes())
-    os.replace(part, options.out)
-    print(f"{len(images)} images, {offset / 1e6:.0f} MB in {options.out}")
+    tensor_file.save(options.out, images)
+    print(f"{len(images)} images, {options.out.stat().st_size / 1e6:.0f} MB in {options.out}")
 
 
 if __name__ == "__main__":

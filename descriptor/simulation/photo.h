@@ -25,10 +25,9 @@ struct PhotoOptions {
   int jpeg_quality = 0;     // 0 = no artefacts
 };
 
-// The exposure that maps the mean light on the object to middle grey, like a camera's light meter.
-float MeterExposure(const Frame& frame);
-// The same for all of the image, whatever it shows.
-float MeterImage(const Frame& frame);
+// The exposure that maps the mean light to middle grey, like a camera's light meter: of the object
+// with a weight of `object_share`, of the whole image with the rest.
+float MeterExposure(const Frame& frame, float object_share);
 
 // strength 0 (studio) .. 1 (everything goes wrong); `exposure` is then relative to the meter's.
 PhotoOptions DrawPhoto(Random& random, float strength);
@@ -42,5 +41,30 @@ void Blur(std::vector<Colour>& pixels, int width, int height, float sigma_px);
 // Applies the losses of baseline JPEG at this quality (1..100) to the pixels: 8 x 8 cosine
 // transform, the example tables of the standard, rounding.
 void AddJpegArtefacts(Image& image, int quality);
+
+// What cameras and programs do to an image after it is taken: fewer pixels, tone curves, noise
+// reduction, sharpening, storing as JPEG again, enlarging.
+struct DevelopOptions {
+  float enlarge = 1.0F;   // the photograph has so many times fewer pixels a side, then is enlarged
+  bool cubic = true;      // how it is enlarged; else bilinear
+  float contrast = 0.0F;  // of an S-shaped tone curve; negative flattens
+  float smear = 0.0F;     // noise reduction: what differs little from its surroundings is smoothed
+  float sharpen = 0.0F;   // amount of an unsharp mask
+  float sharpen_px = 1.0F;  // its radius
+  int jpeg_quality = 0;     // stored once more, with the blocks elsewhere; 0 = not
+  int jpeg_shift = 0;       // by so many pixels
+};
+
+DevelopOptions DrawDevelop(Random& random, float strength);
+
+// Takes the photograph of the frame and develops it; of the frame's own size, so that its truth
+// holds. The frame's colours are used up.
+Image Develop(Frame& frame, const PhotoOptions& photo, const DevelopOptions& options, int channels,
+              Random& random);
+
+// Mean over the area that each pixel of the smaller frame covers; without truth.
+Frame Shrink(const Frame& frame, int width, int height);
+Image Enlarge(const Image& image, int width, int height, bool cubic);
+void Sharpen(Image& image, float amount, float sigma_px);
 
 }  // namespace pliant::simulation

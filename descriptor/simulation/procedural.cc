@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <numbers>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -16,8 +15,6 @@
 
 namespace pliant::simulation {
 namespace {
-
-constexpr float kPi = std::numbers::pi_v<float>;
 
 void PaintBarcode(Canvas& canvas, Random& random, const Point& low, const Point& size) {
   canvas.Rectangle(low, low + size, Ink::Ones());
@@ -52,9 +49,7 @@ Palette::Palette(Random& random) {
   if (random.Chance(0.25F)) std::swap(paper, dark);
 }
 
-const Ink& Palette::Any(Random& random) const {
-  return inks_[static_cast<std::size_t>(random.Integer(0, 5))];
-}
+const Ink& Palette::Any(Random& random) const { return inks_[random.Integer(0, 5)]; }
 
 std::string Word(Random& random, int shortest, int longest) {
   constexpr std::string_view kConsonants = "BCDFGHJKLMNPRSTVWZ";
@@ -64,7 +59,7 @@ std::string Word(Random& random, int shortest, int longest) {
   bool vowel = random.Chance(0.4F);
   for (int i = 0; i < length; ++i) {
     const std::string_view from = vowel ? kVowels : kConsonants;
-    word += from[static_cast<std::size_t>(random.Integer(0, static_cast<int>(from.size()) - 1))];
+    word += from[random.Integer(0, static_cast<int>(from.size()) - 1)];
     vowel = random.Chance(0.85F) ? !vowel : vowel;
   }
   return word;
@@ -80,10 +75,7 @@ void Mottle(Canvas& canvas, Random& random, float amount, float cells) {
   const float scale = cells / static_cast<float>(canvas.width());
   for (int y = 0; y < canvas.height(); ++y) {
     for (int x = 0; x < canvas.width(); ++x) {
-      canvas.At(x, y) *=
-          1.0F +
-          amount *
-              (noise.At(static_cast<float>(x) * scale, static_cast<float>(y) * scale, 4) - 0.5F);
+      canvas.At(x, y) *= 1.0F + amount * (noise.At(x * scale, y * scale, 4) - 0.5F);
     }
   }
 }
@@ -104,7 +96,6 @@ float Column(Canvas& canvas, Random& random, const Point& top_left, float column
 }
 
 void DrawShape(Canvas& canvas, Random& random, const Point& centre, float size, const Ink& ink) {
-  constexpr float kPi = std::numbers::pi_v<float>;
   const int kind = random.Integer(0, 4);
   const float turn = random.Angle();
   if (kind == 0) {
@@ -117,11 +108,9 @@ void DrawShape(Canvas& canvas, Random& random, const Point& centre, float size, 
     const float inner = kind == 2 ? 1.0F : random.Uniform(0.35F, 0.7F);
     std::vector<Point> outline;
     for (int i = 0; i < 2 * corners; ++i) {
-      const float angle = turn + kPi * static_cast<float>(i) / static_cast<float>(corners);
+      const float angle = turn + kPi * i / corners;
       const float radius =
-          size * (i % 2 == 0
-                      ? 1.0F
-                      : inner * (kind == 2 ? std::cos(kPi / static_cast<float>(corners)) : 1.0F));
+          size * (i % 2 == 0 ? 1.0F : inner * (kind == 2 ? std::cos(kPi / corners) : 1.0F));
       outline.emplace_back(centre + radius * Point(std::cos(angle), std::sin(angle)));
     }
     canvas.Polygon(outline, ink);
@@ -138,7 +127,7 @@ void PaintLettering(Canvas& canvas, Random& random, const Palette& palette) {
       canvas.Rectangle({0.0F, y - 1.15F * height},
                        {static_cast<float>(canvas.width()), y + 0.15F * height},
                        palette.Any(random));
-    const Ink ink = random.Chance(0.5F) ? palette.dark : palette.Any(random);
+    const Ink& ink = random.Chance(0.5F) ? palette.dark : palette.Any(random);
     float x = -height * random.Uniform();
     while (x < static_cast<float>(canvas.width())) {
       x += canvas.Text(Word(random, 2, 10), {x, y}, height, height * random.Uniform(0.08F, 0.24F),
@@ -171,7 +160,7 @@ void PaintChecks(Canvas& canvas, Random& random, const Palette& palette) {
   float at = 0.0F;
   while (at < std::max(w, h)) {
     const float stripe = w * random.LogUniform(0.006F, 0.12F);
-    const Ink ink = palette.Any(random);
+    const Ink& ink = palette.Any(random);
     if (random.Chance(0.7F)) {
       canvas.Rectangle({at, 0.0F}, {at + stripe, h}, ink, 0.6F);
       canvas.Rectangle({0.0F, at}, {w, at + stripe}, ink, 0.5F);
@@ -208,16 +197,14 @@ void PaintFloral(Canvas& canvas, Random& random, const Palette& palette) {
     const Point centre = AnyPoint(canvas, random);
     const float size = w * random.LogUniform(0.015F, 0.08F);
     const int petals = random.Integer(4, 11);
-    const Ink ink = palette.Any(random);
+    const Ink& ink = palette.Any(random);
     const float turn = random.Angle();
     for (int ring = 0; ring < 2; ++ring) {
       for (int petal = 0; petal < petals; ++petal) {
-        const float angle =
-            turn + 2.0F * kPi * (static_cast<float>(petal) + 0.5F * static_cast<float>(ring)) /
-                       static_cast<float>(petals);
+        const float angle = turn + 2.0F * kPi * (petal + 0.5F * ring) / static_cast<float>(petals);
         const float reach = size * (ring == 0 ? 1.0F : 0.6F);
         canvas.Ellipse(centre + 0.6F * reach * Point(std::cos(angle), std::sin(angle)),
-                       {0.55F * reach, 1.6F * reach / static_cast<float>(petals)}, angle,
+                       {0.55F * reach, 1.6F * reach / petals}, angle,
                        ink * (ring == 0 ? random.Uniform(0.75F, 1.0F) : 1.15F), -0.4F);
       }
     }
@@ -246,13 +233,9 @@ void PaintWoven(Canvas& canvas, Random& random, const Palette& palette) {
       const bool drafted =
           ((pattern >> static_cast<unsigned>((column % draft + 5 * (row % draft)) % 32)) & 1U) != 0;
       // A large figure decides which of the two comes to the front, as in a jacquard.
-      const bool over = (noise.At(static_cast<float>(x) * figure, static_cast<float>(y) * figure,
-                                  3) > 0.5F) != drafted;
-      const float across =
-          static_cast<float>(over ? x % thread : y % thread) / static_cast<float>(thread) - 0.4F;
-      canvas.At(x, y) =
-          (over ? warp[static_cast<std::size_t>(column)] : weft[static_cast<std::size_t>(row)]) *
-          (1.05F - across * across);
+      const bool over = (noise.At(x * figure, y * figure, 3) > 0.5F) != drafted;
+      const float across = static_cast<float>(over ? x % thread : y % thread) / thread - 0.4F;
+      canvas.At(x, y) = (over ? warp[column] : weft[row]) * (1.05F - across * across);
     }
   }
 }
@@ -268,7 +251,7 @@ void PaintNewspaper(Canvas& canvas, Random& random, const Palette&) {
   float top = 0.06F * h + title;
   canvas.Line({0.03F * w, top}, {0.97F * w, top}, 2.0F, ink);
   const int columns = random.Integer(2, 5);
-  const float column = 0.94F * w / static_cast<float>(columns);
+  const float column = 0.94F * w / columns;
   for (int c = 0; c < columns; ++c) {
     const float x = 0.03F * w + static_cast<float>(c) * column;
     float y = top + 0.02F * h;
@@ -301,10 +284,10 @@ void PaintPackaging(Canvas& canvas, Random& random, const Palette& palette) {
   const auto h = static_cast<float>(canvas.height());
   const int rays = random.Integer(0, 1) * random.Integer(8, 24);
   const Point sun = AnyPoint(canvas, random);
-  const Ink ray = palette.Any(random);
+  const Ink& ray = palette.Any(random);
   for (int i = 0; i < rays; ++i) {
-    const float a = 2.0F * kPi * static_cast<float>(i) / static_cast<float>(rays);
-    const float b = a + kPi / static_cast<float>(rays);
+    const float a = 2.0F * kPi * i / rays;
+    const float b = a + kPi / rays;
     canvas.Polygon({sun, sun + 2.0F * w * Point(std::cos(a), std::sin(a)),
                     sun + 2.0F * w * Point(std::cos(b), std::sin(b))},
                    ray);
@@ -341,8 +324,7 @@ void PaintMap(Canvas& canvas, Random& random, const Palette& palette) {
   const Ink high(0.78F, 0.66F, 0.5F);
   for (int y = 0; y < canvas.height(); ++y) {
     for (int x = 0; x < canvas.width(); ++x) {
-      const float height =
-          noise.At(static_cast<float>(x) * scale, static_cast<float>(y) * scale, 6);
+      const float height = noise.At(x * scale, y * scale, 6);
       const float level = 24.0F * height;
       const float contour = std::abs(level - std::round(level));
       Ink ink = height < sea
@@ -355,13 +337,12 @@ void PaintMap(Canvas& canvas, Random& random, const Palette& palette) {
   std::vector<Point> towns;
   for (int i = random.Integer(12, 30); i > 0; --i) towns.push_back(AnyPoint(canvas, random));
   for (const Point& town : towns) {
-    const Point& other =
-        towns[static_cast<std::size_t>(random.Integer(0, static_cast<int>(towns.size()) - 1))];
-    const Ink road = palette.Any(random);
+    const Point& other = towns[random.Integer(0, static_cast<int>(towns.size()) - 1)];
+    const Ink& road = palette.Any(random);
     Point from = town;
     for (int step = 1; step <= 6; ++step) {
       const Point jitter(random.Normal(), random.Normal());
-      const Point to = town + (other - town) * (static_cast<float>(step) / 6.0F) +
+      const Point to = town + (other - town) * (step / 6.0F) +
                        (step < 6 ? Point(0.012F * w * jitter) : Point(0.0F, 0.0F));
       canvas.Line(from, to, 0.004F * w, road);
       from = to;
@@ -384,12 +365,9 @@ std::string ToString(ProceduralKind kind) {
 Image PaintProcedural(ProceduralKind kind, std::uint64_t seed, int side_px) {
   Random random(seed, 1000 + static_cast<std::uint64_t>(kind));
   const float aspect = random.LogUniform(0.65F, 1.5F);
-  const int width = std::max(16, static_cast<int>(std::lround(static_cast<float>(side_px) *
-                                                              std::min(1.0F, 1.0F / aspect))));
-  const int height = std::max(
-      16, static_cast<int>(std::lround(static_cast<float>(side_px) * std::min(1.0F, aspect))));
+  const auto [width, height] = FitSide(side_px, aspect);
   const Palette palette(random);
-  Canvas canvas(width, height, palette.paper);
+  Canvas canvas(std::max(16, width), std::max(16, height), palette.paper);
   using Painter = void (*)(Canvas&, Random&, const Palette&);
   constexpr std::array<Painter, kProceduralKinds> kPainters = {
       PaintLettering, PaintLogo,      PaintChecks,    PaintFloral,

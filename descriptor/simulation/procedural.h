@@ -11,7 +11,7 @@
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/canvas.h"
 #include "descriptor/simulation/random.h"
-#include "descriptor/simulation/texture_source.h"
+#include "descriptor/simulation/texture.h"
 
 namespace pliant::simulation {
 

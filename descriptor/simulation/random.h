@@ -13,6 +13,8 @@
 
 namespace pliant::simulation {
 
+inline constexpr float kPi = std::numbers::pi_v<float>;
+
 class Random {
  public:
   // Streams with different numbers are independent of one another.
@@ -43,7 +45,7 @@ class Random {
     return low + static_cast<int>((span * Next()) >> 32U);
   }
   bool Chance(float probability) { return Uniform() < probability; }
-  float Angle() { return Uniform(0.0F, 2.0F * std::numbers::pi_v<float>); }
+  float Angle() { return Uniform(0.0F, 2.0F * kPi); }
 
   // Standard normal (Box-Muller).
   float Normal() {

@@ -8,10 +8,28 @@
 
 #include <Eigen/Core>
 
-#include "descriptor/simulation/lighting.h"
+#include "descriptor/simulation/random.h"
 #include "descriptor/simulation/surface.h"
 
 namespace pliant::simulation {
+
+struct Light {
+  Eigen::Vector3f position = Eigen::Vector3f(0.0F, -3.0F, -3.0F);  // body frame
+  Colour colour = Colour::Ones();  // linear; at the distance of the body's origin
+  bool near = false;               // falls off with the distance; otherwise like the sun
+  bool casts_shadow = false;
+  float softness = 0.02F;  // half width of the shadow's edge, body lengths
+};
+
+struct Lighting {
+  std::vector<Light> lights;
+  Colour ambient = Colour::Constant(0.3F);
+  Eigen::Vector3f sky =
+      Eigen::Vector3f(0.0F, -1.0F, 0.0F);  // where ambient light comes from mostly
+};
+
+// One to four lights on the camera's side of the body. `view` points from the body to the camera.
+Lighting DrawLighting(Random& random, const Eigen::Vector3f& view);
 
 // A pinhole camera: x right, y down, z forward; pixel centres are at integers.
 struct Camera {
@@ -44,13 +62,11 @@ struct Frame {
   std::vector<std::uint8_t> chart;  // chart of the object's front, or kNoChart
   std::vector<std::uint16_t> uv;    // height x width x 2, 65535 = 1; 0 where there is no chart
 
-  std::size_t At(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-           static_cast<std::size_t>(x);
-  }
-  // Share of the pixels that show the object.
-  double Coverage() const;
+  std::size_t At(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
 };
+
+// Share of the pixels that show the object, by their charts.
+double Coverage(const std::vector<std::uint8_t>& chart);
 
 // Draws with 2 x 2 samples per pixel over `backdrop` (height x width, or empty for black). Back
 // faces of a chart hide what is behind them and count as no chart.

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/simulation/street.h"
 #include "descriptor/simulation/view.h"
 
 namespace pliant::simulation {
@@ -24,12 +24,6 @@ Body DrawBody(Preset preset, float aspect, int cells, Random& random) {
   if (draw < 0.76F) return MakeTube(std::clamp(aspect, 0.5F, 1.6F), cells);
   if (draw < 0.88F) return MakePillow(std::clamp(aspect, 0.6F, 1.6F), cells);
   return MakeShirt(std::clamp(aspect, 0.9F, 1.2F), cells, random);
-}
-
-double Coverage(const View& view) {
-  const auto on =
-      std::ranges::count_if(view.chart, [](std::uint8_t chart) { return chart != kNoChart; });
-  return static_cast<double>(on) / static_cast<double>(view.chart.size());
 }
 
 Shot DrawShot(const Stage& stage, Random& random) {
@@ -54,7 +48,7 @@ View TakeDeformedView(const Stage& stage, Random& random) {
   Shot shot = DrawShot(stage, random);
   for (int attempt = 0; attempt < kTries; ++attempt) {
     View view = TakeView(stage, shot, random.Fork());
-    const double coverage = Coverage(view);
+    const double coverage = Coverage(view.chart);
     if (coverage > best_coverage) {
       best = std::move(view);
       best_coverage = coverage;
@@ -89,7 +83,7 @@ void TakeSweep(const Stage& stage, Random& random, Scene& scene) {
   shot.framing.shift_x = shot.framing.shift_y = 0.0F;
   const Random same = random.Fork();  // same surroundings and light in every view
   for (int i = 0; i < count; ++i) {
-    const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
+    const float t = count > 1 ? static_cast<float>(i) / (count - 1) : 0.0F;
     if (stage.options.preset == Preset::kRotation) {
       shot.framing.roll_deg = 180.0F * t;
       shot.framing.scale = 0.75F;  // so that no corner leaves the image
@@ -114,10 +108,10 @@ void TakeSequence(const Stage& stage, Random& random, Scene& scene) {
   last.scale = random.LogUniform(stage.options.least_scale, 1.0F);
   const Random same = random.Fork();
   for (int i = 0; i < count; ++i) {
-    const float t = count > 1 ? static_cast<float>(i) / static_cast<float>(count - 1) : 0.0F;
+    const float t = count > 1 ? static_cast<float>(i) / (count - 1) : 0.0F;
     Shot shot;
     shot.strength = 0.5F * stage.options.strength;
-    shot.pose = poses[static_cast<std::size_t>(i)];
+    shot.pose = poses[i];
     shot.framing = framing;
     shot.framing.roll_deg += t * (last.roll_deg - framing.roll_deg);
     shot.framing.tilt_deg += t * (last.tilt_deg - framing.tilt_deg);
@@ -126,20 +120,52 @@ void TakeSequence(const Stage& stage, Random& random, Scene& scene) {
   }
 }
 
-constexpr std::array<std::pair<Preset, std::string_view>, 7> kPresets{{
-    {Preset::kPairs, "pairs"},
-    {Preset::kObjects, "objects"},
-    {Preset::kSequence, "sequence"},
-    {Preset::kRotation, "rotation"},
-    {Preset::kScale, "scale"},
-    {Preset::kPlanar, "planar"},
-    {Preset::kStreet, "street"},
-}};
+struct PresetRow {
+  Preset preset;
+  std::string_view name;
+  int views;
+};
+constexpr std::array kPresets = std::to_array<PresetRow>({
+    {Preset::kPairs, "pairs", 5},
+    {Preset::kObjects, "objects", 11},
+    {Preset::kSequence, "sequence", 61},
+    {Preset::kRotation, "rotation", 20},  // 0, 10, ... 180 degrees
+    {Preset::kScale, "scale", 10},
+    {Preset::kPlanar, "planar", 5},
+    {Preset::kStreet, "street", 5},
+});
+
+const PresetRow& RowOf(Preset preset) {
+  return *std::ranges::find(kPresets, preset, &PresetRow::preset);
+}
 
 void Require(bool condition, const char* field, const char* range) {
   if (condition) return;
   throw Error(ErrorCode::kInvalidArgument, "option_out_of_range",
               std::string("simulation option ") + field + " must be " + range);
+}
+
+// The views of every preset but street.
+void FillScene(Stage& stage, Random& random, Scene& scene, const std::function<Cast()>& draw_cast) {
+  const SceneOptions& options = stage.options;
+  stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
+  for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
+    const Texture* other = c == 0 ? nullptr : AnyOther(stage.cast, random);
+    stage.materials.push_back(DrawMaterial(other != nullptr ? other : stage.cast[0].get(), random));
+    scene.textures.push_back(stage.materials.back().texture->name());
+  }
+  scene.views.push_back(TakeView(stage, CalmShot(stage, random), random.Fork()));
+  if (options.preset == Preset::kSequence) {
+    TakeSequence(stage, random, scene);
+  } else if (options.preset == Preset::kRotation || options.preset == Preset::kScale) {
+    TakeSweep(stage, random, scene);
+  } else {
+    while (static_cast<int>(scene.views.size()) < options.views) {
+      // Each view of an object at a place of its own.
+      if (options.preset == Preset::kObjects) stage.cast = draw_cast();
+      scene.views.push_back(TakeDeformedView(stage, random));
+    }
+  }
 }
 
 }  // namespace
@@ -154,11 +180,7 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
                 "the simulation needs at least one texture");
   }
   Random random(seed, index);
-  const std::size_t own = TextureOfScene(textures.size(), seed, index);
-  const bool objects = options.preset == Preset::kObjects;
-  const auto draw_cast = [&] {
-    return objects ? DrawObjectCast(textures, own, seed, random) : DrawCast(textures, own, random);
-  };
+  const auto draw_cast = [&] { return DrawCast(textures, options.preset, seed, index, random); };
   const Cast first_cast = draw_cast();  // the materials point into it
   Stage stage{first_cast, options, {}, {}};
   Scene scene;
@@ -167,65 +189,28 @@ Scene MakeScene(const TextureSource& textures, const SceneOptions& wanted, std::
   scene.index = index;
   if (options.preset == Preset::kStreet) {
     FillStreet(stage, random, scene);
-    return scene;
+  } else {
+    FillScene(stage, random, scene, draw_cast);
   }
-  stage.body = DrawBody(options.preset, stage.cast[0]->aspect(), options.cells, random);
   scene.kind = stage.body.kind;
-  for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
-    const Texture* other = c == 0 ? nullptr : AnyOther(stage.cast, random);
-    stage.materials.push_back(DrawMaterial(other != nullptr ? other : stage.cast[0].get(), random));
-    scene.textures.push_back(stage.materials.back().texture->name());
-    scene.chart_sizes.emplace_back(stage.body.charts[c].width, stage.body.charts[c].height);
-  }
+  for (const Chart& chart : stage.body.charts)
+    scene.chart_sizes.emplace_back(chart.width, chart.height);
   scene.grid_columns = (stage.body.charts[0].columns - 1) * options.refine + 1;
   scene.grid_rows = (stage.body.charts[0].rows - 1) * options.refine + 1;
-  scene.views.push_back(TakeView(stage, CalmShot(stage, random), random.Fork()));
-  if (options.preset == Preset::kSequence) {
-    TakeSequence(stage, random, scene);
-  } else if (options.preset == Preset::kRotation || options.preset == Preset::kScale) {
-    TakeSweep(stage, random, scene);
-  } else {
-    while (static_cast<int>(scene.views.size()) < options.views) {
-      if (objects) stage.cast = draw_cast();  // each view at a place of its own
-      scene.views.push_back(TakeDeformedView(stage, random));
-    }
-  }
   return scene;
 }
 
 Preset ParsePreset(std::string_view name) {
-  for (const auto& [preset, word] : kPresets) {
-    if (word == name) return preset;
-  }
+  const auto* found = std::ranges::find(kPresets, name, &PresetRow::name);
+  if (found != kPresets.end()) return found->preset;
   throw Error(ErrorCode::kInvalidArgument, "preset_unknown",
               "unknown preset '" + std::string(name) +
                   "'; known: pairs, objects, sequence, rotation, scale, planar, street");
 }
 
-std::string ToString(Preset preset) {
-  for (const auto& [value, word] : kPresets) {
-    if (value == preset) return std::string(word);
-  }
-  return "pairs";
-}
+std::string ToString(Preset preset) { return std::string(RowOf(preset).name); }
 
-int DefaultViews(Preset preset) {
-  switch (preset) {
-    case Preset::kObjects:
-      return 11;
-    case Preset::kSequence:
-      return 61;
-    case Preset::kRotation:
-      return 20;  // 0, 10, ... 180 degrees
-    case Preset::kScale:
-      return 10;
-    case Preset::kPairs:
-    case Preset::kPlanar:
-    case Preset::kStreet:
-      break;
-  }
-  return 5;
-}
+int DefaultViews(Preset preset) { return RowOf(preset).views; }
 
 void Validate(const SceneOptions& options) {
   Require(options.views == 0 || (options.views >= 2 && options.views <= 10000), "views",

@@ -11,11 +11,10 @@
 #include <vector>
 
 #include "descriptor/simulation/body.h"
-#include "descriptor/simulation/develop.h"
 #include "descriptor/simulation/motion.h"
 #include "descriptor/simulation/photo.h"
 #include "descriptor/simulation/renderer.h"
-#include "descriptor/simulation/texture_source.h"
+#include "descriptor/simulation/texture.h"
 
 namespace pliant::simulation {
 

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <initializer_list>
 #include <string>
 #include <system_error>
@@ -81,9 +80,8 @@ Json DevelopJson(const DevelopOptions& develop) {
 
 template <typename Value>
 void Append(std::vector<std::uint8_t>& bytes, const std::vector<Value>& values) {
-  const std::size_t begin = bytes.size();
-  bytes.resize(begin + values.size() * sizeof(Value));
-  std::memcpy(bytes.data() + begin, values.data(), values.size() * sizeof(Value));
+  const auto* raw = reinterpret_cast<const std::uint8_t*>(values.data());
+  bytes.insert(bytes.end(), raw, raw + values.size() * sizeof(Value));
 }
 
 TensorShape Shape(std::initializer_list<std::size_t> extents) {

@@ -12,8 +12,6 @@
 
 namespace pliant::simulation {
 
-// What a scene says of its views as JSON; see FORMAT in this folder's README.
-
 // Camera, lights, photo, framing, motion of one view as a JSON object.
 nlohmann::ordered_json ViewJson(const View& view);
 

@@ -24,10 +24,9 @@ namespace fs = std::filesystem;
 constexpr const char* kUsage =
     "usage: pliant-simulate-scenes --textures DIR|PACK|procedural --out DIR [--preset pairs] "
     "[--scenes N]\n"
-    "         [--first N] [--views N] [--width PX] [--height PX] [--colour 0|1] [--strength 0..1]\n"
-    "         [--occluders 0..1] [--turn DEG] [--least-scale 0.1..1] [--seed S] [--jobs N]\n"
+    "         [--first N] [--views N] [--width PX] [--height PX] [--seed S] [--jobs N]\n"
     "DIR of textures: PGM and PPM files. PACK: other images, made by\n"
-    "descriptor/simulation/pack_textures.py DIR PACK.\n";
+    "python3 -m descriptor.simulation.pack_textures DIR PACK.\n";
 
 constexpr int kProceduralTextures = 96;
 
@@ -76,11 +75,6 @@ int Run(Arguments arguments) {
   options.views = arguments.Number("views", options.views);
   options.width = arguments.Number("width", options.width);
   options.height = arguments.Number("height", options.height);
-  options.channels = arguments.Number("colour", 0) != 0 ? 3 : 1;
-  options.strength = arguments.Number("strength", options.strength);
-  options.occluders = arguments.Number("occluders", options.occluders);
-  options.turn_deg = arguments.Number("turn", options.turn_deg);
-  options.least_scale = arguments.Number("least-scale", options.least_scale);
   const auto scenes = arguments.Number<std::uint64_t>("scenes", 1);
   const auto first = arguments.Number<std::uint64_t>("first", 0);
   const auto seed = arguments.Number<std::uint64_t>("seed", 1);

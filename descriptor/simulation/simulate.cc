@@ -21,6 +21,7 @@ namespace pliant {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace simulation;
 
 constexpr int kProceduralTextures = 96;
 constexpr int kTextureSide = 768;
@@ -29,30 +30,29 @@ void Require(bool condition, const std::string& message) {
   if (!condition) throw Error(ErrorCode::kInvalidArgument, "option_out_of_range", message);
 }
 
-bool WritesTensors(const SimulateOptions& options, simulation::Preset preset) {
+bool WritesTensors(const SimulateOptions& options, Preset preset) {
   Require(options.format == "auto" || options.format == "tensors" || options.format == "folders",
           "format must be auto, tensors or folders, not '" + options.format + "'");
-  if (options.format == "auto")
-    return preset == simulation::Preset::kPairs || preset == simulation::Preset::kStreet;
+  if (options.format == "auto") return preset == Preset::kPairs || preset == Preset::kStreet;
   return options.format == "tensors";
 }
 
-simulation::SceneOptions ToSceneOptions(const SimulateOptions& options) {
-  simulation::SceneOptions scene;
-  scene.preset = simulation::ParsePreset(options.preset);
+SceneOptions ToSceneOptions(const SimulateOptions& options) {
+  SceneOptions scene;
+  scene.preset = ParsePreset(options.preset);
   scene.views = options.views;
   scene.width = options.width;
   scene.height = options.height;
-  scene.channels = options.colour || scene.preset == simulation::Preset::kObjects ? 3 : 1;
+  scene.channels = options.colour || scene.preset == Preset::kObjects ? 3 : 1;
   scene.strength = static_cast<float>(options.strength);
   scene.occluders = static_cast<float>(options.occluders);
   scene.turn_deg = static_cast<float>(options.turn_deg);
   scene.least_scale = static_cast<float>(options.least_scale);
-  simulation::Validate(scene);
+  Validate(scene);
   Require(options.scenes >= 1, "the number of scenes must be at least 1");
   Require(options.first >= 0, "the first scene's number must not be negative");
   Require(options.distractors >= 0, "the number of distractors must not be negative");
-  Require(options.distractors == 0 || scene.preset == simulation::Preset::kObjects,
+  Require(options.distractors == 0 || scene.preset == Preset::kObjects,
           "distractors go with the preset objects only");
   Require(options.jobs >= 0, "the number of jobs must not be negative (0 = one a core)");
   Require(!options.textures.empty(), "a folder of textures is needed (or the word procedural)");
@@ -67,12 +67,11 @@ Image DecodeTexture(std::span<const std::uint8_t> bytes) {
   return DecodeImage(bytes, decode).image;
 }
 
-simulation::TextureSource OpenTextures(const SimulateOptions& options, SimulateReport& report) {
+TextureSource OpenTextures(const SimulateOptions& options, SimulateReport& report) {
   if (options.textures == "procedural")
-    return simulation::ProceduralTextures(kProceduralTextures, options.seed);
-  std::vector<simulation::SkippedFile> skipped;
-  simulation::TextureSource source =
-      simulation::LoadTextures(options.textures, DecodeTexture, options.jobs, skipped);
+    return ProceduralTextures(kProceduralTextures, options.seed);
+  std::vector<SkippedFile> skipped;
+  TextureSource source = LoadTextures(options.textures, DecodeTexture, options.jobs, skipped);
   for (const auto& [file, reason] : skipped) report.skipped.push_back({file, reason});
   return source;
 }
@@ -80,8 +79,8 @@ simulation::TextureSource OpenTextures(const SimulateOptions& options, SimulateR
 // One run: which scenes, where they go, and what has been made so far.
 class Run {
  public:
-  Run(const SimulateOptions& options, const simulation::SceneOptions& scene,
-      const simulation::TextureSource& textures, SimulateReport& report)
+  Run(const SimulateOptions& options, const SceneOptions& scene, const TextureSource& textures,
+      SimulateReport& report)
       : options_(options),
         scene_(scene),
         textures_(textures),
@@ -93,10 +92,9 @@ class Run {
     const bool distractor = i >= options_.scenes;
     const fs::path path = fs::path(options_.out) / Name(number, distractor);
     const bool exists = fs::exists(path);
-    simulation::Scene scene;
+    Scene scene;
     if (!exists) {
-      scene = simulation::MakeScene(textures_, scene_, options_.seed,
-                                    static_cast<std::uint64_t>(number));
+      scene = MakeScene(textures_, scene_, options_.seed, static_cast<std::uint64_t>(number));
       Write(path, scene, distractor);
     }
     Count(scene, exists);
@@ -108,25 +106,24 @@ class Run {
  private:
   std::string Name(std::int64_t number, bool distractor) const {
     const auto index = static_cast<std::uint64_t>(number);
-    if (tensors_) return simulation::SceneFileName(index);
-    if (scene_.preset != simulation::Preset::kObjects)
-      return simulation::NumberedName("scene", index, 6);
-    return simulation::NumberedName(distractor ? "distractor" : "object", index + 1, 4);
+    if (tensors_) return SceneFileName(index);
+    if (scene_.preset != Preset::kObjects) return NumberedName("scene", index, 6);
+    return NumberedName(distractor ? "distractor" : "object", index + 1, 4);
   }
-  void Write(const fs::path& path, const simulation::Scene& scene, bool distractor) const {
+  void Write(const fs::path& path, const Scene& scene, bool distractor) const {
     if (tensors_) {
-      simulation::WriteSceneFile(path, scene);
-    } else if (scene_.preset == simulation::Preset::kObjects) {
-      simulation::WriteObjectFolder(path, scene, !distractor);
+      WriteSceneFile(path, scene);
+    } else if (scene_.preset == Preset::kObjects) {
+      WriteObjectFolder(path, scene, !distractor);
     } else {
-      simulation::WriteSceneFolder(path, scene);
+      WriteSceneFolder(path, scene);
     }
   }
-  void Count(const simulation::Scene& scene, bool exists) {
+  void Count(const Scene& scene, bool exists) {
     const std::lock_guard lock(mutex_);
     ++(exists ? report_.unchanged : report_.scenes);
     report_.images += static_cast<std::int64_t>(scene.views.size());
-    for (const simulation::View& view : scene.views) {
+    for (const View& view : scene.views) {
       stretch_ += static_cast<double>(view.stretch_p95);
       report_.worst_stretch =
           std::max(report_.worst_stretch, static_cast<double>(view.stretch_p95));
@@ -140,8 +137,8 @@ class Run {
   }
 
   const SimulateOptions& options_;
-  const simulation::SceneOptions& scene_;
-  const simulation::TextureSource& textures_;
+  const SceneOptions& scene_;
+  const TextureSource& textures_;
   std::mutex mutex_;  // guards report_ and stretch_
   SimulateReport& report_;
   double stretch_ = 0.0;
@@ -151,10 +148,10 @@ class Run {
 }  // namespace
 
 SimulateReport Simulate(const SimulateOptions& options) {
-  const simulation::SceneOptions scene = ToSceneOptions(options);
+  const SceneOptions scene = ToSceneOptions(options);
   (void)WritesTensors(options, scene.preset);  // refuses an unknown format before anything is read
   SimulateReport report;
-  const simulation::TextureSource textures = OpenTextures(options, report);
+  const TextureSource textures = OpenTextures(options, report);
   report.textures = static_cast<std::int64_t>(textures.size());
   std::error_code failed;
   fs::create_directories(options.out, failed);

@@ -1,62 +1,17 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "descriptor/simulation/street.h"
-
+// The preset street: small things in photographs of a scene.
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <string>
 #include <utility>
 
 #include "descriptor/simulation/artwork.h"
+#include "descriptor/simulation/view.h"
 
 namespace pliant::simulation {
 namespace {
-
-using Eigen::Matrix3f;
-using Eigen::Vector3f;
-
-constexpr float kDegree = std::numbers::pi_v<float> / 180.0F;
-
-// Mean directions of a chart's u axis and of its front, over the columns around `facing_u`.
-// Rows of the result: right, down, away from the viewer of the front.
-Matrix3f MeanFrame(const Body& body, const Pose& pose, float facing_u) {
-  const Chart& chart = body.charts[0];
-  Vector3f right = Vector3f::Zero();
-  Vector3f normal = Vector3f::Zero();
-  float area = 0.0F;
-  for (int row = 0; row + 1 < chart.rows; ++row) {
-    for (int column = 0; column + 1 < chart.columns; ++column) {
-      const float u = static_cast<float>(column) / static_cast<float>(chart.columns - 1);
-      if (body.kind == BodyKind::kTube && std::abs(u - facing_u) > 0.12F) continue;
-      const int a = chart.At(column, row);
-      const int b = chart.At(column + 1, row);
-      const int c = chart.At(column, row + 1);
-      if (a < 0 || b < 0 || c < 0) continue;
-      const Vector3f across =
-          pose.positions[static_cast<std::size_t>(b)] - pose.positions[static_cast<std::size_t>(a)];
-      const Vector3f down =
-          pose.positions[static_cast<std::size_t>(c)] - pose.positions[static_cast<std::size_t>(a)];
-      right += across;
-      normal += across.cross(down);
-      area += across.norm() * down.norm();
-    }
-  }
-  const bool on_table = std::ranges::any_of(
-      pose.solids, [](const Solid& solid) { return solid.kind == SolidKind::kTable; });
-  // A table is looked at from above; so is cloth that is folded so far that it has no mean side.
-  if (on_table || normal.norm() < 0.2F * area) normal = Vector3f::UnitZ();
-  normal.normalize();
-  right -= normal * normal.dot(right);
-  if (right.norm() < 1e-3F) right = normal.unitOrthogonal();
-  right.normalize();
-  Matrix3f frame;
-  frame.row(0) = right;
-  frame.row(1) = normal.cross(right);
-  frame.row(2) = normal;
-  return frame;
-}
 
 constexpr int kTries = 4;             // poses and cameras until enough of the print is seen
 constexpr float kEnoughSeen = 0.35F;  // of the area that it would have flat
@@ -122,7 +77,7 @@ std::shared_ptr<const Texture> MakeCloth(const Stage& stage, const Subject& subj
                                          const PrintOptions& print, Random& random) {
   const Chart& chart = stage.body.charts[0];
   const float share = subject.place.high.x() - subject.place.low.x();
-  const int width = static_cast<int>(std::lround(static_cast<float>(kPrintPixels) / share));
+  const int width = static_cast<int>(std::lround(kPrintPixels / share));
   const int height =
       static_cast<int>(std::lround(static_cast<float>(width) * chart.height / chart.width));
   const Image cloth = PrintOn(subject.artwork, subject.place, print, width, height, random);
@@ -260,6 +215,7 @@ View TakeStreetView(Stage& stage, const Subject& subject, Random& random) {
     const Garment garment = Dress(stage, subject, false, random);
     const Shot shot = DrawStreetShot(stage, subject, random);
     View view = TakeView(stage, shot, random.Fork());
+    // NOLINTNEXTLINE(bugprone-unchecked-optional-access): DrawStreetShot sets the focus
     const float part = PartSeen(view, *shot.focus, stage.body.charts[0]);
     if (part <= best_part) continue;
     best = std::move(view);
@@ -270,86 +226,14 @@ View TakeStreetView(Stage& stage, const Subject& subject, Random& random) {
 
 }  // namespace
 
-Framing DrawFraming(Random& random, float strength) {
-  Framing framing;
-  framing.roll_deg = random.Uniform(0.0F, 360.0F);
-  framing.tilt_deg = 60.0F * strength * std::sqrt(random.Uniform());
-  framing.tilt_direction_deg = random.Uniform(0.0F, 360.0F);
-  // Most views fill a good part of the image; the ends are there too.
-  framing.scale =
-      random.Chance(0.7F) ? random.LogUniform(0.6F, 1.6F) : random.LogUniform(0.3F, 2.0F);
-  framing.distance = random.LogUniform(1.6F, 4.5F);
-  framing.shift_x = random.Uniform(-1.0F, 1.0F);
-  framing.shift_y = random.Uniform(-1.0F, 1.0F);
-  return framing;
-}
-
-Framing DrawFrontalFraming(Random& random) {
-  Framing framing;
-  framing.roll_deg = random.Uniform(-12.0F, 12.0F);
-  framing.tilt_deg = random.Uniform(0.0F, 10.0F);
-  framing.tilt_direction_deg = random.Uniform(0.0F, 360.0F);
-  framing.scale = random.Uniform(0.85F, 0.98F);
-  framing.distance = random.Uniform(2.5F, 5.0F);
-  framing.shift_x = random.Uniform(-0.3F, 0.3F);
-  framing.shift_y = random.Uniform(-0.3F, 0.3F);
-  return framing;
-}
-
-Camera PlaceCamera(const Body& body, const Pose& pose, const Framing& framing, float facing_u,
-                   int width, int height) {
-  const float tilt_axis = framing.tilt_direction_deg * kDegree;
-  const Matrix3f tilt = Eigen::AngleAxisf(framing.tilt_deg * kDegree,
-                                          Vector3f(std::cos(tilt_axis), std::sin(tilt_axis), 0.0F))
-                            .toRotationMatrix();
-  const Matrix3f roll =
-      Eigen::AngleAxisf(framing.roll_deg * kDegree, Vector3f::UnitZ()).toRotationMatrix();
-  Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.rotation = roll * tilt * MeanFrame(body, pose, facing_u);
-  const auto w = static_cast<float>(width);
-  const auto h = static_cast<float>(height);
-  const Chart& chart = body.charts[0];
-  const float visible_width =
-      body.kind == BodyKind::kTube ? chart.width / std::numbers::pi_v<float> : chart.width;
-  const float fit = std::min(w / visible_width, h / chart.height);  // pixels a unit
-  camera.focal_px = fit * framing.scale * framing.distance;
-  // The middle of the body's extent goes to the image's centre, then the shift.
-  Vector3f low = Vector3f::Constant(1e9F);
-  Vector3f high = -low;
-  for (const Vector3f& position : pose.positions) {
-    const Vector3f p = camera.rotation * position;
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  const Vector3f middle = 0.5F * (low + high);
-  camera.translation = -middle + Vector3f(0.0F, 0.0F, framing.distance);
-  camera.centre_x = 0.5F * (w - 1.0F);
-  camera.centre_y = 0.5F * (h - 1.0F);
-  // A small object may go nearly to the border, a large one hang out of the image.
-  const float pixels = fit * framing.scale;
-  camera.centre_x +=
-      framing.shift_x * (0.4F * std::abs(w - pixels * (high.x() - low.x())) + 0.03F * w);
-  camera.centre_y +=
-      framing.shift_y * (0.4F * std::abs(h - pixels * (high.y() - low.y())) + 0.03F * h);
-  return camera;
-}
-
 void FillStreet(Stage& stage, Random& random, Scene& scene) {
   const Subject subject = DrawSubject(stage, random);
-  scene.kind = stage.body.kind;
   for (std::size_t c = 0; c < stage.body.charts.size(); ++c) {
-    const Chart& chart = stage.body.charts[c];
     const std::string plain = "cloth " + std::to_string(scene.seed) + '-' +
                               std::to_string(scene.index) + ' ' + std::to_string(c);
     // Surfaces of one name are taken to look alike; a drawing is of this scene only.
     scene.textures.push_back(subject.printed ? plain : subject.name);
-    scene.chart_sizes.emplace_back(chart.width, chart.height);
   }
-  const Chart& front = stage.body.charts[0];
-  scene.grid_columns = (front.columns - 1) * stage.options.refine + 1;
-  scene.grid_rows = (front.rows - 1) * stage.options.refine + 1;
   {
     const Garment garment = Dress(stage, subject, true, random);
     scene.views.push_back(TakeView(stage, CatalogueShot(stage, subject, random), random.Fork()));

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "descriptor/simulation/canvas.h"
 
@@ -37,12 +36,10 @@ struct Creases {
 
 using Eigen::Vector3f;
 
-constexpr float kPi = std::numbers::pi_v<float>;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 std::size_t Index(int columns, int column, int row) {
-  return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
-         static_cast<std::size_t>(column);
+  return static_cast<std::size_t>(row) * columns + column;
 }
 
 // Catmull-Rom weights of the four neighbours at fraction t.
@@ -58,10 +55,8 @@ std::array<float, 4> CubicWeights(float t) {
 void RefineLine(const std::vector<Vector3f>& line, bool wraps, int factor,
                 std::vector<Vector3f>& out) {
   const int count = static_cast<int>(line.size());
-  const auto known = [&](int i) {
-    return i >= 0 && i < count && line[static_cast<std::size_t>(i)].allFinite();
-  };
-  const auto at = [&](int i) { return line[static_cast<std::size_t>(i)]; };
+  const auto known = [&](int i) { return i >= 0 && i < count && line[i].allFinite(); };
+  const auto at = [&](int i) { return line[i]; };
   out.assign(static_cast<std::size_t>((count - 1) * factor + 1), Vector3f::Constant(kNan));
   for (int i = 0; i + 1 < count; ++i) {
     if (!known(i) || !known(i + 1)) continue;
@@ -70,9 +65,8 @@ void RefineLine(const std::vector<Vector3f>& line, bool wraps, int factor,
     const Vector3f p0 = known(before) ? at(before) : Vector3f(2.0F * at(i) - at(i + 1));
     const Vector3f p3 = known(after) ? at(after) : Vector3f(2.0F * at(i + 1) - at(i));
     for (int k = 0; k <= factor; ++k) {
-      const auto w = CubicWeights(static_cast<float>(k) / static_cast<float>(factor));
-      out[static_cast<std::size_t>(i * factor + k)] =
-          w[0] * p0 + w[1] * at(i) + w[2] * at(i + 1) + w[3] * p3;
+      const auto w = CubicWeights(static_cast<float>(k) / factor);
+      out[i * factor + k] = w[0] * p0 + w[1] * at(i) + w[2] * at(i + 1) + w[3] * p3;
     }
   }
 }
@@ -82,9 +76,7 @@ void AddGridTriangles(Surface& surface, int columns, int rows) {
     for (int column = 0; column + 1 < columns; ++column) {
       const int a = row * columns + column;
       const std::array corners{a, a + 1, a + columns, a + columns + 1};
-      const auto missing = [&surface](int i) {
-        return !surface.positions[static_cast<std::size_t>(i)].allFinite();
-      };
+      const auto missing = [&surface](int i) { return !surface.positions[i].allFinite(); };
       if (std::ranges::any_of(corners, missing)) continue;
       surface.triangles.push_back({corners[0], corners[1], corners[3]});
       surface.triangles.push_back({corners[0], corners[3], corners[2]});
@@ -95,10 +87,9 @@ void AddGridTriangles(Surface& surface, int columns, int rows) {
 void ComputeNormals(Surface& surface) {
   surface.normals.assign(surface.positions.size(), Vector3f::Zero());
   for (const auto& [a, b, c] : surface.triangles) {
-    const Vector3f& p = surface.positions[static_cast<std::size_t>(a)];
-    const Vector3f normal = (surface.positions[static_cast<std::size_t>(c)] - p)
-                                .cross(surface.positions[static_cast<std::size_t>(b)] - p);
-    for (const int i : {a, b, c}) surface.normals[static_cast<std::size_t>(i)] += normal;
+    const Vector3f& p = surface.positions[a];
+    const Vector3f normal = (surface.positions[c] - p).cross(surface.positions[b] - p);
+    for (const int i : {a, b, c}) surface.normals[i] += normal;
   }
   for (Vector3f& normal : surface.normals) {
     const float length = normal.norm();
@@ -139,8 +130,8 @@ Surface MakeParametric(int columns, int rows, Function&& position) {
   Surface surface;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
-      const float u = static_cast<float>(column) / static_cast<float>(columns - 1);
-      const float v = static_cast<float>(row) / static_cast<float>(rows - 1);
+      const float u = static_cast<float>(column) / (columns - 1);
+      const float v = static_cast<float>(row) / (rows - 1);
       surface.positions.push_back(position(u, v));
       surface.uv.emplace_back(u, v);
     }
@@ -197,13 +188,13 @@ Surface MakeBoxSurface(const Solid& solid) {
 }  // namespace
 
 Relief::Relief(Random& random, float aspect, float steepness) : columns_(kColumns) {
-  rows_ = std::max(8, static_cast<int>(std::lround(aspect * static_cast<float>(kColumns))));
+  rows_ = std::max(8, static_cast<int>(std::lround(aspect * kColumns)));
   std::vector<Creases> families;
   const int count = random.Integer(1, 3);
   for (int i = 0; i < count; ++i) families.emplace_back(random);
-  const float step = 1.0F / static_cast<float>(columns_);
+  const float step = 1.0F / columns_;
   std::vector<float> height;
-  height.reserve(static_cast<std::size_t>(columns_ + 1) * static_cast<std::size_t>(rows_ + 1));
+  height.reserve(static_cast<std::size_t>(columns_ + 1) * (rows_ + 1));
   for (int y = 0; y <= rows_; ++y) {
     for (int x = 0; x <= columns_; ++x) {
       float sum = 0.0F;
@@ -213,7 +204,7 @@ Relief::Relief(Random& random, float aspect, float steepness) : columns_(kColumn
     }
   }
   double square = 0.0;
-  slopes_.reserve(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
+  slopes_.reserve(static_cast<std::size_t>(columns_) * rows_);
   for (int y = 0; y < rows_; ++y) {
     for (int x = 0; x < columns_; ++x) {
       const auto at = static_cast<std::size_t>(y * (columns_ + 1) + x);
@@ -228,16 +219,7 @@ Relief::Relief(Random& random, float aspect, float steepness) : columns_(kColumn
 }
 
 Eigen::Array2f Relief::Slope(float u, float v) const {
-  const float x = std::clamp(u, 0.0F, 1.0F) * static_cast<float>(columns_ - 1);
-  const float y = std::clamp(v, 0.0F, 1.0F) * static_cast<float>(rows_ - 1);
-  const int x0 = std::min(static_cast<int>(x), columns_ - 2);
-  const int y0 = std::min(static_cast<int>(y), rows_ - 2);
-  const float fx = x - static_cast<float>(x0);
-  const float fy = y - static_cast<float>(y0);
-  const Eigen::Array2f* row = slopes_.data() + static_cast<std::ptrdiff_t>(y0) * columns_ + x0;
-  const Eigen::Array2f top = row[0] + fx * (row[1] - row[0]);
-  row += columns_;
-  return top + fy * (row[0] + fx * (row[1] - row[0]) - top);
+  return SampleGrid(slopes_, columns_, rows_, u * (columns_ - 1), v * (rows_ - 1));
 }
 
 RefinedChart Refine(const Chart& chart, const std::vector<Vector3f>& particles, int factor) {
@@ -250,21 +232,19 @@ RefinedChart Refine(const Chart& chart, const std::vector<Vector3f>& particles, 
     line.clear();
     for (int column = 0; column < chart.columns; ++column) {
       const int particle = chart.At(column, row);
-      line.push_back(particle < 0 ? Vector3f::Constant(kNan)
-                                  : particles[static_cast<std::size_t>(particle)]);
+      line.push_back(particle < 0 ? Vector3f::Constant(kNan) : particles[particle]);
     }
-    RefineLine(line, chart.wraps, factor, lines[static_cast<std::size_t>(row)]);
+    RefineLine(line, chart.wraps, factor, lines[row]);
   }
   refined.positions.resize(static_cast<std::size_t>(refined.columns) * refined.rows);
   std::vector<Vector3f> column_line(static_cast<std::size_t>(chart.rows));
   for (int column = 0; column < refined.columns; ++column) {
     for (int row = 0; row < chart.rows; ++row) {
-      column_line[static_cast<std::size_t>(row)] =
-          lines[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+      column_line[row] = lines[row][column];
     }
     RefineLine(column_line, false, factor, line);
     for (int row = 0; row < refined.rows; ++row) {
-      refined.positions[Index(refined.columns, column, row)] = line[static_cast<std::size_t>(row)];
+      refined.positions[Index(refined.columns, column, row)] = line[row];
     }
   }
   return refined;
@@ -276,8 +256,8 @@ Surface MakeChartSurface(const RefinedChart& chart, float cell) {
   surface.uv.reserve(chart.positions.size());
   for (int row = 0; row < chart.rows; ++row) {
     for (int column = 0; column < chart.columns; ++column) {
-      surface.uv.emplace_back(static_cast<float>(column) / static_cast<float>(chart.columns - 1),
-                              static_cast<float>(row) / static_cast<float>(chart.rows - 1));
+      surface.uv.emplace_back(static_cast<float>(column) / (chart.columns - 1),
+                              static_cast<float>(row) / (chart.rows - 1));
     }
   }
   AddGridTriangles(surface, chart.columns, chart.rows);

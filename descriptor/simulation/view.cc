@@ -9,13 +9,20 @@
 #include <utility>
 
 #include "descriptor/simulation/photo.h"
-#include "descriptor/simulation/street.h"
 #include "descriptor/simulation/surface.h"
 
 namespace pliant::simulation {
 namespace {
 
 constexpr std::size_t kOthers = 5;  // images besides the object's that a scene uses
+
+// Which texture scene `index` shows: all of them in turn, but neighbours in the source (often of
+// one kind) far apart, so that the first scenes of a set are as mixed as the whole.
+std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t index) {
+  auto step = static_cast<std::size_t>(0.618 * static_cast<double>(count)) + 1;
+  while (std::gcd(step, count) != 1) ++step;
+  return static_cast<std::size_t>((seed % count + (index % count) * step) % count);
+}
 
 Colour DrawPlainColour(Random& random) {
   const float grey = random.LogUniform(0.03F, 0.8F);
@@ -59,6 +66,7 @@ Capsule DrawCapsule(Random& random, int width, int height) {
   return capsule;
 }
 
+using Eigen::Matrix3f;
 using Eigen::Vector3f;
 
 std::vector<Surface> MakeSurfaces(const Stage& stage, const Pose& pose, bool alone, Random& random,
@@ -116,17 +124,143 @@ std::vector<Eigen::Array2f> ProjectGrids(const std::vector<RefinedChart>& grids,
   return projected;
 }
 
+// height x width colours: a part of `texture`, rotated, perhaps out of focus; or a soft gradient
+// when it is null.
+std::vector<Colour> DrawBackdrop(Random& random, const Texture* texture, int width, int height) {
+  std::vector<Colour> pixels;
+  pixels.reserve(static_cast<std::size_t>(width) * height);
+  const Colour first = DrawPlainColour(random);
+  if (texture == nullptr) {
+    const Colour second = (first * random.Uniform(0.5F, 1.6F)).min(1.0F);
+    const float turn = random.Angle();
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const float s = std::cos(turn) * (static_cast<float>(x) / width - 0.5F) +
+                        std::sin(turn) * (static_cast<float>(y) / height - 0.5F);
+        pixels.emplace_back(first + (second - first) * std::clamp(0.5F + s, 0.0F, 1.0F));
+      }
+    }
+    return pixels;
+  }
+  // Mirrored beyond its borders, so that any turn and zoom fills the image.
+  const float zoom = random.Uniform(0.35F, 0.8F) / static_cast<float>(std::max(width, height));
+  const float turn = random.Chance(0.5F) ? random.Angle() : 0.05F * random.Normal();
+  const float cos = zoom * std::cos(turn);
+  const float sin = zoom * std::sin(turn);
+  const float centre_u = random.Uniform(0.3F, 0.7F);
+  const float centre_v = random.Uniform(0.3F, 0.7F);
+  const float gain = random.LogUniform(0.4F, 1.3F);
+  const float wash = random.Chance(0.5F) ? 0.0F : random.Uniform(0.0F, 0.7F);
+  const int middle_x = width / 2;
+  const int middle_y = height / 2;
+  const float lod = std::log2(std::max(1e-3F, zoom * texture->width()));
+  const auto mirror = [](float t) {
+    const float folded = std::fmod(std::abs(t), 2.0F);
+    return folded > 1.0F ? 2.0F - folded : folded;
+  };
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const auto dx = static_cast<float>(x - middle_x);
+      const auto dy = static_cast<float>(y - middle_y);
+      const float u = mirror(centre_u + cos * dx - sin * dy);
+      const float v = mirror(centre_v + (sin * dx + cos * dy) / texture->aspect());
+      const Colour texel = texture->Sample(u, v, lod);
+      pixels.emplace_back(gain * (texel + wash * (first - texel)));
+    }
+  }
+  if (random.Chance(0.5F)) Blur(pixels, width, height, random.LogUniform(0.8F, 6.0F));
+  return pixels;
+}
+
+constexpr float kDegree = kPi / 180.0F;
+
+// Mean directions of a chart's u axis and of its front, over the columns around `facing_u`.
+// Rows of the result: right, down, away from the viewer of the front.
+Matrix3f MeanFrame(const Body& body, const Pose& pose, float facing_u) {
+  const Chart& chart = body.charts[0];
+  Vector3f right = Vector3f::Zero();
+  Vector3f normal = Vector3f::Zero();
+  float area = 0.0F;
+  for (int row = 0; row + 1 < chart.rows; ++row) {
+    for (int column = 0; column + 1 < chart.columns; ++column) {
+      const float u = static_cast<float>(column) / (chart.columns - 1);
+      if (body.kind == BodyKind::kTube && std::abs(u - facing_u) > 0.12F) continue;
+      const int a = chart.At(column, row);
+      const int b = chart.At(column + 1, row);
+      const int c = chart.At(column, row + 1);
+      if (a < 0 || b < 0 || c < 0) continue;
+      const Vector3f across = pose.positions[b] - pose.positions[a];
+      const Vector3f down = pose.positions[c] - pose.positions[a];
+      right += across;
+      normal += across.cross(down);
+      area += across.norm() * down.norm();
+    }
+  }
+  const bool on_table = std::ranges::any_of(
+      pose.solids, [](const Solid& solid) { return solid.kind == SolidKind::kTable; });
+  // A table is looked at from above; so is cloth that is folded so far that it has no mean side.
+  if (on_table || normal.norm() < 0.2F * area) normal = Vector3f::UnitZ();
+  normal.normalize();
+  right -= normal * normal.dot(right);
+  if (right.norm() < 1e-3F) right = normal.unitOrthogonal();
+  right.normalize();
+  Matrix3f frame;
+  frame.row(0) = right;
+  frame.row(1) = normal.cross(right);
+  frame.row(2) = normal;
+  return frame;
+}
+
+// A camera for the pose. `facing_u`: which part of a tube faces the camera (0.5 = its front).
+Camera PlaceCamera(const Body& body, const Pose& pose, const Framing& framing, float facing_u,
+                   int width, int height) {
+  const float tilt_axis = framing.tilt_direction_deg * kDegree;
+  const Matrix3f tilt = Eigen::AngleAxisf(framing.tilt_deg * kDegree,
+                                          Vector3f(std::cos(tilt_axis), std::sin(tilt_axis), 0.0F))
+                            .toRotationMatrix();
+  const Matrix3f roll =
+      Eigen::AngleAxisf(framing.roll_deg * kDegree, Vector3f::UnitZ()).toRotationMatrix();
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.rotation = roll * tilt * MeanFrame(body, pose, facing_u);
+  const auto w = static_cast<float>(width);
+  const auto h = static_cast<float>(height);
+  const Chart& chart = body.charts[0];
+  const float visible_width = body.kind == BodyKind::kTube ? chart.width / kPi : chart.width;
+  const float fit = std::min(w / visible_width, h / chart.height);  // pixels a unit
+  camera.focal_px = fit * framing.scale * framing.distance;
+  // The middle of the body's extent goes to the image's centre, then the shift.
+  Vector3f low = Vector3f::Constant(1e9F);
+  Vector3f high = -low;
+  for (const Vector3f& position : pose.positions) {
+    const Vector3f p = camera.rotation * position;
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const Vector3f middle = 0.5F * (low + high);
+  camera.translation = -middle + Vector3f(0.0F, 0.0F, framing.distance);
+  camera.centre_x = 0.5F * (w - 1.0F);
+  camera.centre_y = 0.5F * (h - 1.0F);
+  // A small object may go nearly to the border, a large one hang out of the image.
+  const float pixels = fit * framing.scale;
+  camera.centre_x +=
+      framing.shift_x * (0.4F * std::abs(w - pixels * (high.x() - low.x())) + 0.03F * w);
+  camera.centre_y +=
+      framing.shift_y * (0.4F * std::abs(h - pixels * (high.y() - low.y())) + 0.03F * h);
+  return camera;
+}
+
 // Turns and zooms so that the middle of the focus falls where it is meant to, in the size meant.
 void AimCamera(const Chart& chart, const Pose& pose, const Focus& focus, Camera& camera) {
   const Eigen::Array2f middle = 0.5F * (focus.place.low + focus.place.high);
   const auto nearest = [](float t, int count) {
-    return std::clamp(static_cast<int>(std::lround(t * static_cast<float>(count - 1))), 0,
-                      count - 1);
+    return std::clamp(static_cast<int>(std::lround(t * (count - 1))), 0, count - 1);
   };
   const int particle =
       chart.At(nearest(middle.x(), chart.columns), nearest(middle.y(), chart.rows));
   if (particle < 0) return;
-  const Vector3f p = camera.ToCamera(pose.positions[static_cast<std::size_t>(particle)]);
+  const Vector3f p = camera.ToCamera(pose.positions[particle]);
   if (p.z() < 0.1F) return;
   const float width = (focus.place.high.x() - focus.place.low.x()) * chart.width;
   camera.focal_px = focus.width_px * p.z() / width;
@@ -143,26 +277,16 @@ Lighting EvenLighting(const Vector3f& view) {
 
 }  // namespace
 
-std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t index) {
-  auto step = static_cast<std::size_t>(0.618 * static_cast<double>(count)) + 1;
-  while (std::gcd(step, count) != 1) ++step;
-  return static_cast<std::size_t>((seed % count + (index % count) * step) % count);
-}
-
-Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random) {
-  Cast cast{textures.Get(own)};
-  for (std::size_t i = 0; i < kOthers && textures.size() > 1; ++i) {
-    const int step = random.Integer(1, static_cast<int>(textures.size()) - 1);
-    cast.push_back(textures.Get((own + static_cast<std::size_t>(step)) % textures.size()));
-  }
-  return cast;
-}
-
-Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
-                    Random& random) {
-  Cast cast{textures.Get(own)};
+Cast DrawCast(const TextureSource& textures, Preset preset, std::uint64_t seed, std::uint64_t index,
+              Random& random) {
   const std::size_t count = textures.size();
+  const std::size_t own = TextureOfScene(count, seed, index);
+  Cast cast{textures.Get(own)};
   for (std::size_t i = 0; i < kOthers && count > 1; ++i) {
+    if (preset != Preset::kObjects) {
+      cast.push_back(textures.Get((own + random.Integer(1, static_cast<int>(count) - 1)) % count));
+      continue;
+    }
     const int number = random.Integer(static_cast<int>(count / 2), static_cast<int>(count) - 1);
     const std::size_t other = TextureOfScene(count, seed, static_cast<std::uint64_t>(number));
     if (other != own) cast.push_back(textures.Get(other));
@@ -172,52 +296,7 @@ Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_
 
 const Texture* AnyOther(const Cast& cast, Random& random) {
   if (cast.size() < 2) return nullptr;
-  return cast[static_cast<std::size_t>(random.Integer(1, static_cast<int>(cast.size()) - 1))].get();
-}
-
-std::vector<Colour> DrawBackdrop(Random& random, const Texture* texture, int width, int height) {
-  std::vector<Colour> pixels;
-  pixels.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  const Colour first = DrawPlainColour(random);
-  if (texture == nullptr) {
-    const Colour second = (first * random.Uniform(0.5F, 1.6F)).min(1.0F);
-    const float turn = random.Angle();
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const float s =
-            std::cos(turn) * (static_cast<float>(x) / static_cast<float>(width) - 0.5F) +
-            std::sin(turn) * (static_cast<float>(y) / static_cast<float>(height) - 0.5F);
-        pixels.emplace_back(first + (second - first) * std::clamp(0.5F + s, 0.0F, 1.0F));
-      }
-    }
-    return pixels;
-  }
-  // Mirrored beyond its borders, so that any turn and zoom fills the image.
-  const float zoom = random.Uniform(0.35F, 0.8F) / static_cast<float>(std::max(width, height));
-  const float turn = random.Chance(0.5F) ? random.Angle() : 0.05F * random.Normal();
-  const float cos = zoom * std::cos(turn);
-  const float sin = zoom * std::sin(turn);
-  const float centre_u = random.Uniform(0.3F, 0.7F);
-  const float centre_v = random.Uniform(0.3F, 0.7F);
-  const float gain = random.LogUniform(0.4F, 1.3F);
-  const float wash = random.Chance(0.5F) ? 0.0F : random.Uniform(0.0F, 0.7F);
-  const float lod = std::log2(std::max(1e-3F, zoom * static_cast<float>(texture->width())));
-  const auto mirror = [](float t) {
-    const float folded = std::fmod(std::abs(t), 2.0F);
-    return folded > 1.0F ? 2.0F - folded : folded;
-  };
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const float dx = static_cast<float>(x - width / 2);
-      const float dy = static_cast<float>(y - height / 2);
-      const float u = mirror(centre_u + cos * dx - sin * dy);
-      const float v = mirror(centre_v + (sin * dx + cos * dy) / texture->aspect());
-      const Colour texel = texture->Sample(u, v, lod);
-      pixels.emplace_back(gain * (texel + wash * (first - texel)));
-    }
-  }
-  if (random.Chance(0.5F)) Blur(pixels, width, height, random.LogUniform(0.8F, 6.0F));
-  return pixels;
+  return cast[random.Integer(1, static_cast<int>(cast.size()) - 1)].get();
 }
 
 void DrawOccluders(Random& random, const Texture* texture, Frame& frame) {
@@ -277,6 +356,32 @@ Material DrawMaterial(const Texture* texture, Random& random) {
   return material;
 }
 
+Framing DrawFraming(Random& random, float strength) {
+  Framing framing;
+  framing.roll_deg = random.Uniform(0.0F, 360.0F);
+  framing.tilt_deg = 60.0F * strength * std::sqrt(random.Uniform());
+  framing.tilt_direction_deg = random.Uniform(0.0F, 360.0F);
+  // Most views fill a good part of the image; the ends are there too.
+  framing.scale =
+      random.Chance(0.7F) ? random.LogUniform(0.6F, 1.6F) : random.LogUniform(0.3F, 2.0F);
+  framing.distance = random.LogUniform(1.6F, 4.5F);
+  framing.shift_x = random.Uniform(-1.0F, 1.0F);
+  framing.shift_y = random.Uniform(-1.0F, 1.0F);
+  return framing;
+}
+
+Framing DrawFrontalFraming(Random& random) {
+  Framing framing;
+  framing.roll_deg = random.Uniform(-12.0F, 12.0F);
+  framing.tilt_deg = random.Uniform(0.0F, 10.0F);
+  framing.tilt_direction_deg = random.Uniform(0.0F, 360.0F);
+  framing.scale = random.Uniform(0.85F, 0.98F);
+  framing.distance = random.Uniform(2.5F, 5.0F);
+  framing.shift_x = random.Uniform(-0.3F, 0.3F);
+  framing.shift_y = random.Uniform(-0.3F, 0.3F);
+  return framing;
+}
+
 View TakeView(const Stage& stage, Shot shot, Random random) {
   const SceneOptions& options = stage.options;
   View view;
@@ -306,13 +411,9 @@ View TakeView(const Stage& stage, Shot shot, Random random) {
   view.grid = ProjectGrids(grids, view.camera);
   view.photo = DrawPhoto(random, shot.strength);
   view.develop = shot.develop;
-  if (shot.develop) {
-    if (!shot.evenly_lit) view.photo.exposure *= MeterImage(frame);
-    view.image = Develop(frame, view.photo, *shot.develop, options.channels, random);
-  } else {
-    view.photo.exposure *= MeterExposure(frame);
-    view.image = TakePhoto(frame, view.photo, options.channels, random);
-  }
+  if (!shot.evenly_lit) view.photo.exposure *= MeterExposure(frame, shot.develop ? 0.0F : 0.75F);
+  view.image = shot.develop ? Develop(frame, view.photo, *shot.develop, options.channels, random)
+                            : TakePhoto(frame, view.photo, options.channels, random);
   view.chart = std::move(frame.chart);
   view.uv = std::move(frame.uv);
   return view;

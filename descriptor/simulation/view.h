@@ -14,36 +14,20 @@
 #include "descriptor/simulation/renderer.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/texture.h"
-#include "descriptor/simulation/texture_source.h"
 
 namespace pliant::simulation {
-
-// The textures used in a scene. Internal.
 
 // The object's image first, then some others for backgrounds, backs and solids.
 using Cast = std::vector<std::shared_ptr<const Texture>>;
 
-// Which texture scene `index` shows: all of them in turn, but neighbours in the source (often of
-// one kind) far apart, so that the first scenes of a set are as mixed as the whole.
-std::size_t TextureOfScene(std::size_t count, std::uint64_t seed, std::uint64_t index);
-
-// `own`: number of the object's texture.
-Cast DrawCast(const TextureSource& textures, std::size_t own, Random& random);
-
-// The same for a scene of the preset objects: others come from the half of the textures that scenes
-// take last. As long as a set has no more objects than the other half, no image shows another
-// object of the set in its background, where two answers would be correct.
-Cast DrawObjectCast(const TextureSource& textures, std::size_t own, std::uint64_t seed,
-                    Random& random);
+// The textures of scene `index`. For the preset objects, the others come from the half of the
+// textures that scenes take last. As long as a set has no more objects than the other half, no
+// image shows another object of the set in its background, where two answers would be correct.
+Cast DrawCast(const TextureSource& textures, Preset preset, std::uint64_t seed, std::uint64_t index,
+              Random& random);
 
 // One of the others; null where there is none.
 const Texture* AnyOther(const Cast& cast, Random& random);
-
-// The surroundings of the object: the image behind it and occluders in front of it.
-
-// height x width colours: a part of `texture`, rotated, perhaps out of focus; or a soft gradient
-// when it is null.
-std::vector<Colour> DrawBackdrop(Random& random, const Texture* texture, int width, int height);
 
 // Draws up to three opaque occluders (a strip, a disc, a finger-like capsule) over the frame and
 // removes the ground truth of hidden pixels. `texture` (may be null) colours some of them.
@@ -79,6 +63,17 @@ struct Shot {
 // How a surface looks; `texture` may be null.
 Material DrawMaterial(const Texture* texture, Random& random);
 
+// In-plane rotation 0..360 degrees, scale 0.3..2, tilt to 60 degrees.
+Framing DrawFraming(Random& random, float strength);
+// Nearly upright, frontal and filling the image.
+Framing DrawFrontalFraming(Random& random);
+
 View TakeView(const Stage& stage, Shot shot, Random random);
+
+// Fills a scene: view 0 is the artwork (or the object) as in a catalogue, the others are
+// photographs in which it is 55 to 220 pixels wide, printed on a shirt or another cloth (bare
+// ground, cloth of another colour, fine wrinkles) or all of a note, poster, can or bag; some are
+// then enlarged.
+void FillStreet(Stage& stage, Random& random, Scene& scene);
 
 }  // namespace pliant::simulation

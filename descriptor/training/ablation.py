@@ -25,7 +25,7 @@ import torch
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 
-from . import geometry, runtime, tensor_file, warp_fit  # noqa: E402
+from . import geometry, runtime, warp_fit  # noqa: E402
 from .batches import BatchOptions, SceneSet  # noqa: E402
 from .cartesian import CartesianDeal  # noqa: E402
 from .model import Deal, load_model, save_model  # noqa: E402
@@ -73,15 +73,12 @@ class Budget:
 def fitted_warp(weights: Path, scenes: Path, out: Path, budget: Budget) -> None:
     """Backbone of weights and a localisation network fitted from the identity on the scenes -> out."""
     model, metadata = load_model(weights)
-    features = out.with_suffix(".features")
-    tensor_file.save(features, warp_fit.extract(scenes, model, RADIUS_PER_SIZE, budget.fit_per_view, 0,
-                                                budget.fit_scenes))
+    table = warp_fit.extract(scenes, model, RADIUS_PER_SIZE, budget.fit_per_view, budget.fit_scenes)
     torch.manual_seed(budget.seed)
     model.localization = Deal().localization
     options = warp_fit.FitOptions(steps=budget.fit_steps, seed=budget.seed)
-    r2 = warp_fit.fit(model, warp_fit.CachedFeatures([features], options.held_out), options)
+    r2 = warp_fit.fit(model, warp_fit.CachedFeatures(table, options.held_out), options)
     save_model(out, model, {"radius_per_size": metadata["radius_per_size"], "warp_r2": f"{r2:.4f}"})
-    features.unlink()
     print(f"{out.name}: R2 of the warp on held-out scenes {r2:.3f}", flush=True)
 
 

@@ -8,10 +8,15 @@ prepare batches ahead in any order.
 
 from __future__ import annotations
 
+import dataclasses
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Iterator
 
 import numpy as np
+import torch
+from torch.utils.data import DataLoader, Dataset
 
 from .features import SceneFeatures, ViewFeatures, load_features
 from .scenes import NO_CHART, Scene
@@ -68,14 +73,13 @@ class _Draft:
 class SceneSet:
     """All scenes of some folders with the pairs of views that have enough correspondences."""
 
-    def __init__(self, directories: list[Path], min_pairs: int = 12, limit: int | None = None):
+    def __init__(self, directories: list[Path], min_pairs: int = 12):
         self.scenes: list[Scene] = []
         self.features: list[SceneFeatures] = []
         self.usable: list[list[tuple[int, int]]] = []
         self.texture_ids: list[np.ndarray] = []  # of each scene's charts
         known: dict[str, int] = {}
-        paths = [p for d in directories for p in sorted(Path(d).glob("scene_*.safetensors"))]
-        for path in paths[:limit]:
+        for path in (p for d in directories for p in sorted(Path(d).glob("scene_*.safetensors"))):
             scene = Scene(path)
             features = load_features(scene)
             usable = [key for key, rows in features.pairs.items() if len(rows) >= min_pairs]
@@ -217,3 +221,34 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
         batch.warp_known = np.concatenate([known for _, known in supervised])
         assert batch.warp.shape[1] == len(SUPERVISED_POINTS)
     return batch
+
+
+def to_tensors(batch: Batch) -> Batch:
+    """The same with tensors in place of arrays: they pass between processes through shared memory."""
+    arrays = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in vars(batch).items()
+              if isinstance(value, np.ndarray)}
+    return dataclasses.replace(batch, **arrays)
+
+
+class _Steps(Dataset):
+    """The batch of step i at i."""
+
+    def __init__(self, data: SceneSet, options: BatchOptions, seed: int):
+        self.data, self.options, self.seed = data, options, seed
+
+    def __getitem__(self, step: int) -> Batch:
+        return to_tensors(draw_batch(self.data, self.options, self.seed, step))
+
+
+def _itself(batch: Batch) -> Batch:
+    return batch
+
+
+def batches(data: SceneSet, options: BatchOptions, seed: int, first_step: int,
+            workers: int) -> Iterator[Batch]:
+    """Yields the batches of first_step, first_step + 1, ... for ever, as tensors."""
+    # A generator of its own: the loader draws from it, and the training's noise must not depend on that.
+    loader = DataLoader(_Steps(data, options, seed), batch_size=None, sampler=range(first_step, sys.maxsize),
+                        num_workers=workers, collate_fn=_itself, generator=torch.Generator(),
+                        multiprocessing_context="fork" if workers > 0 else None)
+    yield from loader

@@ -80,7 +80,7 @@ class TrainingStep:
             return self.model.hardnet(patches).float().chunk(2)
 
     def __call__(self, batch: Batch, progress: float) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
-        """Of a batch of tensors (prefetch.py): the loss (to be differentiated) and the figures of the step,
+        """Of a batch of tensors (batches.to_tensors): the loss (to be differentiated) and the figures of the step,
         which stay on the device, so that a GPU need not be waited for."""
         stage, figures = self.stage, {}
         images = self._move(batch.images).float().div_(255)

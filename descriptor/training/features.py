@@ -110,7 +110,7 @@ def cache_path(scene_path: Path) -> Path:
     return scene_path.with_suffix(".features")
 
 
-def load_features(scene: Scene, write_cache: bool = True) -> SceneFeatures:
+def load_features(scene: Scene) -> SceneFeatures:
     """From the cache if it is of this version and of this scene file, else computed (and cached)."""
     path = cache_path(scene.path)
     stamp = {"version": CACHE_VERSION, "scene_bytes": str(scene.path.stat().st_size)}
@@ -122,12 +122,10 @@ def load_features(scene: Scene, write_cache: bool = True) -> SceneFeatures:
             pairs = {(a, b): tensors[f"pair{a}_{b}"] for a, b in combinations(range(scene.views), 2)}
             return SceneFeatures(views, pairs)
     features = compute(scene)
-    if write_cache:
-        tensors = {}
-        for v, view in enumerate(features.views):
-            tensors |= {f"keypoints{v}": view.keypoints, f"chart{v}": view.points.chart, f"uv{v}": view.points.uv}
-        tensors |= {f"pair{a}_{b}": rows for (a, b), rows in features.pairs.items()}
-        tensor_file.save(path, tensors, stamp)
+    tensors = {f"pair{a}_{b}": rows for (a, b), rows in features.pairs.items()}
+    for v, view in enumerate(features.views):
+        tensors |= {f"keypoints{v}": view.keypoints, f"chart{v}": view.points.chart, f"uv{v}": view.points.uv}
+    tensor_file.save(path, tensors, stamp)
     return features
 
 

@@ -89,8 +89,6 @@ void Reduce(long rows, long channels, double* first, double* second, Body body) 
 
 extern "C" {
 
-int pliant_max_channels() { return kMaxChannels; }
-
 // Per-channel sums of x and x^2 over rows x channels values. Float partial sums of short runs,
 // double in between.
 void pliant_norm_sums(const float* x, long rows, long channels, double* sum, double* square) {

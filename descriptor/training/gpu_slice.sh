@@ -25,7 +25,31 @@ STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-
 SIZE=${SIZE:-480x360} VIEWS=${VIEWS:-5}
 started=$(date +%s)
 left() { echo $((SECONDS_LEFT - $(date +%s) + started)); }
-mkdir -p "$OUT" "$WORK/more"
+mkdir -p "$OUT" "$WORK/more" "$WORK/runs"
+
+# The state of the runs, as pieces of 15 MB: logs, the checkpoint of the stage that is not finished, and
+# the weights that later stages start from. The joint stage has all it needs in its own checkpoint.
+pack() {
+  rm -f "$OUT"/state.*
+  (
+    cd "$WORK/runs"
+    for stage in hardnet warp joint; do
+      find "$stage" -name '*.csv' -o -name console.log -o -name finished
+      if [ ! -e "$stage/finished" ]; then
+        find "$stage" -name checkpoint.pt
+      elif [ "$stage" = joint ] || [ ! -e joint/last.safetensors ]; then
+        echo "$stage/last.safetensors"
+      fi
+    done 2>/dev/null | tar -c -T -
+  ) | split -b 15M -d -a 3 - "$OUT/state."
+  (cd "$OUT" && sha256sum state.??? > state.sha256)
+}
+unpack() { # FROM; nothing where a stage has begun
+  if [ ! -e "$1/state.sha256" ] || [ -n "$(ls "$WORK/runs")" ]; then return; fi
+  (cd "$1" && sha256sum --check --quiet state.sha256) || { echo "gpu_slice: the state in $1 is damaged" >&2; exit 1; }
+  cat "$1"/state.??? | tar -x -C "$WORK/runs"
+}
+unpack "${STATE:-$OUT}"
 
 if [ ! -x "$WORK/simulate" ]; then
   eigen=${EIGEN:-/usr/include/eigen3} json=${NLOHMANN:-/usr/include}
@@ -75,7 +99,6 @@ train() { # STAGE SECONDS, then further arguments
     --run "$WORK/runs/$stage" --seconds "$seconds" --threads 2 "$@" | tee -a "$WORK/runs/$stage/console.log"
 }
 
-"$PYTHON" -m descriptor.training.state unpack "${STATE:-$OUT}" "$WORK/runs"
 init=() until=()
 if [ -n "$INIT" ]; then
   init=(--init "$INIT")
@@ -99,7 +122,7 @@ for stage in $STAGES; do
   if [ "$stage" = hardnet ]; then init=(--init "$run/last.safetensors"); fi
 done
 [ -z "$beside" ] || pkill -P "$beside" || true
-"$PYTHON" -m descriptor.training.state pack "$WORK/runs" "$OUT"
+pack
 if [ -e "$WORK/runs/joint/last.safetensors" ]; then cp "$WORK/runs/joint/last.safetensors" "$OUT/"; fi
 echo "slice done after $(($(date +%s) - started)) s; $(find "$WORK/scenes" -name '*.safetensors' | wc -l) scenes;" \
   "finished: $(cd "$WORK/runs" && ls -d */finished 2>/dev/null | tr '\n' ' ')"

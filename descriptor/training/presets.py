@@ -94,9 +94,9 @@ def _disagreeing(batch: BatchOptions) -> BatchOptions:
 
 
 def _cpu() -> Preset:
-    # Two cores: smaller batches, no dropout (the schedule is far too short to overfit). The warp is
-    # fitted by warp_fit on a frozen backbone; the joint stage trains the late half of the backbone,
-    # whose gradient costs a quarter more a step. Hardest-in-batch triplets need longer schedules.
+    # Two cores: smaller batches, no dropout (the schedule is far too short to overfit). The joint
+    # stage trains the late half of the backbone, whose gradient costs a quarter more a step.
+    # Hardest-in-batch triplets need longer schedules.
     hardnet, warp, joint = _stages((4000, 3000, 1500), 256, 240, (1.5e-3, 1e-3), joint_backbone="late",
                                    triplet=False)
     joint = dataclasses.replace(joint, learning_rate=8e-4, warp_learning_rate=3e-4, batch=_disagreeing(joint.batch))

@@ -13,11 +13,10 @@ from typing import Callable
 import torch
 
 from . import geometry
-from .batches import SceneSet
+from .batches import SceneSet, batches
 from .checkpoint import CsvLog, read_checkpoint, write_checkpoint
 from .engine import TrainingStep, configure_model, make_optimizer
 from .model import Deal, save_model
-from .prefetch import batches
 from .presets import Preset, Stage
 from .schedule import Schedule, rate_factor
 from .validation import MatchingPair, deal_describer, evaluate

@@ -1,9 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fits the localisation network on cached features of a frozen backbone: the warp for poor machines.
-
-    python3 -m descriptor.training.warp_fit extract --scenes DIR --weights W --out features.safetensors
-    python3 -m descriptor.training.warp_fit fit --features features.safetensors ... --weights W --out NEW
+"""Fits the localisation network on cached features of a frozen backbone: the warps of the ablation.
 
 The backbone runs once over every image; after that a step of 512 keypoints costs a fifth of a
 second on one core, a hundredth of a step through the backbone.
@@ -11,7 +8,6 @@ second on one core, a hundredth of a step through the backbone.
 
 from __future__ import annotations
 
-import argparse
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from . import losses, runtime, tensor_file
+from . import losses
 from .features import load_features
-from .model import Deal, load_model, save_model
+from .model import Deal
 from .scenes import Scene, SurfacePoints
 from .warp_target import SUPERVISED_POINTS, true_warp
 
@@ -39,12 +35,12 @@ class FitOptions:
 
 
 @torch.no_grad()
-def extract(directory: Path, model: Deal, radius_per_size: float, per_view: int, first: int,
-            last: int | None, seed: int = 0) -> dict[str, np.ndarray]:
-    """Sampled features (float16), true warps and their masks of keypoints of the scenes' views."""
+def extract(directory: Path, model: Deal, radius_per_size: float, per_view: int, scenes: int,
+            seed: int = 0) -> dict[str, np.ndarray]:
+    """Sampled features (float16), true warps and their masks of keypoints of the first scenes' views."""
     rng = np.random.default_rng(seed)
     parts: dict[str, list[np.ndarray]] = {"features": [], "warp": [], "known": [], "scene": []}
-    for number, path in enumerate(sorted(directory.glob("scene_*.safetensors"))[first:last], first):
+    for number, path in enumerate(sorted(directory.glob("scene_*.safetensors"))[:scenes]):
         scene = Scene(path)
         found = load_features(scene)
         for view, table in enumerate(found.views):
@@ -64,25 +60,18 @@ def extract(directory: Path, model: Deal, radius_per_size: float, per_view: int,
 
 
 class CachedFeatures:
-    """Several extracted files as one table, split by scene into training and held-out rows."""
+    """An extracted table, split by scene into training and held-out rows."""
 
-    def __init__(self, paths: list[Path], held_out: float):
-        self.tables = [tensor_file.load(path)[0] for path in paths]
-        training, rest = [], []
-        for number, table in enumerate(self.tables):
-            # Every k-th scene is held out.
-            out = table["scene"] % max(round(1 / held_out), 2) == 0
-            rows = np.arange(len(out))
-            training += [np.stack([np.full((~out).sum(), number), rows[~out]], 1)]
-            rest += [np.stack([np.full(out.sum(), number), rows[out]], 1)]
-        self.training, self.held_out = np.concatenate(training), np.concatenate(rest)
+    def __init__(self, table: dict[str, np.ndarray], held_out: float):
+        self.table = table
+        # Every k-th scene is held out.
+        out = table["scene"] % max(round(1 / held_out), 2) == 0
+        self.training, self.held_out = np.flatnonzero(~out), np.flatnonzero(out)
 
     def take(self, rows: np.ndarray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """features [N, 3200], warp [N, G, 2], known [N, G] of (table, row) pairs."""
-        rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
-        parts = [[self.tables[n][key][rows[rows[:, 0] == n, 1]] for n in range(len(self.tables))]
-                 for key in ("features", "warp", "known")]
-        features, warp, known = (torch.from_numpy(np.concatenate(part)) for part in parts)
+        """features [N, 3200], warp [N, G, 2], known [N, G] of the rows, sorted."""
+        rows = np.sort(rows)
+        features, warp, known = (torch.from_numpy(self.table[key][rows]) for key in ("features", "warp", "known"))
         return features.float(), warp, known
 
 
@@ -128,42 +117,3 @@ def fit(model: Deal, data: CachedFeatures, options: FitOptions) -> float:
     final = held_out_r2(model, data, held_out, points)
     model.eval()
     return final
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    commands = parser.add_subparsers(dest="command", required=True)
-    one = commands.add_parser("extract")
-    one.add_argument("--scenes", type=Path, required=True)
-    one.add_argument("--per-view", type=int, default=100)
-    one.add_argument("--first", type=int, default=0)
-    one.add_argument("--last", type=int)
-    two = commands.add_parser("fit")
-    two.add_argument("--features", type=Path, nargs="+", required=True)
-    two.add_argument("--steps", type=int, default=FitOptions.steps)
-    two.add_argument("--dropout", type=float, default=FitOptions.dropout)
-    two.add_argument("--learning-rate", type=float, default=FitOptions.learning_rate)
-    two.add_argument("--fresh", action="store_true", help="start the localisation network at the identity")
-    for command in (one, two):
-        command.add_argument("--weights", type=Path, required=True)
-        command.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    runtime.configure(1)
-    model, metadata = load_model(arguments.weights)
-    if arguments.command == "extract":
-        tensors = extract(arguments.scenes, model, float(metadata["radius_per_size"]), arguments.per_view,
-                          arguments.first, arguments.last)
-        tensor_file.save(arguments.out, tensors, {"weights": tensor_file.sha256(arguments.weights)})
-        print(f"{len(tensors['scene'])} keypoints")
-        return
-    options = FitOptions(steps=arguments.steps, dropout=arguments.dropout, learning_rate=arguments.learning_rate)
-    if arguments.fresh:
-        model.localization = Deal().localization
-    r2 = fit(model, CachedFeatures(arguments.features, options.held_out), options)
-    kept = {key: value for key, value in metadata.items() if key != "format"}
-    save_model(arguments.out, model, {**kept, "warp_r2": f"{r2:.4f}"})
-    print(f"held-out R2 {r2:.4f}")
-
-
-if __name__ == "__main__":
-    main()

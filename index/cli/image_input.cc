@@ -10,7 +10,7 @@
 
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/image/image.h"
-#include "descriptor/simulation/texture_source.h"
+#include "descriptor/simulation/texture.h"
 #include "index/files/text.h"
 
 namespace pliant::cli {

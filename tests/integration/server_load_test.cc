@@ -5,6 +5,7 @@
 #include <atomic>
 #include <barrier>
 #include <csignal>
+#include <fstream>
 #include <mutex>
 #include <random>
 #include <thread>
@@ -238,10 +239,15 @@ TEST_F(ServerLoadTest, AServerThatIsPausedWhileItStopsStillFinishes) {
   while (server.Log().find("stopping") == std::string::npos) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
+  const auto paused = [&server] {
+    std::string state;
+    std::getline(std::ifstream("/proc/" + std::to_string(server.id()) + "/stat"), state);
+    return state.find(") T ") != std::string::npos;
+  };
   server.Signal(SIGSTOP);
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  while (!paused()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
   server.Signal(SIGCONT);
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  while (paused()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
   EXPECT_EQ(send(connection, image.data(), image.size(), MSG_NOSIGNAL),
             static_cast<ssize_t>(image.size()));
   EXPECT_EQ(server.Wait(), 0) << server.Log();

@@ -62,19 +62,21 @@ class Threads(FolderCase):
 
     def test_close_while_others_work(self):
         index = pliant.Index(self.folder / "x.db", descriptor="rootsift")
-        ended = []
+        ended, begun = [], [threading.Event(), threading.Event()]
 
-        def work(first):
+        def work(number):
             try:
-                for seed in range(first, first + 200):
+                for seed in range(1000 * number, 1000 * number + 200):
                     index.add(pattern(seed % 5, 320, 240), id=f"p{seed}", threads=1)
+                    begun[number].set()
             except pliant.InvalidArgumentError as error:
                 ended.append(error.code)
 
-        workers = [threading.Thread(target=work, args=(first,)) for first in (0, 1000)]
+        workers = [threading.Thread(target=work, args=(number,)) for number in range(2)]
         for worker in workers:
             worker.start()
-        time.sleep(0.5)
+        for event in begun:
+            self.assertTrue(event.wait(120))
         index.close()
         for worker in workers:
             worker.join()

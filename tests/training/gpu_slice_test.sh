@@ -34,3 +34,7 @@ slice first
 mkdir -p "$work/second" && cp -r "$work/first/simulate" "$work/first/scenes" "$work/second/"
 slice second STATE="$work/first-out"
 cmp "$work/first-out/last.safetensors" "$work/second-out/last.safetensors" || fail "finished stages should not be trained again"
+printf x >> "$work/first-out/state.000"
+if env PACK="$work/pack.safetensors" WORK="$work/third" OUT="$work/third-out" STATE="$work/first-out" \
+  bash descriptor/training/gpu_slice.sh > "$work/third.log" 2>&1; then fail "a damaged state should be refused"; fi
+grep -q "state in .* is damaged" "$work/third.log" || fail "the damage should be named"

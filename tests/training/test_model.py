@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from descriptor.training import average, geometry, goldens, model, tensor_file
+from descriptor.training import geometry, goldens, model, tensor_file
 from descriptor.training.sampling import sample_features, sample_images
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -138,30 +138,6 @@ class ExportTest(unittest.TestCase):
             tensor_file.save(path, tensors, about)
             with self.assertRaisesRegex(tensor_file.TensorFileError, "hardnet.conv3.weight"):
                 model.load_model(path)
-
-
-class AverageTest(unittest.TestCase):
-    def test_the_mean_is_weighted_and_keeps_the_first_file_s_facts(self):
-        with tempfile.TemporaryDirectory() as folder:
-            paths = [Path(folder) / f"{seed}.safetensors" for seed in (7, 8)]
-            for seed, path in zip((7, 8), paths):
-                model.save_model(path, fresh_model(seed), {"radius_per_size": str(seed)})
-            mean, metadata = average.average([(3.0, paths[0]), (1.0, paths[1])])
-            self.assertEqual(metadata["radius_per_size"], "7")
-            first, second = (model.load_model(path)[0].state_dict() for path in paths)
-            for name, value in mean.state_dict().items():
-                expected = 0.75 * first[name].double() + 0.25 * second[name].double()
-                torch.testing.assert_close(value.double(), expected, atol=1e-6, rtol=1e-5)
-            with self.assertRaisesRegex(ValueError, "zero"):
-                average.average([(0.0, paths[0])])
-            model.save_model(paths[1], model.Deal((16, 16, 16)), {"radius_per_size": "9"})
-            with self.assertRaisesRegex(ValueError, "8.safetensors.*localization.fc1.weight"):
-                average.average([(1.0, paths[0]), (1.0, paths[1])])
-            other = fresh_model(8)
-            other.set_spacing(geometry.LOGARITHMIC)
-            model.save_model(paths[1], other, {"radius_per_size": "9"})
-            with self.assertRaisesRegex(ValueError, "8.safetensors: the rings are logarithmic, in .* linear"):
-                average.average([(1.0, paths[0]), (1.0, paths[1])])
 
 
 class NetworkTest(unittest.TestCase):

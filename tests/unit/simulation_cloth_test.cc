@@ -14,7 +14,6 @@
 #include "descriptor/simulation/motion.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/texture.h"
-#include "descriptor/simulation/texture_source.h"
 
 namespace pliant::simulation {
 namespace {

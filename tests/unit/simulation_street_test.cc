@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/simulation/artwork.h"
-#include "descriptor/simulation/develop.h"
+#include "descriptor/simulation/photo.h"
 #include "descriptor/simulation/surface.h"
 #include "tests/unit/small_scenes.h"
 

@@ -142,7 +142,7 @@ TEST(SimulationTruth, NearerSurfacesAndBacksHideTheTruth) {
   // Seen from behind there is cloth but no truth.
   camera.rotation = Eigen::AngleAxisf(3.14159265F, Vector3f::UnitY()).toRotationMatrix();
   const Frame behind = Render({Square(0.0F, 0.5F, 0)}, lighting, camera, {});
-  EXPECT_EQ(behind.Coverage(), 0.0);
+  EXPECT_EQ(Coverage(behind.chart), 0.0);
   EXPECT_GT(behind.colour[behind.At(50, 50)].maxCoeff(), 0.0F);
 }
 
@@ -199,7 +199,7 @@ TEST(SimulationTruth, OccludersTakeTheTruthAway) {
       }
     }
     EXPECT_GT(hidden, 5U);
-    EXPECT_LT(frame.Coverage(), 1.0);
+    EXPECT_LT(Coverage(frame.chart), 1.0);
   }
 }
 

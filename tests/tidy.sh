@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+# tidy.sh [--all | FILE.cc...]: checks C++ sources by .clang-tidy, with clang-tidy 19.
+# By default: the files that differ from the point where the branch left main (on main: from the
+# commit before), and of each header the source beside it. --all takes hours on two cores.
+# The compile commands are those of build/ci (cmake --preset ci).
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+commands=$(mktemp -d)
+trap 'rm -rf "$commands"' EXIT
+cp "$(c++ -print-file-name=include/omp.h)" "$commands" # clang's own comes with a package of its own
+# Clang reads neither GCC's precompiled headers nor its own flags for them.
+sed -E 's/-Winvalid-pch -include [^ ]*cmake_pch\.hxx|-fpch-preprocess//g' \
+  build/ci/compile_commands.json >"$commands/compile_commands.json"
+sources=$(grep -oP '"file": "\K[^"]*(?=")' "$commands/compile_commands.json" | grep -v "^$PWD/build/" | sort -u)
+
+options=()
+if [ $# -eq 0 ]; then
+  base=$(git merge-base HEAD main 2>/dev/null || git rev-parse HEAD 2>/dev/null) || {
+    echo "Not a git clone: no changes to check. Use --all."
+    exit 0
+  }
+  [ "$base" != "$(git rev-parse HEAD)" ] || base=$(git rev-parse --verify -q HEAD~1 || echo "$base")
+  mapfile -t changed < <({
+    git diff --name-only --diff-filter=d "$base" -- '*.cc' '*.h'
+    git ls-files --others --exclude-standard -- '*.cc' '*.h'
+  } | sort -u)
+  [ "${#changed[@]}" -gt 0 ] || { echo "No C++ file has changed."; exit 0; }
+  sources=$(grep -xFf <(printf "$PWD/%s\n" "${changed[@]/%.h/.cc}") <<<"$sources" || true)
+  # Other headers that these files include may have old findings: leave them out.
+  options+=("--line-filter=[$(printf '{"name":"/%s"},' "${changed[@]}" | sed 's/,$//')]")
+elif [ "$1" != --all ]; then
+  sources=$(realpath "$@")
+fi
+[ -n "$sources" ] || { echo "No source to check."; exit 0; }
+
+echo "clang-tidy on $(wc -l <<<"$sources") files, about 20 seconds each"
+xargs -d '\n' -P "$(nproc)" -n 1 nice clang-tidy-19 --quiet -p "$commands" --extra-arg="-isystem$commands" \
+  --extra-arg=-Wno-unknown-warning-option --extra-arg=-Wno-error "${options[@]}" <<<"$sources" \
+  2> >(grep -vE '^[0-9]+ warnings? (and [0-9]+ errors? )?generated\.$|^Suppressed |^Use -header-filter' >&2)
